@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
@@ -365,35 +364,17 @@ class StatedSegment(StatedBending, SegmentBase):
 Segment = Annotated[SolidSegment | SandwichSegment | StatedSegment, BY_FORM]
 
 
-@dataclass(frozen=True)
-class Stretch:
+class Stretch(NamedTuple):
     """A stretch of a beam along which nothing changes."""
 
     path: Path  # below the beam
     start: float  # m
     end: float  # m
+    length: float  # m
     section: Bent
-    added_mass_per_length: float = 0.0  # kg/m
-
-    @property
-    def bending(self) -> Bending:
-        """What its section gives."""
-        return self.section.bending
-
-    @property
-    def bending_stiffness(self) -> float:
-        """E I, N m^2."""
-        return self.bending.bending_stiffness
-
-    @property
-    def mass_per_length(self) -> float:
-        """Mass per length with what is added, kg/m."""
-        return self.bending.mass_per_length + self.added_mass_per_length
-
-    @property
-    def length(self) -> float:
-        """Its length, m."""
-        return self.end - self.start
+    bending: Bending  # what its section gives
+    bending_stiffness: float  # E I, N m^2
+    mass_per_length: float  # with what is added, kg/m
 
 
 Support = Literal["clamped", "pinned", "free", "guided"]
@@ -499,11 +480,6 @@ class BeamBody(Body):
     def stretches(self) -> tuple[Stretch, ...]:
         """What the beam is made of, from left to right."""
         raise NotImplementedError
-
-    @property
-    def node_positions(self) -> tuple[float, ...]:
-        """Positions, m, at which the mesh is to have a node."""
-        return tuple(map(self.metres, self.nodes))
 
     @property
     def mass_points(self) -> tuple[float, ...]:
@@ -626,7 +602,8 @@ class UniformBeam(Bent, BeamBody):
     @property
     def stretches(self) -> tuple[Stretch, ...]:
         """The whole beam."""
-        return (Stretch((), 0.0, self.length, self),)
+        of = self.bending
+        return (Stretch((), 0.0, self.length, self.length, self, of, of.bending_stiffness, of.mass_per_length),)
 
 
 class Beam(SolidBending, UniformBeam):
@@ -652,13 +629,14 @@ class SegmentedBeam(BeamBody):
     @property
     def stretches(self) -> tuple[Stretch, ...]:
         """The segments."""
-        return tuple(
-            Stretch(
-                ("segments", index), self.metres(segment.from_), self.metres(segment.to), segment,
-                segment.added_mass_per_length,
+        stretches = []
+        for index, segment in enumerate(self.segments):
+            start, end, of = self.metres(segment.from_), self.metres(segment.to), segment.bending
+            mass = of.mass_per_length + segment.added_mass_per_length
+            stretches.append(
+                Stretch(("segments", index), start, end, end - start, segment, of, of.bending_stiffness, mass)
             )
-            for index, segment in enumerate(self.segments)
-        )  # fmt: skip
+        return tuple(stretches)
 
     @property
     def bending(self) -> Bending:

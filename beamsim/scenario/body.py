@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, overload
 
 from pydantic import BeforeValidator, Field, ValidationInfo
@@ -68,9 +67,10 @@ class PointOfBody(Schema):
     def check(self) -> None:
         """Demand exactly one point."""
         super().check()
-        self._demand_a_point()
-
-    def _demand_a_point(self) -> None:
+        if getattr(self, "at", None) is not None:  # the place of what is somewhere, in its long form
+            for key in ("position", "mass", "node", "direction"):
+                self.exclude(key, "at", remedy="keep at: it names the place")
+            return
         if self.position is None and self.mass is None and self.node is None:
             raise Unfit("names no place", _REMEDY)
         remedy = "position belongs to a beam, mass to a chain, node to imported matrices"
@@ -94,18 +94,14 @@ class AtPlace(PointOfBody):
         """Itself: what sits somewhere names one place or two."""
         return (self,)
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
-        """A body that is unknown or of another kind, a point that is not on it or cannot move."""
-        yield from self.problems_at(scenario, at, (*at, "mass"))
-
-    def problems_at(self, scenario: Whole, at: Path, number: Path) -> Problems:
-        """What is wrong with the place.
+    def problems(self, scenario: Whole, at: Path, number: Path = ()) -> Problems:
+        """A body that is unknown or of another kind, a point that is not on it or cannot move.
 
         Parameters
         ----------
         scenario : that has the bodies.
         at : where it is written, or what sits there.
-        number : where its mass is written.
+        number : where its mass is written, by default below that.
 
         Yields
         ------
@@ -124,7 +120,7 @@ class AtPlace(PointOfBody):
         if self.node is not None:
             yield from body.node_problems(where, (*at, "node"))
         elif self.mass is not None:
-            yield from body.mass_problems(where, number, self.mass)
+            yield from body.mass_problems(where, number or (*at, "mass"), self.mass)
         elif self.position is not None:
             sits = "" if "outputs" in at[:2] else _SITS.get(str(at[0]), "a force")
             yield from body.position_problems(where, (*at, "position"), self.position, sits)
@@ -152,13 +148,6 @@ def body_problems(scenario: Whole, at: Path, body: str | None, example: str) -> 
         yield problem(at, f"names no body, and there are several: {', '.join(bodies)}", remedy)
 
 
-@lru_cache(maxsize=1024)
-def _at(
-    position: WrittenPosition | None, mass: int | None, node: int | None, direction: NodeDirection | OwnDirection | None
-) -> AtPlace:
-    return AtPlace(position=position, mass=mass, node=node, direction=direction)
-
-
 BaseOrPlace = Literal["base"] | AtPlace
 """The base or a point of a body."""
 
@@ -169,17 +158,12 @@ class Sited(PointOfBody):
     at: AtPlace | None = None
     """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be left out where there is only one."""
 
-    def _demand_a_point(self) -> None:
-        if self.at is None:
-            super()._demand_a_point()
-            return
-        for key in ("position", "mass", "node", "direction"):
-            self.exclude(key, "at", remedy="keep at: it names the place")
-
     @property
     def place(self) -> AtPlace:
         """Where it is."""
-        return self.at if self.at is not None else _at(self.position, self.mass, self.node, self.direction)
+        if self.at is not None:
+            return self.at
+        return AtPlace.model_construct(position=self.position, mass=self.mass, node=self.node, direction=self.direction)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -219,7 +203,7 @@ TwoPlaces = Annotated[tuple[Annotated[AtPlace | q.Count, Variants("names no plac
 
 
 def _placed(ends: Iterable[AtPlace | int]) -> tuple[AtPlace, ...]:
-    return tuple(_at(None, end, None, None) if isinstance(end, int) else end for end in ends)
+    return tuple(AtPlace(mass=end) if isinstance(end, int) else end for end in ends)
 
 
 class BetweenPlaces(Schema):
@@ -266,7 +250,7 @@ class BetweenPlaces(Schema):
         key, ends = self.ends
         for index, end in enumerate(ends):
             if isinstance(end, int):
-                yield from AtPlace(mass=end).problems_at(scenario, at, (*at, key, index))
+                yield from AtPlace(mass=end).problems(scenario, at, (*at, key, index))
 
 
 class Named(Schema):
@@ -291,17 +275,18 @@ def _numbered(items: Any, info: ValidationInfo) -> Any:
     """Read a list of `DEFAULT_NAMES` with names for the items that have none."""
     if not isinstance(items, (list, tuple)):
         return items
-    name = DEFAULT_NAMES[str(info.field_name)]
-    return [_named(item, f"{name}_{number}") for number, item in enumerate(items, start=1)]
+    named = []
+    for number, item in enumerate(items, start=1):
+        name = f"{DEFAULT_NAMES[str(info.field_name)]}_{number}"
+        if isinstance(item, Named):
+            item = item if item.name else item.model_copy(update={"name": name})
+        elif isinstance(item, dict) and item.get("name") is None:
+            item = {**item, "name": name}
+        named.append(item)
+    return named
 
 
 NUMBERED = BeforeValidator(_numbered)
-
-
-def _named(item: Any, name: str) -> Any:
-    if isinstance(item, Named):
-        return item if item.name else item.model_copy(update={"name": name})
-    return {**item, "name": name} if isinstance(item, dict) and item.get("name") is None else item
 
 
 class Probe(Sited):
@@ -312,13 +297,8 @@ class Probe(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        yield from _held(scenario, at, self)
-
-
-def _held(scenario: Whole, at: Path, item: Sited) -> Iterator[str]:
-    """That something sits where the structure is held."""
-    if any(body.held(position) for body, position in scenario.points_of(item)):
-        yield f"{path_text(at)} sits on a support, which cannot deflect"
+        if any(body.held(position) for body, position in scenario.points_of(self)):
+            yield f"{path_text(at)} sits on a support, which cannot deflect"
 
 
 class PlacedForce(Sited):
@@ -329,23 +309,10 @@ class PlacedForce(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, or a point inside a plate."""
-        if at[0] == "constant_forces":
-            yield from point_force_doubts(scenario, at, self)
-            yield from _held(scenario, at, self)
-
-
-def point_force_doubts(scenario: Whole, at: Path, item: Any, body: str = "") -> Iterator[str]:
-    """A sentence where a force at points makes a result doubtful.
-
-    Parameters
-    ----------
-    scenario : that has the bodies.
-    at : where the force is written.
-    item : what has its places.
-    body : on which they are where they name none.
-    """
-    for of, position in scenario.points_of(item, body):
-        yield from of.point_force_doubts(at, position)
+        for body, position in scenario.points_of(self) if at[0] == "constant_forces" else ():
+            yield from body.point_force_doubts(at, position)
+            if body.held(position):
+                yield f"{path_text(at)} sits on a support, which cannot deflect"
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]
@@ -480,23 +447,26 @@ Ratios = Annotated[
 ]
 
 
-class ModalDamping(Schema):
+class RatioDamping(Schema):
+    """Damping by ratios."""
+
+    if TYPE_CHECKING:
+        ratio: Any  # one, or several
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A damping ratio that is critical or above."""
+        ratio = max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio
+        if ratio >= 1.0:
+            yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above; was {ratio:g} % meant?"
+
+
+class ModalDamping(RatioDamping):
     """Damping ratios of the modes of the structure without contact."""
 
     kind: Literal["modal"] = "modal"
     """Modal damping ratios."""
     ratio: Ratios = 0.0
     """Damping ratio of all modes, or a list from the first mode on (the last value applies to all higher modes)."""
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """Overdamped modes."""
-        yield from ratio_doubts(at, max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio)
-
-
-def ratio_doubts(at: Path, ratio: float) -> Iterator[str]:
-    """A damping ratio that is critical or above."""
-    if ratio >= 1.0:
-        yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above; was {ratio:g} % meant?"
 
 
 class RatioAtFrequency(Schema):
@@ -684,16 +654,6 @@ class Body(Schema):
     def largest_deflection(self) -> float:
         """Deflection above which theory for small ones no longer holds, m: a fifth of the longest side."""
         return max(self.sides, default=math.inf) / 5.0
-
-    @property
-    def largest_gap(self) -> float:
-        """Gap, or prestress, of a snubber above which a factor is likely to be wrong, m."""
-        return min(self.largest_deflection, 10.0 * self.depth or math.inf)
-
-    @property
-    def own_lists(self) -> dict[str, tuple[Any, ...]]:
-        """Snubbers and springs that are listed in the body itself, by key; they share one set of names."""
-        return {}
 
     @property
     def elastic_supports(self) -> tuple[tuple[float, Any], ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -82,11 +82,6 @@ class Chain(Body):
             elif spring.kind == "piecewise_linear":
                 slopes.extend(spring.stiffnesses)
         return math.sqrt(max(slopes) / min(self.masses)) / (2.0 * math.pi)
-
-    @property
-    def own_lists(self) -> dict[str, tuple[Any, ...]]:
-        """Its snubbers and springs."""
-        return {key: getattr(self, key) for key in ("snubbers", "springs_to_ground", "springs_between")}
 
     @property
     def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:

@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -37,10 +37,9 @@ from beamsim.scenario.body import (
     Body,
     Named,
     OnSupport,
+    RatioDamping,
     Sited,
     TwoPlaces,
-    point_force_doubts,
-    ratio_doubts,
     refuse_unlike_directions,
 )
 from beamsim.scenario.files import DecimalMark
@@ -266,7 +265,7 @@ ForceDeflection = Annotated[
 """Pairs, the name of a file, or either with a fit."""
 
 
-class SnubberRatioDamping(Schema):
+class SnubberRatioDamping(RatioDamping):
     """Dashpot by a damping ratio: c = 2 ratio k / Omega.
 
     Omega is the first natural frequency with only this snubber closed. A closed mode has this ratio only where the
@@ -277,10 +276,6 @@ class SnubberRatioDamping(Schema):
     """Dashpot by a damping ratio."""
     ratio: q.Ratio
     """Damping ratio, of the first natural frequency with only this snubber closed."""
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """An overdamped stop."""
-        yield from ratio_doubts(at, self.ratio)
 
 
 class SnubberViscousDamping(Schema):
@@ -356,8 +351,9 @@ class SnubberBase(Named):
             raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
         if self.latch:
             self._check_latch()
-        gap = self.key_of("gap_")
-        self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
+        if self.preload is not None:
+            gap = self.key_of("gap_")
+            self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
 
     def _check_latch(self) -> None:
         if self.law == "no_tension":
@@ -438,10 +434,32 @@ class SnubberBase(Named):
         return (self,)
 
 
+class SnubberAtPlaces(SnubberBase):
+    """A snubber that names where it acts."""
+
+    if TYPE_CHECKING:
+        places: Any
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A gap that is larger than the structure deflects, and points at which a force makes a result doubtful."""
+        owner, all_bodies = scenario.body_at(at), scenario.all_bodies
+        named = [place.body or owner or scenario.default_body for place in self.places]
+        bodies = [all_bodies[name] for name in named if name in all_bodies]
+        largest = min((min(of.largest_deflection, 10.0 * of.depth or math.inf) for of in bodies), default=math.inf)
+        if self.gap is not None and abs(self.gap) > largest:
+            what = "gap" if self.gap > 0 else "prestress"
+            yield (
+                f"{path_text((*at, 'gap'))} = {self.gap:g} m is a large {what} for a structure of this size (more than "
+                f"{largest:.3g} m): a unit such as mm may be missing"
+            )
+        for body, position in scenario.points_of(self, owner):
+            yield from body.point_force_doubts(at, position)
+
+
 _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
 
 
-class Snubber(Sited, SnubberBase):
+class Snubber(Sited, SnubberAtPlaces):
     """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
 
     side: Literal["below", "above", "both"]
@@ -457,37 +475,14 @@ class Snubber(Sited, SnubberBase):
             return (self,)
         return tuple(self.model_copy(update={"side": side, "name": f"{self.name}.{side}"}) for side in _SIDES)
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A gap that is large, and a point inside a plate."""
-        yield from _stop_doubts(scenario, at, self)
 
-
-class LinkSnubber(BetweenPlaces, SnubberBase):
+class LinkSnubber(BetweenPlaces, SnubberAtPlaces):
     """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
 
     between: TwoPlaces
     """The two places; the first, of two masses of a chain that with the lower number, lies below the second."""
     resists: Literal["approach", "separation"] = "approach"
     """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A gap that is large, and points inside plates."""
-        yield from _stop_doubts(scenario, at, self)
-
-
-def _stop_doubts(scenario: Whole, at: Path, stop: Snubber | LinkSnubber) -> Iterator[str]:
-    """A gap that is larger than the structure deflects, and points at which a force makes a result doubtful."""
-    owner = scenario.body_at(at)
-    named = (place.body or owner or scenario.default_body for place in stop.places)
-    bodies = [scenario.all_bodies[name] for name in named if name in scenario.all_bodies]
-    largest = min((body.largest_gap for body in bodies), default=math.inf)
-    if stop.gap is not None and abs(stop.gap) > largest:
-        what = "gap" if stop.gap > 0 else "prestress"
-        yield (
-            f"{path_text((*at, 'gap'))} = {stop.gap:g} m is a large {what} for a structure of this size (more than "
-            f"{largest:.3g} m): a unit such as mm may be missing"
-        )
-    yield from point_force_doubts(scenario, at, stop, owner)
 
 
 AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]

@@ -32,7 +32,6 @@ from beamsim.scenario.body import (
     MovedStop,
     MovedSupport,
     NodeDirection,
-    point_force_doubts,
 )
 from beamsim.scenario.connections import base_problems
 from beamsim.scenario.distributed import AreaLoad, LineLoad
@@ -176,9 +175,20 @@ class Driven(Input):
         return {"quantity": self.quantity}
 
     def check(self) -> None:
-        """Refuse a level that cannot act there, a direction of anything but the base, and a point of no axis."""
+        """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
         super().check()
-        self._check_quantity()
+        levels = self.levels()
+        said: str | None = self.quantity_
+        for path, level in levels:
+            of = q.meant(level)
+            if of is not None and said is not None and of != said:
+                message = f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant"
+                raise Unfit(message, "give the level in another unit, or set quantity", path)
+            said = said or of
+        if (quantity := self.quantity) not in self.takes:
+            why, remedy = not_taken(quantity, self.takes)
+            stated = self.quantity_ is not None or not levels
+            raise Unfit(f"is {why}", remedy, ("quantity",) if stated else levels[0][0])
         if self.direction is not None and not self.on_base:
             raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip
@@ -193,21 +203,8 @@ class Driven(Input):
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A force at a point inside a plate."""
         if self.applied_to != "base":
-            yield from point_force_doubts(scenario, (*at, "applied_to"), self.applied_to)
-
-    def _check_quantity(self) -> None:
-        """Refuse units, a stated quantity and a place that contradict each other."""
-        said: str | None = self.quantity_
-        for path, level in self.levels():
-            of = q.meant(level)
-            if of is not None and said is not None and of != said:
-                message = f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant"
-                raise Unfit(message, "give the level in another unit, or set quantity", path)
-            said = said or of
-        if self.quantity not in self.takes:
-            why, remedy = not_taken(self.quantity, self.takes)
-            stated = self.quantity_ is not None or not self.levels()
-            raise Unfit(f"is {why}", remedy, ("quantity",) if stated else self.levels()[0][0])
+            for body, position in scenario.points_of(self.applied_to):
+                yield from body.point_force_doubts((*at, "applied_to"), position)
 
     @property
     def rotates(self) -> bool:

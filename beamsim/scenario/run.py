@@ -379,8 +379,15 @@ class Run(Schema):
     into run.memory."""
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """Too few or too many samples, and settings that do nothing in this run."""
-        yield from self._problems_of_sampling(scenario, at)
+        """Too few or too many samples, a rate that does not resolve the excitation, settings that do nothing."""
+        rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
+        place = (*at, "duration" if self.sample_rate is None else "sample_rate")
+        if not 1.0 <= rate * self.duration <= MOST_SAMPLES:
+            yield self._problem_of_samples(place, rate)
+        if rate < 2.0 * highest:
+            message = f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz"
+            remedy = f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics"
+            yield problem(place, message, remedy)
         if self.method != "reference" and {"integrator", "rtol", "atol"} & self.model_fields_set:
             yield from self._problems_of_stepping(scenario, at)
         if self.from_:
@@ -392,17 +399,6 @@ class Run(Schema):
                           "leave it out, or simulate the whole test by run.duration")  # fmt: skip
         if self.sensitivities:
             yield from self._problems_of_sensitivities(scenario, (*at, "sensitivities"))
-
-    def _problems_of_sampling(self, scenario: Whole, at: Path) -> Problems:
-        """A rate that gives one sample, or more than there is memory for, or does not resolve the excitation."""
-        rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
-        place = (*at, "duration" if self.sample_rate is None else "sample_rate")
-        if not 1.0 <= rate * self.duration <= MOST_SAMPLES:
-            yield self._problem_of_samples(place, rate)
-        if rate < 2.0 * highest:
-            message = f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz"
-            remedy = f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics"
-            yield problem(place, message, remedy)
 
     def _problem_of_samples(self, place: Path, rate: float) -> Problem:
         """That a rate, Hz, written at a place, gives too few or too many samples."""

@@ -478,7 +478,7 @@ class Scenario(Schema):
         keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
         acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
         for name, body in self.all_bodies.items():
-            acting += [((*self.body_path(name), key), items) for key, items in body.own_lists.items()]
+            acting += [((*self.body_path(name), key), getattr(body, key, ())) for key in keys]
         of_run = () if self.run is None else self.run.outputs
         shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
         for lists in (acting, shown, [(("joints",), self.joints)]):
@@ -633,8 +633,7 @@ class Scenario(Schema):
         bodies, default = self.all_bodies, self.default_body
         lists: list[tuple[Path, str, Any]] = [((key,), default, getattr(self, key)) for key in keys]
         for name, body in bodies.items():
-            of_body = body.own_lists.items()
-            lists += [((*self.body_path(name), key), name, items) for key, items in of_body if key in keys]
+            lists += [((*self.body_path(name), key), name, getattr(body, key, ())) for key in keys]
         for path, name, items in lists:
             yield from (Located((*path, index), name, item, bodies) for index, item in enumerate(items))
         for index, joint in enumerate(self.joints):

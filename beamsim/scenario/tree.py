@@ -17,7 +17,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from numbers import Integral, Real
 from pathlib import Path as FilePath
@@ -209,49 +209,49 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
     return problem((), "is not YAML: " + ", ".join(parts), remedy, (file, mark.line + 1 if mark else None))
 
 
+@dataclass
 class _Reader:
     """Turns PyYAML's nodes into data that know their places."""
 
-    def __init__(self, file: str | None) -> None:
-        self.file = file
-        self.problems: list[Problem] = []
-        self.open: set[int] = set()
-        self.count = 0
+    file: str | None
+    problems: list[Problem] = field(default_factory=list)
+    open: set[int] = field(default_factory=set)
+    count: int = 0
 
     def data(self, node: yaml.Node, path: Path) -> Any:
+        """What a node at a path is: mappings and lists that know where they were written, and scalars."""
         self.count += 1
         if self.count > MOST_VALUES:
-            raise ScenarioError(
-                problem((), f"unfolds to more than {MOST_VALUES} values", "use fewer aliases", (self.file, None))
-            )
+            message = f"unfolds to more than {MOST_VALUES} values"
+            raise ScenarioError(problem((), message, "use fewer aliases", (self.file, None)))
+        kind = node.tag.removeprefix(_TAG)
+        collection = ("map",) if isinstance(node, yaml.MappingNode) else ("seq",)
+        if kind not in (_SCALARS if isinstance(node, yaml.ScalarNode) else collection):
+            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
+        if isinstance(node, yaml.ScalarNode):
+            try:
+                return _SCALARS[kind](node.value) if kind in _SCALARS else None
+            except (ValueError, KeyError):
+                shown = single_line(node.value)
+                self._problem(path, f"= {shown} is not a valid {kind}", "correct it, or remove its tag", node)
+                return None
         if id(node) in self.open:
             self._problem(path, "contains itself through an alias", "remove the alias", node)
             return None
         self.open.add(id(node))
         try:
             if isinstance(node, yaml.MappingNode):
-                self._plain_tag(node, "map", path)
                 return self._mapping(node, path)
-            if isinstance(node, yaml.SequenceNode):
-                self._plain_tag(node, "seq", path)
-                items = [self.data(item, (*path, index)) for index, item in enumerate(node.value)]
-                return WrittenList(items, map(self._mark, node.value))
-            return self._scalar(node, path)
+            items = [self.data(item, (*path, index)) for index, item in enumerate(node.value)]
+            return WrittenList(items, [(self.file, item.start_mark.line + 1) for item in node.value])
         finally:
             self.open.discard(id(node))
 
-    def _mark(self, node: yaml.Node) -> Mark:
-        return self.file, node.start_mark.line + 1
-
     def _problem(self, path: Path, message: str, remedy: str, node: yaml.Node) -> None:
-        self.problems.append(problem(path, message, remedy, self._mark(node)))
-
-    def _plain_tag(self, node: yaml.Node, tag: str, path: Path) -> None:
-        if node.tag != _TAG + tag:
-            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
+        self.problems.append(problem(path, message, remedy, (self.file, node.start_mark.line + 1)))
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> WrittenMapping:
-        items, merges = WrittenMapping({}, self._mark(node)), []
+        items, merges = WrittenMapping({}, (self.file, node.start_mark.line + 1)), []
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag == _TAG + "merge":
@@ -268,7 +268,8 @@ class _Reader:
                 self._problem((*path, key), message, "keep one of the two", key_node)
                 continue
             items[key], lines[key] = value, key_node.start_mark.line + 1
-            items.marks[key] = self._mark(value_node if isinstance(value_node.value, str) else key_node)
+            marked = value_node if isinstance(value_node.value, str) else key_node
+            items.marks[key] = self.file, marked.start_mark.line + 1
         for key_node, value_node in merges:
             self._merge(items, value_node, path, key_node)
         return items
@@ -284,18 +285,6 @@ class _Reader:
             for key, value in merged.items():
                 if key not in items:
                     items[key], items.marks[key] = value, merged.marks.get(key, NOWHERE)
-
-    def _scalar(self, node: yaml.Node, path: Path) -> object:
-        kind = node.tag.removeprefix(_TAG)
-        if kind not in _SCALARS:
-            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
-            return None
-        try:
-            return _SCALARS[kind](node.value)
-        except (ValueError, KeyError):
-            shown = single_line(node.value)
-            self._problem(path, f"= {shown} is not a valid {kind}", "correct it, or remove its tag", node)
-            return None
 
 
 _SCALARS: dict[str, Callable[[str], object]] = {

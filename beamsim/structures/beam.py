@@ -373,7 +373,7 @@ def assemble_beam(
     length, stretches = beam.length, beam.stretches
     bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
     if mesh is None:
-        hard = [*beam.mass_points, *beam.node_positions, *nodes]
+        hard = [*beam.mass_points, *map(beam.metres, beam.nodes), *nodes]
         mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
     mass_scale = beam.bending.mass_per_length * length
     stiffness_scale = beam.bending.bending_stiffness / length**3

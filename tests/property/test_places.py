@@ -46,7 +46,8 @@ def sites(scenario):
                 points = np.ravel(end.bounds if hasattr(end, "bounds") else end.point)
                 found |= {path_text((*path, "point", k, i)): x for i, x in enumerate(points) if x is not None}
     for name, body in bodies.items():
-        for key in ("node_positions", "mass_positions", "mass_points", "supported_points"):
+        found |= {f"{name}.nodes[{i}]": body.metres(x) for i, x in enumerate(getattr(body, "nodes", ()))}
+        for key in ("mass_positions", "mass_points", "supported_points"):
             found |= {f"{name}.{key}[{i}]": float(x) for i, x in enumerate(np.ravel(getattr(body, key, ())))}
         for i, stretch in enumerate(getattr(body, "stretches", ())):
             found |= {f"{name}.start[{i}]": stretch.start, f"{name}.end[{i}]": stretch.end}
