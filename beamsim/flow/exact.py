@@ -227,7 +227,8 @@ class ExactFlow:
         """A contact state that is not kept, from the one that is nearest to it."""
         updates = self.system.size >= LEAST_COORDINATES and self.system.acts(phases)
         nearest = self._tables.nearest(phases) if updates else None
-        return ContactState.of(self.equations.at(phases.copy()), self.sources, self.longest_window, nearest)
+        equations = StateEquations(self.equations, phases.copy())
+        return ContactState.of(equations, self.sources, self.longest_window, nearest)
 
     def _append(self, state: ContactState) -> int:
         """Number of a state that is added."""
@@ -258,7 +259,7 @@ class ExactFlow:
 
     def at(self, phases: Ints) -> StateEquations:
         """The equations in given phases of the contacts (m,)."""
-        return self._tables.equations(phases) or self.equations.at(phases)
+        return self._tables.equations(phases) or StateEquations(self.equations, phases)
 
     def output_table(self, rows_of: RowsOf) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""

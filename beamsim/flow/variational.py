@@ -153,14 +153,14 @@ class FlowOutputs:
 
     def _begun(self, phases: Ints) -> Floats:
         at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
-        begun, n = equations.state, self.flow.system.size
+        begun, n = equations.state.copy(), self.flow.system.size
         begun[equations.velocities, equations.velocities] -= at.held @ at.held.T
         contact, _ = contacts.kept(phases)
         begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
         return begun
 
     def _kept(self, phases: Ints) -> Floats:
-        law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state
+        law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state.copy()
         contact, (constant, pressing) = contacts.kept(phases)[0], contacts.kept(phases)[1].T[:, :, None]
         written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, PRESSING]
         end[2 * self.flow.system.size + contacts.first[contact]] = written

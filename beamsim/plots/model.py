@@ -22,7 +22,7 @@ from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
-from beamsim.system.parts import driven_stops, driven_supports, exciting_forces
+from beamsim.system.parts import Acting
 from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
@@ -210,13 +210,14 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         ax.annotate("", (0.03, 0.04), xytext=(0.03, 0.2), xycoords="axes fraction",
                     arrowprops={**arrow, "arrowstyle": "<|-|>"})  # fmt: skip
         ax.annotate("base", (0.045, 0.12), xycoords="axes fraction", va="center", color=GREEN, fontsize="small")
-    for _, part in exciting_forces(sketch.scenario):
+    acting = Acting.of(sketch.scenario)
+    for _, part in acting.forces:
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
         yield _said(part), (x, y + 0.34)
-    moved = [(part, at) for _, part in driven_supports(sketch.scenario) for at in _moved(sketch, part.applied_to)]
-    driven = [part for _, part in driven_stops(sketch.scenario)]
+    moved = [(part, at) for _, part in acting.supports for at in _moved(sketch, part.applied_to)]
+    driven = [part for _, part in acting.stops]
     for part, (x, y) in [
         *moved,
         *((part, at) for part in driven for name, at in stops.items() if part.moves_stop(name)),

@@ -29,7 +29,7 @@ from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, sin
 from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import Located, OnSupport
 from beamsim.scenario.excitation import One, holds_levels, sine_problems
 from beamsim.scenario.parameters import replaced
 from beamsim.scenario.quantities import power_of
@@ -38,32 +38,20 @@ from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, floating_motions, held_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import places_needed
+from beamsim.structures.stations import Stations
 from beamsim.system.equations import Channel, Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
-from beamsim.system.modes import Assessment
 from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
     Parts,
     SharedBuilds,
-    base_direction,
     check_places,
-    driven_stops,
-    exciting_forces,
     force_sites,
     gravity_loads,
-    moving_base,
     reduced_parts,
-    start_of,
 )
 from beamsim.system.structural import ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats, Ints
-
-
-def constant_loads(parts: Parts) -> Floats:
-    """(L, n) gravity and constant forces, N/sqrt(kg)."""
-    loads = [force.force * parts.shape(force) for force in parts.scenario.constant_forces]
-    loads += [acceleration * parts.base_load(direction)[0] for direction, acceleration in gravity_loads(parts.scenario)]
-    return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
 def _start_on_supports(parts: Parts, forcing: Forcing) -> Floats:
@@ -72,7 +60,7 @@ def _start_on_supports(parts: Parts, forcing: Forcing) -> Floats:
     A start is relative to it, as one is to a base that moves.
     """
     start = np.zeros(2 * parts.basis.size)
-    first = len(exciting_forces(parts.scenario))
+    first = len(parts.acting.forces)
     for k, moved in enumerate(parts.moved):
         _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
         shape = moved.static_shape(parts.structure, parts.basis)
@@ -86,9 +74,7 @@ def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
     several = excitation.kind == "forces"
-    terms: list[tuple[complex, int]] = [
-        (_phasor(force) if several else 1.0, 0) for _, force in exciting_forces(parts.scenario)
-    ]
+    terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for _, force in parts.acting.forces]
     for moved in parts.moved:
         amplitude = _phasor(moved.driven) if several else complex(1.0)
         power = power_of(moved.driven.quantity) if several else 0
@@ -136,28 +122,28 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
 
     loads = [
         (parts.shape(force.applied_to), signal_of(force, path, level_signal).signal)
-        for path, force in exciting_forces(scenario)
+        for path, force in parts.acting.forces
     ]
     for moved in parts.moved:
         support = signal_of(moved.driven, moved.path, base_motion)
         signals = (support.acceleration, support.velocity, support.displacement)
         loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
-    for path, driven in driven_stops(scenario):
+    for path, driven in parts.acting.stops:
         loads.append((np.zeros(parts.basis.size), signal_of(driven, path, base_motion).displacement))
-    moving, motion = moving_base(scenario), None
-    if moving is not None:
-        path, driven = moving
+    motion = None
+    if parts.acting.base is not None and parts.base is not None:
+        path, driven = parts.acting.base
         motion = signal_of(driven, path, base_motion)
-        direction = base_direction(scenario)
-        assert direction is not None
-        inertia, ground = parts.base_load(direction)
+        inertia, ground = parts.base_load(parts.base)
         loads.append((-inertia, motion.acceleration))
-        if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
+        if structure.base_load(parts.base)[1].any():  # springs to ground stretch by the base's displacement as well
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
     on_ground = pushing.contacts.on_ground.any() or pushing.cubic.base_influence.any()
     displacement = motion.displacement if motion is not None and on_ground else None
-    influence = _influence_of_mountings(parts, pushing, len(loads)) if parts.has_moving_mountings else None
+    mountings = (getattr(snubber, "mounted_on", None) for snubber in scenario.all_snubbers)
+    moved_mountings = parts.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
+    influence = _influence_of_mountings(parts, pushing, len(loads)) if moved_mountings else None
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
 
 
@@ -244,7 +230,7 @@ class SystemFamily:
             the base.
         """
         turned = replace(place, direction=SLOPE)
-        motion = base_direction(self.parts.scenario)
+        motion = self.parts.base
         of_base = 0.0 if motion is None else self.parts.structure.base_motion_at(turned, motion)
         return self.parts.shapes([turned])[0], of_base
 
@@ -282,7 +268,12 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     if parts.moved:
         _check_places_on_supports(parts)
     free = _check_couplings(parts, pushing) if parts.structure.couplings else []
-    loads = constant_loads(parts)
+    loads = np.array(
+        [
+            *(force.force * parts.shape(force) for force in scenario.constant_forces),
+            *(acceleration * parts.base_load(direction)[0] for direction, acceleration in gravity_loads(scenario)),
+        ]
+    ).reshape(-1, parts.basis.size)  # N/sqrt(kg)
     contacts, equilibrium, initial, warnings = _statics(parts, pushing, loads)
     motion, forcing, accounts = time_dependent_loads(parts, pushing)
     if parts.moved:
@@ -294,24 +285,29 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         correction = CorrectionSize.of(motion.corrections)
         held = any(holds_levels(each) for _, each in scenario.excitation.items)
         warnings += correction.warnings(held=held)
-    sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
+    sites = [*parts.snubber_sites, *force_sites(scenario), *(output_sites(parts) if scenario.requested_outputs else ())]
     recoveries = parts.recoveries(sites) if recovered else ()
     outputs = tuple[Channel, ...]()
     if recovered and scenario.requested_outputs:
         outputs = output_channels(parts, recoveries, pushing.sites, contacts, forcing)
     dynamics = PiecewiseLinearSystem(parts.stiffness, parts.damping, contacts, loads.sum(axis=0))
-    at_rest = None if pushing.cubic.count else equilibrium.q
+    probes = _describe_probes(parts)
     return StructuralSystem(
+        scenario=scenario,
         dynamics=dynamics,
         forcing=forcing,
         initial_state=initial,
-        probes=_describe_probes(parts),
+        probes=probes,
+        base_influence=np.array([0.0 if motion is None else probe.base_influence for probe in probes]),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
         base_displacement=motion.displacement if motion else None,
         snubbers=_describe_snubbers(parts, contacts, equilibrium, pushing.tables),
         bodies=recoveries,
-        assessment=Assessment(parts, dynamics, pushing.stops, at_rest, recoveries),
+        stations=Stations.of_recoveries(recoveries),
+        deflection=np.vstack([np.zeros((0, parts.basis.size)), *(body.deflection for body in recoveries)]),
+        parts=parts,
+        stops=pushing.stops,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
@@ -372,7 +368,8 @@ class _Pushing:
 
 def _pushing(parts: Parts) -> _Pushing:
     nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
-    tables = force_tables(parts.scenario)
+    tabulated = any(each.item.force_deflection is not None for each in snubbers)
+    tables = force_tables(parts.scenario) if tabulated else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     stops = replace(stops, lever=parts.levers(parts.snubber_sites))
@@ -436,7 +433,7 @@ def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
 
 def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
-    forces = exciting_forces(parts.scenario)
+    forces = parts.acting.forces
     return [
         *((located.path, site, f"{located.item.name}") for located, site in _located_sites(parts)),
         *(((*path, "applied_to"), load_site_in(parts.scenario, force.applied_to), "a force") for path, force in forces),
@@ -455,7 +452,7 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
         if coupled:
             why = f"is missing, and {', '.join(coupled)} relaxes or sticks with a spring of its own"
             problems.append(problem((*path, "stiffness"), why, "give the contact a tangential stiffness"))
-        if getattr(contact, "mounted_on", "base") == "ground" and base_direction(parts.scenario) is not None:
+        if getattr(contact, "mounted_on", "base") == "ground" and parts.base is not None:
             why = "is missing, and the base moves while the contact sticks to the ground"
             remedy = "give the contact a tangential stiffness, or mount it on the base"
             problems.append(problem((*path, "stiffness"), why, remedy))
@@ -477,7 +474,7 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
     try:
         return find_equilibrium(parts.stiffness, parts.basis.rigid, springs_of(contacts), loads, cubic)
     except NotTrustedError as error:
-        if start_of(parts.scenario) == "static_equilibrium":
+        if parts.scenario.run is not None and parts.scenario.run.start == "static_equilibrium":
             raise
         return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
 
@@ -554,7 +551,7 @@ def initial_state(
     n = parts.basis.size
     q, v = np.zeros(n), np.zeros(n)
     warnings: list[str] = []
-    start = start_of(parts.scenario)
+    start = None if parts.scenario.run is None else parts.scenario.run.start
     if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif start == "static_equilibrium":

@@ -18,8 +18,8 @@ than this.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -59,10 +59,9 @@ class PiecewiseLinearSystem:
 
     def acts(self, phases: Ints) -> bool:
         """Whether contacts act on the structure in given phases, or move by themselves."""
-        contacts = self.contacts
-        if contacts.internal_states or contacts.arrays.force[np.arange(contacts.count), phases, :PRESSING].any():
-            return True
-        return bool(contacts.holds(phases).any())
+        arrays, every = self.contacts.arrays, np.arange(self.contacts.count)
+        pushing = arrays.force[every, phases, :PRESSING].any() or arrays.holds[every, phases].any()
+        return self.contacts.internal_states > 0 or bool(pushing)
 
     def one_sided(self) -> PiecewiseLinearSystem:
         """The same with one-sided springs as the only contacts; see `Contacts.one_sided_parts`."""
@@ -155,7 +154,7 @@ class Sizes(NamedTuple):
         return rows[:, self.parts[name]]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Channel:
     """One observable: of which item of which section of the scenario, what it is, in which unit.
 
@@ -170,16 +169,12 @@ class Channel:
     at: str = ""  # for people
     squared: bool = False
     both_ways: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
+    key: Key = field(init=False)  # section and quantity, which channels that are alike have in common
+    columns: int = field(init=False)  # number of its values at one time
 
-    @property
-    def key(self) -> Key:
-        """What it has in common with channels that are alike."""
-        return self.section, self.quantity
-
-    @property
-    def columns(self) -> int:
-        """Number of its values at one time."""
-        return 1 if self.squared else self.rows.shape[0]
+    def __post_init__(self) -> None:
+        self.key = self.section, self.quantity
+        self.columns = 1 if self.squared else self.rows.shape[0]
 
 
 class Places(dict[Key, Ints]):
@@ -189,12 +184,33 @@ class Places(dict[Key, Ints]):
         return np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class ChannelSet:
     """Some channels of a system, which are evaluated together; C columns of values."""
 
     channels: tuple[Channel, ...]
     sizes: Sizes
+    linear: Floats = field(init=False)  # rows of the linear channels, of which each is a value
+    squared: Floats = field(init=False)  # rows of the energies
+    squares: Ints = field(init=False)  # first of the rows of each energy
+    order: Ints = field(init=False)  # (C,) numbers of the columns among those of linear channels, then of energies
+    located: list[tuple[Channel, int]] = field(init=False)  # each channel with its first column
+    places: Places = field(init=False)  # columns of the values by section and quantity
+
+    def __post_init__(self) -> None:
+        none, energies = self.sizes.rows(0), [channel for channel in self.channels if channel.squared]
+        self.linear = np.concatenate([none, *(channel.rows for channel in self.channels if not channel.squared)])
+        self.squared = np.concatenate([none, *(channel.rows for channel in energies)])
+        self.squares = np.cumsum([0, *(channel.rows.shape[0] for channel in energies)])[:-1]
+        ends = np.cumsum([0, *(channel.columns for channel in self.channels)])
+        self.located = list(zip(self.channels, ends.tolist(), strict=False))
+        places: dict[Key, list[int]] = {}
+        squared = np.zeros(ends[-1], dtype=bool)
+        for channel, first in self.located:
+            squared[first : first + channel.columns] = channel.squared
+            places.setdefault(channel.key, []).extend(range(first, first + channel.columns))
+        self.order = np.argsort(np.argsort(squared, kind="stable"), kind="stable")
+        self.places = Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
     def only(self, wanted: Callable[[Channel], bool]) -> ChannelSet:
         """Those that are wanted."""
@@ -208,34 +224,6 @@ class ChannelSet:
         """All but those of some sections and quantities."""
         return self.only(lambda channel: channel.key not in keys)
 
-    @cached_property
-    def linear(self) -> Floats:
-        """Rows of the linear channels, of which each is a value."""
-        return self._joined([channel for channel in self.channels if not channel.squared])
-
-    @cached_property
-    def squared(self) -> Floats:
-        """Rows of the energies."""
-        return self._joined(self._energies)
-
-    @cached_property
-    def squares(self) -> Ints:
-        """First of the rows of each energy."""
-        return np.cumsum([0, *(channel.rows.shape[0] for channel in self._energies)])[:-1]
-
-    @property
-    def _energies(self) -> list[Channel]:
-        return [channel for channel in self.channels if channel.squared]
-
-    def _joined(self, channels: Sequence[Channel]) -> Floats:
-        return np.concatenate([self.sizes.rows(0), *(channel.rows for channel in channels)])
-
-    @cached_property
-    def order(self) -> Ints:
-        """(C,) numbers of the columns among those of the linear channels and then those of the energies."""
-        squared = np.concatenate([np.full(c.columns, c.squared) for c in self.channels] or [np.zeros(0, dtype=bool)])
-        return np.argsort(np.argsort(squared, kind="stable"), kind="stable")
-
     def values(self, of_rows: Callable[[bool], Floats]) -> Floats:
         """(nt, C) values from those of the rows (nt, k): of the linear channels, or (True) of the energies."""
         values = of_rows(False)
@@ -243,20 +231,6 @@ class ChannelSet:
             energies = np.add.reduceat(0.5 * of_rows(True) ** 2, self.squares, axis=1)
             values = np.hstack([values, energies])
         return np.asarray(values[:, self.order])
-
-    @property
-    def located(self) -> list[tuple[Channel, int]]:
-        """Each channel with its first column."""
-        ends = np.cumsum([channel.columns for channel in self.channels]).tolist()
-        return list(zip(self.channels, [0, *ends], strict=False))
-
-    @cached_property
-    def places(self) -> dict[Key, Ints]:
-        """Columns of the values by section and quantity."""
-        places: dict[Key, list[int]] = {}
-        for channel, first in self.located:
-            places.setdefault(channel.key, []).extend(range(first, first + channel.columns))
-        return Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
     def split(self, values: Floats) -> dict[Key, Floats]:
         """Values (..., C) by section and quantity."""

@@ -10,15 +10,14 @@ Maxwell branches have states of their own. Each undamped mode has the eigenvalue
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import PENETRATION, RATE, ContactLaw
+from beamsim.contacts.laws import PENETRATION, RATE
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.fields import JSON, Counter, attribute, dataset, declared, group
 from beamsim.outcomes import first_of
@@ -27,11 +26,11 @@ from beamsim.scenario.base import counted
 from beamsim.scenario.body import Located
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.reduction import receptance_bound
-from beamsim.structures.stations import Recovery, Stations
+from beamsim.structures.stations import Stations
 from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads
-from beamsim.system.state_equations import Equations
+from beamsim.system.state_equations import Equations, StateEquations
 from beamsim.typing import Floats, Ints
 
 DIFFERENT = 1.3  # factor between damping ratios that are told apart
@@ -86,9 +85,11 @@ class ModeTable:
     resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
 
 
-@dataclass(frozen=True)
-class Assessment:
-    """What a result says of its model: natural frequencies, damping and accuracy, each computed when it is asked for.
+def mode_table(
+    parts: Parts, dynamics: PiecewiseLinearSystem, stops: Contacts, equilibrium: Floats | None, stations: Stations,
+    deflection: Floats,
+) -> ModeTable:  # fmt: skip
+    """What a result says of its model: natural frequencies, damping and accuracy.
 
     Parameters
     ----------
@@ -96,80 +97,42 @@ class Assessment:
     dynamics : the structure and all its contacts.
     stops : those that are snubbers, which alone are open and closed.
     equilibrium : (n,) coordinates at rest; None where that is not known, or not linear.
-    recoveries : where shapes are known.
+    stations, deflection : where shapes are known, and (nx, n) deflection there for a unit of each coordinate.
+
+    Returns
+    -------
+    ModeTable
     """
-
-    parts: Parts
-    dynamics: PiecewiseLinearSystem
-    stops: Contacts
-    equilibrium: Floats | None
-    recoveries: tuple[Recovery, ...]
-
-    @cached_property
-    def stations(self) -> Stations:
-        """Where shapes are known."""
-        return Stations.of_recoveries(self.recoveries)
-
-    @cached_property
-    def deflection(self) -> Floats:
-        """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
-        return np.vstack([np.zeros((0, self.parts.basis.size)), *(body.deflection for body in self.recoveries)])
-
-    @cached_property
-    def closed_frequencies_hz(self) -> Floats:
-        """(n,) natural frequencies with every snubber closed."""
-        return _undamped_modes(self._stopped, self._closed, self.parts.basis.rigid)[0] / (2 * np.pi)
-
-    @cached_property
-    def _stopped(self) -> PiecewiseLinearSystem:
-        """The structure and its snubbers alone."""
-        contacts = self.dynamics.contacts  # whose arrays the motion needs, too
-        return self.dynamics if contacts.count == self.stops.count else replace(self.dynamics, contacts=self.stops)
-
-    @property
-    def _closed(self) -> Ints:
-        return np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
-
-    @cached_property
-    def modes(self) -> ModeTable:
-        """The table of a result."""
-        parts, basis, structure = self.parts, self.parts.basis, self.parts.structure
-        omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
-        probes = structure.rows(parts.probe_sites)
-        bound = receptance_bound(structure, basis, parts.damping, _loads(parts), probes, omega)
-        return ModeTable(
-            open_frequencies_hz=parts.omega / (2 * np.pi),
-            closed_frequencies_hz=self.closed_frequencies_hz,
-            damping_ratios=damped_modes(self._stopped, self.stops.start, basis.rigid)[1],
-            closed_damping_ratios=damped_modes(self._stopped, self._closed, basis.rigid)[1],
-            **self._at_rest(),
-            dashpots=dashpots(parts.scenario.located_snubbers, self.dynamics.contacts),
-            shapes=self.deflection.T,
-            stations=self.stations,
-            kept_modes=basis.modes,
-            static_vectors=basis.size - basis.modes,
-            highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
-            reduction_bound=bound.loads,
-            probe_bound=bound.probes,
-            **(_energy_shares(structure, basis) if len(structure.members) > 1 else {}),
-        )
-
-    def _at_rest(self) -> dict[str, Any]:
-        """Frequencies and ratios at static equilibrium, by name of the field, where that is a linear state."""
-        contacts = self.dynamics.contacts
-        if self.equilibrium is None or contacts.jointly_acting:
-            return {}
-        resting = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ self.equilibrium))
-        if np.any(_slow_stiffness(contacts, resting) < 0.0):
-            return {}
-        omega, ratio = damped_modes(self.dynamics, resting, self.parts.basis.rigid)
-        return {"resting_frequencies_hz": omega / (2 * np.pi), "resting_damping_ratios": ratio}
-
-    @cached_property
-    def doubts(self) -> tuple[str, ...]:
-        """Warnings that follow from the table."""
-        scenario = self.parts.scenario
-        return (*_doubts(scenario, self.modes), *damping_remarks(scenario.located_snubbers, self.modes))
+    basis, structure, contacts = parts.basis, parts.structure, dynamics.contacts
+    omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
+    bound = receptance_bound(structure, basis, parts.damping, _loads(parts), structure.rows(parts.probe_sites), omega)
+    # the arrays of all contacts are those that the motion needs, too
+    stopped = dynamics if contacts.count == stops.count else replace(dynamics, contacts=stops)
+    opened = damped_modes(stopped, stops.start, basis.rigid)[1]
+    of_stops = np.array([law.closed_phase for law in stops.laws], dtype=np.int64)
+    closed, of_closed = damped_modes(stopped, of_stops, basis.rigid)
+    resting, of_resting = None, None
+    if equilibrium is not None and not contacts.jointly_acting:
+        phases = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ equilibrium))
+        if np.all(contacts.dynamic_stiffness(phases, np.full(1, SLOW)).real >= 0.0):
+            resting, of_resting = damped_modes(dynamics, phases, basis.rigid)
+    return ModeTable(
+        open_frequencies_hz=parts.omega / (2 * np.pi),
+        closed_frequencies_hz=closed / (2 * np.pi),
+        damping_ratios=opened,
+        closed_damping_ratios=of_closed,
+        resting_frequencies_hz=None if resting is None else resting / (2 * np.pi),
+        resting_damping_ratios=of_resting,
+        dashpots=dashpots(parts.scenario.located_snubbers, contacts),
+        shapes=deflection.T,
+        stations=stations,
+        kept_modes=basis.modes,
+        static_vectors=basis.size - basis.modes,
+        highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
+        reduction_bound=bound.loads,
+        probe_bound=bound.probes,
+        **(_energy_shares(structure, basis) if len(structure.members) > 1 else {}),
+    )
 
 
 def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
@@ -197,55 +160,52 @@ def _loads(parts: Parts) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
-def _doubts(scenario: Scenario, modes: ModeTable) -> Iterator[str]:
-    """Warnings of stops without effect, of an excited structure without damping, and of an inaccurate reduced model."""
-    opened, closed, stops = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers
+def doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
+    """Warnings that follow from the table.
+
+    They are of stops without effect, of an excited structure without damping, of an inaccurate reduced model and of
+    damping ratios of snubbers.
+    """
+    opened, closed, stops, warnings = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers, []
     stiff = [stop.name for stop in stops if stop.stiffness is not None]
     if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
-        yield (
+        warnings.append(
             f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
             "has no effect; was kN/m meant?"
         )
-    if scenario.excitation.kind != "none" and scenario.nnm is None and not _loses(scenario, modes):
-        yield (
+    # what takes energy out of a motion: dashpots of any kind, friction, stops that yield
+    loses = any(np.nan_to_num(each).any() for each in (modes.damping_ratios, modes.closed_damping_ratios))
+    loses |= any(each.item.kind == FRICTION for each in scenario.nonlinear_springs) or any(s.yields for s in stops)
+    if scenario.excitation.kind != "none" and scenario.nnm is None and not loses:
+        warnings.append(
             "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
             "damping, for example {kind: modal, ratio: 1 %}"
         )
-    if not modes.reduction_bound > 0.01:
-        return
-    yield (
-        f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
-        f"of the excitation the error of its receptance at contacts and loads is bounded by "
-        f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
-    )
-
-
-def _loses(scenario: Scenario, modes: ModeTable) -> bool:
-    """Whether anything takes energy out of a motion: dashpots of any kind, friction, stops that yield."""
-    rubs = any(each.item.kind == FRICTION for each in scenario.nonlinear_springs)
-    yields = any(stop.yields for stop in scenario.all_snubbers)
-    return (
-        rubs or yields or any(np.nan_to_num(each).any() for each in (modes.damping_ratios, modes.closed_damping_ratios))
-    )
+    if modes.reduction_bound > 0.01:
+        warnings.append(
+            f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
+            f"of the excitation the error of its receptance at contacts and loads is bounded by "
+            f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
+        )
+    return warnings + damping_remarks(scenario.located_snubbers, modes)
 
 
 def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
     """By snubber its dashpot, N s/m or N m s/rad, and what that follows from; the snubbers are the first contacts."""
-    pairs = [(at.item, law) for at, law in zip(located, contacts.laws, strict=False)]
-    entry = {"m": "dashpot_n_s_per_m", "rad": "dashpot_n_m_s_per_rad"}
-    return {s.name: {entry[s.units[0]]: law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
-
-
-def _dashpot_source(snubber: Any, law: ContactLaw) -> str:
-    number = len(snubber.maxwell)
-    beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
-    if snubber.damping is None:
-        return f"none written{beside}"
-    if snubber.damping.kind == "viscous" or not law.dashpot:
-        return f"as written{beside}"
-    hz = snubber.damping.ratio * law.stiffness / (np.pi * law.dashpot)
-    written = f"{100 * snubber.damping.ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
-    return f"{written}{beside}"
+    entry, found = {"m": "dashpot_n_s_per_m", "rad": "dashpot_n_m_s_per_rad"}, {}
+    for at, law in zip(located, contacts.laws, strict=False):
+        snubber, number = at.item, len(at.item.maxwell)
+        if snubber.damping is None:
+            source = "none written"
+        elif snubber.damping.kind == "viscous" or not law.dashpot:
+            source = "as written"
+        else:
+            ratio = snubber.damping.ratio
+            hz = ratio * law.stiffness / (np.pi * law.dashpot)
+            source = f"{100 * ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
+        beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
+        found[snubber.name] = {entry[snubber.units[0]]: law.dashpot, "from": source + beside}
+    return found
 
 
 def damping_remarks(snubbers: Sequence[Located], modes: ModeTable) -> list[str]:
@@ -267,20 +227,17 @@ def damping_remarks(snubbers: Sequence[Located], modes: ModeTable) -> list[str]:
     ]
 
 
-def _undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
-    """Natural frequencies (n,), rad/s, and modes (n, n) without damping with contacts in their phases.
+def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats, Floats]:
+    """Natural frequencies (n,), rad/s, and modes (n, n) without damping, with contacts in their phases.
+
+    The third array is the stiffness (m,) of the contacts, N/m, of which Maxwell branches have relaxed.
 
     Parameters
     ----------
     dynamics, phases, rigid : as of `damped_modes`.
     """
-    contacts = dynamics.contacts
-    return closed_modes(np.sqrt(dynamics.stiffness), contacts.shape, _slow_stiffness(contacts, phases), rigid)
-
-
-def _slow_stiffness(contacts: Contacts, phases: Ints) -> Floats:
-    """(m,) N/m of contacts whose Maxwell branches have relaxed."""
-    return np.asarray(contacts.dynamic_stiffness(phases, np.full(1, SLOW))[0].real)
+    slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, SLOW))[0].real)
+    return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid), slow
 
 
 def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
@@ -299,9 +256,8 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
         that of its own coordinate alone, which is 1 or more for a single mass.
     """
     contacts, n = dynamics.contacts, dynamics.size
-    slow = _slow_stiffness(contacts, phases)
-    omega, shapes = _undamped_modes(dynamics, phases, rigid)
-    equations = Equations.unloaded(dynamics).at(phases)
+    omega, shapes, slow = undamped_modes(dynamics, phases, rigid)
+    equations = StateEquations(Equations(dynamics), phases)
     force, by_states = equations.factors, equations.internal_factors
     depth = -contacts.sign[:, None] * (contacts.shape @ shapes)
     damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, RATE]) @ depth

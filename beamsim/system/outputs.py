@@ -20,10 +20,7 @@ from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.parts import (
     Moved,
     Parts,
-    base_direction,
     determined,
-    driven_stops,
-    exciting_forces,
     gravity_loads,
     output_direction,
     supports_named,
@@ -87,9 +84,7 @@ class _Asked:
     @cached_property
     def force_sites(self) -> list[LoadSite]:
         """Where the forces of the excitation act, in the order of the signals; none of base motion."""
-        return [
-            load_site_in(self.parts.scenario, force.applied_to) for _, force in exciting_forces(self.parts.scenario)
-        ]
+        return [load_site_in(self.parts.scenario, force.applied_to) for _, force in self.parts.acting.forces]
 
     @property
     def moved_signals(self) -> list[tuple[slice, Moved]]:
@@ -127,7 +122,7 @@ class _Asked:
         if kind == "rotation":
             place = replace(place, direction=SLOPE)
         shape: Any = self.parts.shapes([place])
-        motion = base_direction(self.parts.scenario) or UPWARDS
+        motion = self.parts.base or UPWARDS
         moved = self.parts.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
@@ -142,7 +137,7 @@ class _Asked:
     def _recovered(self, output: Any) -> Channel:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
-        member, motion = structure.member(name), base_direction(self.parts.scenario) or UPWARDS
+        member, motion = structure.member(name), self.parts.base or UPWARDS
         row = member.body.recovery_row(names.index(output.row), _SIGNALS[::-1].index(output.motion))
         on_dofs = (row @ member.body.on_all_dofs) @ member.expansion
         shape = on_dofs @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
@@ -227,7 +222,7 @@ class _Asked:
 
         if not supports:
             return self._channel(output, at)
-        moving = base_direction(scenario) or UPWARDS
+        moving = self.parts.base or UPWARDS
         base, displaced = total(lambda force: force.base_forces(moving))
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
@@ -236,7 +231,7 @@ class _Asked:
         load[: len(self.force_sites)] = -shares(self.force_sites)
         for signals, moved in self.moved_signals:
             load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
-        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) + len(driven_stops(scenario)) :]
+        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) + len(self.parts.acting.stops) :]
         of_base[1:] = displaced  # after the base's acceleration its displacement, which springs to the ground feel
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(

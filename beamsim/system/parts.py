@@ -12,10 +12,10 @@ shape :math:`\psi = -K_{qq}^{-1} K_{qb}`, so that there :math:`C_{qb} = -C_{qq} 
 from __future__ import annotations
 
 from collections import OrderedDict, defaultdict
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -23,9 +23,9 @@ from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.inputs.measured import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
-from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
+from beamsim.scenario.body import MovedStop, MovedSupport, OnSupport
 from beamsim.scenario.excitation import One
-from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
+from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.damping import reduced_damping
 from beamsim.structures.places import (
@@ -117,19 +117,29 @@ class Moved:
         return -mass, damping @ self.static_shape(structure, basis) - viscous, -stiffness
 
 
-def _excitations(scenario: Scenario) -> list[tuple[Path, One]]:
-    """What excites the structure with its paths: several forces and motions, or one."""
-    return [(("excitation", *path), each) for path, each in scenario.excitation.items]
+class Acting(NamedTuple):
+    """What the excitation consists of, each with its path."""
 
+    forces: list[tuple[Path, One]]
+    supports: list[tuple[Path, One]]  # that move
+    stops: list[tuple[Path, One]]  # that move
+    base: tuple[Path, One] | None  # None where it is at rest
 
-def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, One]]:
-    """What of the excitation moves a support, with its path."""
-    return ((path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedSupport))
-
-
-def driven_stops(scenario: Scenario) -> list[tuple[Path, One]]:
-    """What of the excitation moves a stop, with its path."""
-    return [(path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedStop)]
+    @classmethod
+    def of(cls, scenario: Scenario) -> Acting:
+        """That of a scenario; of no excitation nothing."""
+        forces, supports, stops, base = [], [], [], None
+        for place, each in scenario.excitation.items:
+            item, on = (("excitation", *place), each), each.applied_to
+            if isinstance(on, MovedSupport):
+                supports.append(item)
+            elif isinstance(on, MovedStop):
+                stops.append(item)
+            elif each.on_base:
+                base = base or item
+            else:
+                forces.append(item)
+        return cls(forces, supports, stops, base)
 
 
 def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
@@ -143,7 +153,7 @@ def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
     supports = supports_of(structure)
     return [
         Moved(path, each, _moved_support(scenario, supports, path, each.applied_to))
-        for path, each in driven_supports(scenario)
+        for path, each in Acting.of(scenario).supports
     ]
 
 
@@ -228,11 +238,7 @@ def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) ->
         raise ScenarioError(problems)
 
 
-# First quantities of what moves supports and the base, and is no force.
-MOTIONS = (TRANSLATION_TAKES[0], ROTATION_TAKES[0])
-
-
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Parts:
     """The structure of a scenario in reduced, mass-normalised coordinates."""
 
@@ -240,12 +246,22 @@ class Parts:
     structure: Structure
     basis: ReducedBasis
     shared: SharedBuilds
+    acting: Acting
     moved: tuple[Moved, ...] = ()  # supports that move
+    base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
+    omega: Floats = field(init=False)  # (n,) rad/s
+    stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
+    snubber_sites: list[Site] = field(init=False)  # where the snubbers sit
+    spring_sites: list[Site] = field(init=False)  # where nonlinear springs, joints and friction contacts sit
+    probe_sites: list[Site] = field(init=False)  # where the probes sit
 
-    @cached_property
-    def omega(self) -> Floats:
-        """(n,) rad/s."""
-        return np.asarray(self.basis.omega * self.structure.frequency_scale)
+    def __post_init__(self) -> None:
+        self.base = base_direction(self.scenario)
+        self.omega = np.asarray(self.basis.omega * self.structure.frequency_scale)
+        self.stiffness = self.omega**2
+        self.snubber_sites = [snubber_site(located) for located in self.scenario.located_snubbers]
+        self.spring_sites = [snubber_site(located) for located in self.scenario.nonlinear_springs]
+        self.probe_sites = [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
 
     @cached_property
     def damping(self) -> Floats:
@@ -258,44 +274,26 @@ class Parts:
         scale = np.sqrt(self.structure.mass_scale)
         return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
 
-    @property
-    def stiffness(self) -> Floats:
-        """(n,) diagonal of K, rad^2/s^2."""
-        return np.asarray(self.omega**2)
-
     def shape(self, load: Any) -> Floats:
         """(n,) what the work of a load of unit level is for a unit of each coordinate, 1/sqrt(kg) times its unit."""
         return np.asarray(self.shapes([load_site_in(self.scenario, load)])[0])
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        scale = np.sqrt(self.structure.mass_scale)
-        return self._once("shapes", sites, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
+        key, scale = (self.basis, tuple(sites)), np.sqrt(self.structure.mass_scale)
+        return self.shared.once("shapes", key, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
 
     def recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
         """What can be recovered along each body, with stations at the sites; damping has no part in it."""
-        base = base_direction(self.scenario)
-        return self._once("recoveries", sites, lambda: self.structure.recoveries(self.basis, sites, base))
-
-    def _once(self, sort: str, sites: Sequence[LoadSite], build: Callable[[], Built]) -> Built:
-        """What is built at sites for all scenarios that have these coordinates and move the base alike."""
-        return self.shared.once(sort, (self.basis, tuple(sites), base_direction(self.scenario)), build)
+        key, recovered = (self.basis, tuple(sites), self.base), self.structure.recoveries
+        return self.shared.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
 
     def levers(self, sites: Sequence[Site]) -> Floats:
         """(k,) motion of places for a unit motion of the base; 1 of links, which do not feel it, and where it rests."""
-        motion = base_direction(self.scenario)
-
-        def lever(site: Site) -> float:
-            moved = 1.0 if motion is None or isinstance(site, Link) else self.structure.base_motion_at(site, motion)
-            return 1.0 if abs(moved - 1.0) < 1e-9 else moved
-
-        return self._once("levers", sites, lambda: np.array([lever(site) for site in sites]))
-
-    @property
-    def has_moving_mountings(self) -> bool:
-        """Whether a snubber is mounted on a support, or is moved by the excitation."""
-        mountings = (getattr(snubber, "mounted_on", None) for snubber in self.scenario.all_snubbers)
-        return bool(driven_stops(self.scenario)) or any(isinstance(on, OnSupport) for on in mountings)
+        if self.base is None:
+            return np.ones(len(sites))
+        moved = [1.0 if isinstance(at, Link) else self.structure.base_motion_at(at, self.base) for at in sites]
+        return np.array([1.0 if abs(lever - 1.0) < 1e-9 else lever for lever in moved])
 
     def influence(self, signals: int) -> Floats:
         """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.
@@ -307,8 +305,8 @@ class Parts:
         ScenarioError
             Where a snubber is mounted on a support that there is not.
         """
-        scenario, first = self.scenario, len(exciting_forces(self.scenario))
-        influence, stops = np.zeros((len(self.snubber_sites), signals)), driven_stops(scenario)
+        scenario, first, stops = self.scenario, len(self.acting.forces), self.acting.stops
+        influence = np.zeros((len(self.snubber_sites), signals))
         for row, site, (path, _, snubber, _) in zip(
             influence, self.snubber_sites, scenario.located_snubbers, strict=True
         ):
@@ -324,21 +322,6 @@ class Parts:
             for k, (_, driven) in enumerate(stops, start=first + 3 * len(self.moved)):
                 row[k] = -float(driven.moves_stop(snubber.name))
         return influence
-
-    @cached_property
-    def snubber_sites(self) -> list[Site]:
-        """Where the snubbers sit."""
-        return [snubber_site(located) for located in self.scenario.located_snubbers]
-
-    @cached_property
-    def spring_sites(self) -> list[Site]:
-        """Where nonlinear springs, joints and friction contacts sit."""
-        return [snubber_site(located) for located in self.scenario.nonlinear_springs]
-
-    @cached_property
-    def probe_sites(self) -> list[Site]:
-        """Where the probes sit."""
-        return [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
 
 
 def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None) -> Parts:
@@ -360,36 +343,33 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
         Where matrices do not know a direction that is asked for.
     """
     shared = SharedBuilds() if shared is None else shared
-    bodies = tuple(scenario.all_bodies.items())
-    driven = tuple((path, each.applied_to) for path, each in driven_supports(scenario))
-    # a place in an element that ends at a support which moves would move with it
-    nodes = (*_sensed(scenario), *also_at) if driven else ()
+    bodies, acting = tuple(scenario.all_bodies.items()), Acting.of(scenario)
+    driven = tuple((path, each.applied_to) for path, each in acting.supports)
+    contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
+    nodes: tuple[Place, ...] = ()
+    if driven:  # a place in an element that ends at a support which moves would move with it
+        sensed = [*contacts, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
+        nodes = (*dict.fromkeys(end for site in sensed for end in ends_of(site)), *also_at)
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moved = moved_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs
-    sites: list[LoadSite] = [*_contact_sites(scenario), *force_sites(scenario), *also_at]
+    sites: list[LoadSite] = [*contacts, *force_sites(scenario), *also_at]
     asked = _asked_reduction(scenario, structure)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
+
+    def reduced() -> ReducedBasis:
+        patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
+        patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
+        patterns += [each.pattern(structure) for each in moved]
+        patterns += [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
+        return reduce_model(structure, patterns, **asked)
+
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
     key = (undamped, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
-    basis = shared.once(
-        "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
-    )
-    return Parts(scenario, structure, basis, shared, tuple(moved))
-
-
-def _contact_sites(scenario: Scenario) -> list[Site]:
-    """Where snubbers and nonlinear springs sit."""
-    return [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
-
-
-def _sensed(scenario: Scenario) -> list[Place]:
-    """Where contacts act and motions are recorded."""
-    sites = [*_contact_sites(scenario), *(site_in(scenario, probe) for probe in scenario.effective_probes)]
-    return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
+    return Parts(scenario, structure, shared.once("reduction", key, reduced), shared, acting, tuple(moved))
 
 
 def _check_directions(scenario: Scenario, structure: Structure) -> None:
@@ -406,28 +386,9 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
                 raise ScenarioError(Problem(path, about, error.remedy)) from None
 
 
-def start_of(scenario: Scenario) -> Start | None:
-    """The initial state that the scenario asks for; None where it has no run."""
-    return None if scenario.run is None else scenario.run.start
-
-
-def exciting_forces(scenario: Scenario) -> list[tuple[Path, One]]:
-    """The forces of the excitation with their paths; none of base motion and of no excitation."""
-    return [
-        (path, each)
-        for path, each in _excitations(scenario)
-        if each.applied_to != "base" and each.applied_to.takes[0] not in MOTIONS
-    ]
-
-
-def moving_base(scenario: Scenario) -> tuple[Path, One] | None:
-    """What of the excitation moves the base, with its path; None where the base is at rest."""
-    return next((item for item in _excitations(scenario) if item[1].on_base), None)
-
-
 def base_direction(scenario: Scenario) -> BaseDirection | None:
     """How the excitation moves the base; None where the base is at rest."""
-    moving = moving_base(scenario)
+    moving = Acting.of(scenario).base
     return None if moving is None else _named(scenario, moving[1].direction or "", moving[1].axis_point)
 
 
@@ -454,20 +415,11 @@ def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:
 def force_sites(scenario: Scenario) -> list[LoadSite]:
     """Sites of every force, released ones included."""
     sites = [load_site_in(scenario, force) for force in scenario.constant_forces]
-    sites += [load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)]
-    start = start_of(scenario)
+    sites += [load_site_in(scenario, force.applied_to) for _, force in Acting.of(scenario).forces]
+    start = None if scenario.run is None else scenario.run.start
     if isinstance(start, ReleasedForceStart):
         sites.append(load_site_in(scenario, start.released_force))
     return sites
-
-
-def _patterns(
-    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moved: Sequence[Moved]
-) -> list[LoadPattern]:
-    patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
-    patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
-    patterns += [each.pattern(structure) for each in moved]
-    return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 
 def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]:
@@ -486,6 +438,6 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
     excited = highest_excited_hz(scenario)
     of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz(excited)
     highest = max(of_run, 10 * excited)
-    start = start_of(scenario)
+    start = None if scenario.run is None else scenario.run.start
     mode = start.mode if isinstance(start, ModeStart) else 0
     return {"highest_frequency": highest * hz, "default": True, "least": 6, "mode": mode}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.snubbers import SpringInfo
 from beamsim.fields import attribute, declared
@@ -19,8 +20,8 @@ from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, SineLoads, Sizes
-from beamsim.system.modes import Assessment, ModeTable
-from beamsim.system.parts import exciting_forces
+from beamsim.system.modes import ModeTable, doubts, mode_table, undamped_modes
+from beamsim.system.parts import Parts
 from beamsim.typing import Floats
 
 
@@ -87,16 +88,21 @@ class StructuralSystem:
     which is 1 on every deflection where it moves upwards.
     """
 
+    scenario: Scenario  # that it was built from
     dynamics: PiecewiseLinearSystem
     forcing: Forcing
     initial_state: Floats  # (N,) q, q', then the internal states of the contacts
     probes: tuple[ProbeRow, ...]
+    base_influence: Floats  # (probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest
     base_acceleration: Signal | None  # m/s^2; None where the base is at rest
     base_velocity: Signal | None  # m/s
     base_displacement: Signal | None  # m
     snubbers: tuple[SnubberInfo, ...]
     bodies: tuple[Recovery, ...]  # what is known along each body
-    assessment: Assessment
+    stations: Stations  # where shapes are known
+    deflection: Floats  # (nx, n) there for a unit of each coordinate, 1/sqrt(kg)
+    parts: Parts  # the reduced structure
+    stops: Contacts  # the snubbers alone
     static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
     static_reason: str  # why there is no static equilibrium; empty where there is one
     excitation_frequency_hz: float  # nan where there is none, or several
@@ -109,55 +115,37 @@ class StructuralSystem:
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 
-    @property
-    def base_influence(self) -> Floats:
-        """(probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest."""
-        moving = self.base_acceleration is not None
-        return np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario that it was built from."""
-        return self.assessment.parts.scenario
-
-    @property
+    @cached_property
     def modes(self) -> ModeTable:
         """Natural frequencies, damping and accuracy, for a result: they take longer than the rest of the system."""
-        return self.assessment.modes
+        at_rest = None if self.cubic.count else self.static_equilibrium
+        return mode_table(self.parts, self.dynamics, self.stops, at_rest, self.stations, self.deflection)
 
-    @property
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Remarks, and doubts that follow from `modes`."""
-        return (*self.remarks, *self.assessment.doubts)
+        return (*self.remarks, *doubts(self.scenario, self.modes))
 
     @property
     def kept_modes(self) -> int:
         """Number of modes that the reduction keeps."""
-        return self.assessment.parts.basis.modes
+        return self.parts.basis.modes
 
     @property
     def open_frequencies_hz(self) -> Floats:
         """(n,) natural frequencies with every contact open."""
-        return self.assessment.parts.omega / (2 * np.pi)
+        return self.parts.omega / (2 * np.pi)
 
-    @property
+    @cached_property
     def closed_frequencies_hz(self) -> Floats:
         """(n,) natural frequencies with every snubber closed."""
-        return self.assessment.closed_frequencies_hz
-
-    @property
-    def stations(self) -> Stations:
-        """Where shapes are known."""
-        return self.assessment.stations
-
-    @property
-    def deflection(self) -> Floats:
-        """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
-        return self.assessment.deflection
+        phases = np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
+        stopped = replace(self.dynamics, contacts=self.stops)
+        return undamped_modes(stopped, phases, self.parts.basis.rigid)[0] / (2 * np.pi)
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
-        moved, first = self.assessment.parts.moved, len(exciting_forces(self.assessment.parts.scenario))
+        moved, first = self.parts.moved, len(self.parts.acting.forces)
         motion = np.zeros((times.size, len(places)))
         for each, displacement in zip(moved, self.forcing.signal[first + 2 :: 3], strict=False):
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])

@@ -12,6 +12,7 @@ from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.state_equations import StateEquations
 
 N, M = 40, 6
 
@@ -31,6 +32,10 @@ def flow_of(system, duration=0.3) -> ExactFlow:
     return ExactFlow(system, Forcing(np.ones((1, N)), (Signal.harmonic(40.0, 20.0),)), duration)
 
 
+def at(flow, phases):
+    return StateEquations(flow.equations, phases)
+
+
 def propagator(known, system, time):
     """The free response over a time, in the norm of the energy."""
     modes, n = known.modes.simple, system.size
@@ -45,11 +50,11 @@ def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed):
     """60 random changes of contacts, one after the other."""
     system, rng = beam_like(law, seed=seed, load=2.0), np.random.default_rng(seed)
     flow, phases = flow_of(system), np.zeros(M, dtype=np.int64)
-    state = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window)
+    state = ContactState.of(at(flow, phases.copy()), flow.sources, flow.longest_window)
     for _ in range(60):
         phases[rng.integers(M)] ^= 1
-        state = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window, state)
-    fresh = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window)
+        state = ContactState.of(at(flow, phases.copy()), flow.sources, flow.longest_window, state)
+    fresh = ContactState.of(at(flow, phases.copy()), flow.sources, flow.longest_window)
     for time in (0.0, 1e-4, 3e-3):
         assert np.abs(propagator(state, system, time) - propagator(fresh, system, time)).max() < 2e-11
     one, other = (each.term_vector[0] for each in (state, fresh))
@@ -65,8 +70,8 @@ def test_coupled_contacts_at_one_place():
     shape[2, 1::2] = 0.0
     system = replace(system, contacts=replace(system.contacts, shape=shape))
     flow = flow_of(system)
-    state = ContactState.of(flow.equations.at(np.zeros(M, dtype=np.int64)), flow.sources, flow.longest_window)
+    state = ContactState.of(at(flow, np.zeros(M, dtype=np.int64)), flow.sources, flow.longest_window)
     for phases in ([1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 1, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
-        state = ContactState.of(flow.equations.at(np.array(phases)), flow.sources, flow.longest_window, state)
-        fresh = ContactState.of(flow.equations.at(np.array(phases)), flow.sources, flow.longest_window)
+        state = ContactState.of(at(flow, np.array(phases)), flow.sources, flow.longest_window, state)
+        fresh = ContactState.of(at(flow, np.array(phases)), flow.sources, flow.longest_window)
         assert np.abs(propagator(state, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-11

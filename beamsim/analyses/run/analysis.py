@@ -50,7 +50,7 @@ from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import OrbitStart, Reduction, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds, moving_base
+from beamsim.system.parts import Acting, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -247,7 +247,7 @@ def _asked_for(
             "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
         )
         notes += said
-    if (matched := moving_base(scenario)) is not None and isinstance(matched[1], MatchedInput):
+    if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
         fields["matched"] = matched_spectrum(system, matched[0], matched[1])
         if (worst := float(np.abs(fields["matched"].misfit_db).max())) > MISFIT_DB:
             notes.append(

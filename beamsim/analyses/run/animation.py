@@ -90,7 +90,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     """
     settings, system = not_none(result.scenario.run), model
     if isinstance(settings.start, OrbitStart):
-        shared = SharedBuilds() if model is None else model.assessment.parts.shared
+        shared = SharedBuilds() if model is None else model.parts.shared
         _, system = built_at_orbit(result.scenario, shared)
     system = system or build_system(result.scenario)
     times, slow = instants(result)
@@ -132,7 +132,7 @@ def frames_at(
     -------
     Frames
     """
-    (times, slow), scenario, parts = instants, system.scenario, system.assessment.parts
+    (times, slow), scenario, parts = instants, system.scenario, system.parts
     lines = tuple(line for part in system.stations for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     of_lines = [parts.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]

@@ -46,7 +46,6 @@ from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
-from beamsim.system.parts import base_direction, exciting_forces
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints, not_none
@@ -661,13 +660,13 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
 
     A support moves with the base and against it.
     """
-    of_base, parts = system.base_acceleration, system.assessment.parts
+    of_base, parts = system.base_acceleration, system.parts
     if of_base is not None:
         yield ("input", "acceleration"), [(1.0, of_base)]
-    supports = supports_of(parts.structure, base_direction(parts.scenario) or UPWARDS)
+    supports = supports_of(parts.structure, parts.base or UPWARDS)
     levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
     moving: dict[str, list[tuple[float, Pieces]]] = {}
-    for moved, own in zip(parts.moved, system.forcing.signal[len(exciting_forces(parts.scenario)) :: 3], strict=False):
+    for moved, own in zip(parts.moved, system.forcing.signal[len(parts.acting.forces) :: 3], strict=False):
         support = moved.support
         at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
         if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):

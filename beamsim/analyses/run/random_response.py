@@ -57,7 +57,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
-from beamsim.system.parts import driven_supports, exciting_forces, moving_base
+from beamsim.system.parts import Acting
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, not_none
 
@@ -114,8 +114,8 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         )  # fmt: skip
 
     shaken = system.base_acceleration is not None
-    others = (*exciting_forces(scenario), *driven_supports(scenario))
-    _, shown = moving_base(scenario) or others[0]
+    acting = Acting.of(scenario)
+    _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     quantity, alone = str(shown.takes[0]), len(scenario.excitation.items) == 1
     given = (histories["base_acceleration"].values if shaken else system.forcing.signal[0](times))[first:]
     entered = statistics("input", quantity, amplitude_unit(quantity), given)

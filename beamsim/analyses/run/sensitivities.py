@@ -199,14 +199,14 @@ def _varied(
     chosen : values of whose channels there are rows.
     number : from the scenario.
     """
-    shared = system.assessment.parts.shared
+    shared = system.parts.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or 0.5 * (number.high - number.low))
     step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
     starts = {own: own.flow.whole_state(system.initial_state)}
     for side in SIDES:
         built, flow = _beside(scenario, own.flow, number, side * step, shared)
-        outputs = FlowOutputs(flow, _turn(system.assessment.parts, built.assessment.parts), own.flow)
+        outputs = FlowOutputs(flow, _turn(system.parts, built.parts), own.flow)
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
     both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
