@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.motion import RunMotion, output_times
+from beamsim.analyses.run.motion import RunMotion, output_times, steps_in_time
 from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, RunResult
-from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
+from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import figures_of_motion
 from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset

@@ -29,11 +29,9 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
-from beamsim.analyses.run.exact_motion import motion_in_chunks
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.linear_prediction import gapping_of_sine
-from beamsim.analyses.run.motion import RunMotion, output_times
-from beamsim.analyses.run.needed import MOTION_ALONE
+from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import Observed
 from beamsim.flow.extrema_kernels import TOLERANCE
 from beamsim.flow.transient import simulate
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

@@ -398,7 +398,7 @@ INPUTS = {
     "psd: [{frequency: 5 Hz, density: 1}, {frequency: 50 Hz, density: 1}]}\n",
 }
 STAGES = [  # input, module and function in which the signal comes, what is said to be missing
-    ("harmonic", "analyses.run.exact_motion", "energies_of_segments", "before the spectra"),
+    ("harmonic", "analyses.run.motion", "energies_of_segments", "before the spectra"),
     ("harmonic", "analyses.run.observers", "sampled_stored_energy", "before the spectra"),
     ("harmonic", "analyses.run.analysis", "spectra_of", "before the spectra"),
     ("random", "analyses.run.summary", "gapping_of_run", "before the level that changes contact"),

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import beamsim
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import search_extrema
 from beamsim.flow.extrema_kernels import Sums
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
+from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from tests.helpers.observed import all_outputs

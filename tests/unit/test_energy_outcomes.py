@@ -8,7 +8,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance, EnergyHistory
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
@@ -16,6 +15,7 @@ from beamsim.flow import transient
 from beamsim.flow.trajectory import too_many_events
 from beamsim.flow.transient import motion_of, simulate
 from beamsim.outcomes import COMPLETE, exit_code
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

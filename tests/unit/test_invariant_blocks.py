@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
 from beamsim.flow.sources import compile_sources
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.state_equations import Equations

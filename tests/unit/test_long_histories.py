@@ -70,13 +70,14 @@ def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):
-    from beamsim.analyses.run import exact_motion
+    from beamsim.analyses.run import motion
 
     short = {"run.duration": "0.5 s", "run.sample_rate": "1 kHz"}
     result = long_run(**short, **{"run.memory": "100 MB"})
     assert result.summary["memory_bytes"] == 100_000_000
     assert result.complete
-    monkeypatch.setattr(exact_motion, "events_in_memory", lambda flow, memory: int(memory / 1e7))
+    event = 16 * (2 * len(result.summary["open_frequencies_hz"]) + 8)  # bytes
+    monkeypatch.setattr(motion, "MOTION_SHARE", 10.5 * event / result.summary["memory_bytes"])  # room for ten
     limited = long_run(**short, **{"run.memory": "100 MB"})
     assert limited.summary["events"] < 15 < result.summary["events"]
     assert "raise run.memory" in limited.status

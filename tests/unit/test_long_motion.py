@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import exact_motion
+from beamsim.analyses.run import motion
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact
 from beamsim.inputs import signal
@@ -29,8 +29,8 @@ def scenario(**run):
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(signal, "PIECES_OF_A_BLOCK", 700)
-        patch.setattr(exact_motion, "FEWEST_PIECES", 256)
-        patch.setattr(exact_motion, "BYTES_A_PIECE", 12800)
+        patch.setattr(motion, "FEWEST_PIECES", 256)
+        patch.setattr(motion, "BYTES_A_PIECE", 12800)
         yield
 
 
@@ -184,6 +184,6 @@ def test_a_disturbance_is_followed_to_the_end(monkeypatch):
 
 
 def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.run.exact_motion.MOST_PIECES", 2000)
+    monkeypatch.setattr("beamsim.responses.loads.MOST_PIECES", 2000)
     with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
         beamsim.run(scenario(method="reference"))

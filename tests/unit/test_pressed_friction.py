@@ -8,7 +8,6 @@ from balance import energy_history, energy_of_segments
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
@@ -17,6 +16,7 @@ from beamsim.errors import MethodError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem

@@ -5,9 +5,9 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import power_factors
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
 from beamsim.system.build import build_system

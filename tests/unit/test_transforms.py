@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transforms import NEIGHBOURS, FourierSums, interpolated
 from beamsim.flow.transient import simulate
+from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 from tests.helpers.observed import all_outputs

@@ -68,10 +68,10 @@ def undisturbed():
 @pytest.fixture
 def no_grace(monkeypatch):
     """No time to evaluate what was marched, as if the motion were a very long one."""
-    from beamsim.analyses.run import exact_motion, observers
+    from beamsim.analyses.run import motion, observers
 
     for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SEGMENTS": 8}.items():
-        monkeypatch.setattr(exact_motion, name, value)
+        monkeypatch.setattr(motion, name, value)
     for name, value in {"FEWEST_SAMPLES": 10, "VALUES_AT_ONCE": 20_000}.items():
         monkeypatch.setattr(observers, name, value)
 
@@ -79,8 +79,8 @@ def no_grace(monkeypatch):
 @pytest.mark.parametrize(
     ("function", "times", "left_out"),
     [
-        ("with_chunk", 1, None),
-        ("with_chunk", 4, None),
+        ("computed", 1, None),
+        ("computed", 4, None),
         ("record", 200, "the histories after"),
         ("spectra_of", 20, "the spectra"),
         ("summary_of_run", 1, "the level that changes contact"),

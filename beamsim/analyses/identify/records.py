@@ -32,7 +32,6 @@ from pydantic import ValidationError
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.errors import InputFileError, rooted
 from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import Extrema
@@ -48,7 +47,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import BranchStep, Predictor, Settings, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
-from beamsim.responses.loads import periodic_forcing
+from beamsim.responses.loads import exact_flow, periodic_forcing
 from beamsim.responses.points import cut
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text

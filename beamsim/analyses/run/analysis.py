@@ -14,23 +14,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
-from beamsim.analyses.run.histories import aliased_in_histories, datasets_of, without_histories
+from beamsim.analyses.run.histories import aliased_in_histories, bodies_of_run, datasets_of, without_histories
 from beamsim.analyses.run.motion import (
+    EVERYTHING,
     Evaluation,
+    Needed,
     RunMotion,
-    bodies_of_run,
-    contact_instant,
+    exact_motion_of,
     output_times,
-    pull_warnings,
+    refuse_long_histories,
+    steps_in_time,
 )
-from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.observers import reached
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
-from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
+from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.hdf5 import is_as_written, open_hdf5
@@ -43,7 +43,7 @@ from beamsim.results.validity import (
     line_warnings,
     reduction_checked,
 )
-from beamsim.results.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
+from beamsim.results.values import DISPLACEMENT, FORCE, NO_EXTREMES, PENETRATION, STRESS, largest, largest_pulls
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic, MatchedInput
 from beamsim.scenario.parameters import replaced
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 
 MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
 NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
+SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
 
 
@@ -127,28 +128,34 @@ def solved(
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    scenario, system = _built(scenario, shared)
-    settings, needed, times = not_none(scenario.run), Needed.of(scenario, entries), output_times(scenario)
-    if needed.everything or needed.statistics:
+    if scenario.run is None:
+        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
+    if isinstance(scenario.run.start, OrbitStart):
+        scenario, system = built_at_orbit(scenario, shared)
+    else:
+        system = build_system(scenario, shared)
+    everything, needed = entries is None, EVERYTHING if entries is None else Needed.of(scenario, entries)
+    settings, times = not_none(scenario.run), output_times(scenario)
+    if everything or needed.statistics:
         refuse_long_histories(system, settings, times.size)
     motion = motion_of(system, settings, times, progress, stop, needed)
-    sampled = motion.histories if needed.everything or needed.statistics else None
+    sampled = motion.histories if everything or needed.statistics else None
     evaluation = Evaluation(stop)
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
         evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
     spectra: dict[tuple[str, str], Spectrum] = {}
-    if needed.everything or needed.root_mean_squares:
+    if everything or needed.root_mean_squares:
         spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
     result = RunResult(
         scenario=scenario,
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
-        contact=contact_instant(motion) if needed.everything else None,
+        contact=motion.contact if everything else None,
         inputs=system.inputs,
         datasets={**datasets, "events": motion.events},
         spectra=spectra,
-        **(bodies_of_run(motion, evaluation) if needed.everything else {}),
+        **(bodies_of_run(motion, evaluation) if everything else {}),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
@@ -156,7 +163,7 @@ def solved(
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, spectra, needed, evaluation)
-    if needed.everything and sampled is not None:
+    if everything and sampled is not None:
         unknown = dict[str, float]()
         aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
         summary["aliased_in_histories"] = aliased or None
@@ -173,15 +180,6 @@ def solved(
     return Solution(motion, result)
 
 
-def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
-    """A scenario with what its start resolves to, and its system."""
-    if scenario.run is None:
-        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    if isinstance(scenario.run.start, OrbitStart):
-        return built_at_orbit(scenario, shared)
-    return scenario, build_system(scenario, shared)
-
-
 def _warnings(motion: RunMotion) -> list[str]:
     """What is doubtful in a scenario, its system and the motion."""
     system, scenario = motion.system, motion.system.scenario
@@ -192,10 +190,22 @@ def _warnings(motion: RunMotion) -> list[str]:
         *scenario.warnings,
         *system.warnings,
         *motion.warnings,
-        *pull_warnings(motion),
+        *(pull_warnings(motion) if snubbers else []),
         *(line_warnings(system.inputs, system.modes) if system.inputs else []),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
+    ]
+
+
+def pull_warnings(motion: RunMotion) -> list[str]:
+    """A warning, one sentence, for each snubber whose dashpot pulls before the contact opens; there are snubbers."""
+    forces = motion.extremes[FORCE]
+    pulls = largest_pulls(forces)
+    return [
+        f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} {s.item.units[1]} before the contact opens"
+        + ("; law: no_tension opens it before" if not s.item.yields else "")
+        for j, s in enumerate(motion.system.scenario.located_snubbers)
+        if pulls[j] > SMALLEST_PULL * forces[2][j] and not s.item.latch
     ]
 
 
@@ -292,9 +302,9 @@ def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
     One sentence a probe and snubber.
     """
     system, scenario = motion.system, motion.system.scenario
-    if motion.trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
+    trajectory, largest = motion.trajectory, None
+    if trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
         return []
-    largest = None
     order = np.argsort(system.dynamics.stiffness, kind="stable")
     damped = [(j, snubber) for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
     shapes = np.array([snubber.shape for _, snubber in damped]).reshape(len(damped), order.size)
@@ -306,7 +316,12 @@ def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
             reached = np.cumsum(probe.shape[order] ** 2)
             if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:
                 continue
-            largest = _touch_down_forces(motion) if largest is None else largest
+            if largest is None:  # force, N, with which each contact is made
+                contact = trajectory.event_contact[trajectory.event_closing]
+                at = trajectory.event_time[trajectory.event_closing]
+                forces = trajectory.sample(at, lambda phases: trajectory.flow.at(phases).force)
+                largest = np.zeros(trajectory.flow.system.contacts.count)
+                np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
             jump = largest[j] * reached[-1] / STANDARD_GRAVITY
             if jump > NOTED * peak_g[probe.name]:
                 warnings.append(
@@ -316,17 +331,6 @@ def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
                     "whole mass at the contact as a point mass"
                 )
     return warnings
-
-
-def _touch_down_forces(motion: RunMotion) -> Floats:
-    """(m,) N, the largest force with which each contact is made."""
-    trajectory = not_none(motion.trajectory)
-    made = trajectory.event_closing
-    contact = trajectory.event_contact[made]
-    forces = trajectory.sample(trajectory.event_time[made], lambda of: trajectory.flow.at(of).force)
-    largest = np.zeros(trajectory.flow.system.contacts.count)
-    np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
-    return largest
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
-from beamsim.analyses.run.needed import Needed
+from beamsim.analyses.run.motion import Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.outcomes import Progress, never

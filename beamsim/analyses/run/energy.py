@@ -7,7 +7,7 @@ Relative frame; what the motion of a ground-mounted snubber does to the structur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -55,12 +55,16 @@ def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats,
     )
 
 
+@dataclass
 class EnergyBalance:
     """How far energies are from balance, of a motion that is given chunk by chunk."""
 
-    def __init__(self) -> None:
-        self._imbalance = self._exchanged = self._largest_stored = 0.0  # J, at the end of the latest
-        self._worst: list[tuple[float, float | None]] = []  # of each its largest imbalance, and when it is lost, s
+    error: float = 0.0  # largest imbalance over the energy; 0 of a motionless structure
+    energy: float = 0.0  # J, the larger one of the stored energy and the integral of |power in|
+    _imbalance: float = 0.0  # J, at the end of the latest chunk
+    _exchanged: float = 0.0  # J
+    _stored: float = 0.0  # J, the most
+    _worst: list[tuple[float, float | None]] = field(default_factory=list)  # of each chunk, and when it is lost, s
 
     def add(self, times: Floats, history: EnergyHistory, exchanged: float) -> None:
         """Include the next chunk.
@@ -76,24 +80,17 @@ class EnergyBalance:
         size = np.abs(imbalance)
         self._imbalance = float(imbalance[-1])
         self._exchanged += exchanged
-        self._largest_stored = float(np.maximum(self._largest_stored, history.stored.max()))
-        lost = np.flatnonzero(~np.isfinite(size) | (np.isfinite(self._scale) & (size > LARGEST_ERROR * self._scale)))
+        self._stored = float(np.maximum(self._stored, history.stored.max()))
+        self.energy = max(self._stored, self._exchanged)
+        lost = np.flatnonzero(~np.isfinite(size) | (np.isfinite(self.energy) & (size > LARGEST_ERROR * self.energy)))
         self._worst.append((float(size.max()), float(times[lost[0]]) if lost.size else None))
-
-    @property
-    def _scale(self) -> float:
-        return max(self._largest_stored, self._exchanged)
-
-    @property
-    def error(self) -> float:
-        """Largest imbalance over max(stored energy, integral of |power in|); 0 of a motionless structure."""
-        return float(np.max([size for size, _ in self._worst])) / self._scale if self._scale else 0.0
+        self.error = float(np.max([size for size, _ in self._worst])) / self.energy if self.energy else 0.0
 
     def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
-        allowed = min(LARGEST_ERROR * self._scale, np.finfo(float).max)
+        allowed = min(LARGEST_ERROR * self.energy, np.finfo(float).max)
         lost_at = next((when for size, when in self._worst if when is not None and not size <= allowed), None)
-        if lost_at is None or self._scale == 0.0 or outcome.code == NOT_FINITE:
+        if lost_at is None or self.energy == 0.0 or outcome.code == NOT_FINITE:
             return outcome
         if not np.isfinite(self.error):
             return not_finite(lost_at)

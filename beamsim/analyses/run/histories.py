@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
 from beamsim.analyses.run.layouts import FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.motion import Evaluation, RunMotion
 from beamsim.analyses.run.observers import Histories
+from beamsim.analyses.run.result import ONLY_BEAM, BodyResult
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import Observed
 from beamsim.labelled import Dataset
-from beamsim.results.values import DISPLACEMENT, FORCE, of_angles
+from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, largest, of_angles
 from beamsim.scenario.connections import OfHinge
 from beamsim.signals.aliasing import NOTABLE, share_above_half_rate, share_of_blocks
-from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import FORCE_UNITS, StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.run.motion import Evaluation, RunMotion
 
 _SLIDING_UNITS = {
     "sliding_distance": "m", "dissipated_energy": "j", "dissipated_power": "w", "wear_power": "w", "worn_volume": "m3",
@@ -51,23 +49,35 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     -------
     By name.
     """
-    system, time = motion.system, histories.time
+    system, time, none = motion.system, histories.time, np.zeros(histories.time.size)
     turning = any(each.on_base and each.rotates for _, each in system.scenario.excitation.items)
-    sliding = _sliding(motion, evaluation)
-    values = {
+    friction = [each.item for each in system.scenario.listed("friction")]
+    sliding = _sliding(motion, evaluation) if friction else []
+    base = none if system.base_displacement is None else system.base_displacement(time)
+    values: dict[str, Any] = {
         "time": time,
-        "base_acceleration": _signal(system.base_acceleration, time),
-        "base_displacement": _signal(system.base_displacement, time),
+        "base_acceleration": none if system.base_acceleration is None else system.base_acceleration(time),
+        "base_displacement": base,
         "energy_work_in": histories.energy.work_in,
         "energy_dissipated": histories.energy.dissipated,
         "energy_stored": histories.energy.stored,
-        **_of_probes(motion, histories),
-        **_of_snubbers(motion, histories),
-        **_of_springs(system, histories),
-        **_of_friction(motion, histories, sliding),
-        **_of_outputs(system, histories),
     }
-    friction = [each.item for each in system.scenario.listed("friction")]
+    if system.probes:
+        values |= _of_probes(motion, histories, base)
+    if system.snubbers:
+        values |= _of_snubbers(motion, histories)
+    if springs := [spring for spring in system.springs if spring.kind != FRICTION]:
+        values |= {
+            "spring": [spring.name for spring in springs],
+            "spring_kind": [spring.kind for spring in springs],
+            "spring_masses": [json.dumps(spring.masses) for spring in springs],
+            "spring_stretch": histories.of(("springs", "stretch")).T,
+            "spring_force": histories.of(("springs", "force")).T,
+        }
+    if friction:
+        values |= _of_friction(motion, histories, sliding)
+    if system.outputs:
+        values |= _of_outputs(system, histories)
     of_members = {
         "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
         "friction": [contact_units("rad" if isinstance(each, OfHinge) else "m") for each in friction],
@@ -87,11 +97,6 @@ def contact_units(gap_unit: str) -> dict[str, str]:
     return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
 
 
-def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
-    """A signal at these times; zero where there is none."""
-    return np.zeros(times.size) if signal is None else signal(times)
-
-
 def _known(values: Sequence[float | None]) -> Floats | None:
     """(k,) numbers, NaN where there is none; None where there are none at all."""
     if all(value is None for value in values):
@@ -99,20 +104,13 @@ def _known(values: Sequence[float | None]) -> Floats | None:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def _bodies(system: StructuralSystem, section: str, names: Sequence[str]) -> list[str] | None:
-    bodies = system.scenario.bodies_of_places.get(section, {})
-    return [bodies[name] for name in names] if bodies else None
-
-
-def _of_probes(motion: RunMotion, histories: Histories) -> dict[str, Any]:
-    system, probes = motion.system, motion.system.probes
-    if not probes:
-        return {}
-    base, displacement = _signal(system.base_displacement, histories.time), histories.of(DISPLACEMENT).T
-    names = [probe.name for probe in probes]
+def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
+    """What the probes measure; the base has displacements (nt,), m."""
+    system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
+    bodies = system.scenario.bodies_of_places.get("probes")
     return {
-        "probe": names,
-        "probe_body": _bodies(system, "probes", names),
+        "probe": [probe.name for probe in probes],
+        "probe_body": [bodies[probe.name] for probe in probes] if bodies else None,
         "position": [probe.position for probe in probes],
         "across": _known([probe.across for probe in probes]),
         "displacement": displacement,
@@ -124,15 +122,15 @@ def _of_probes(motion: RunMotion, histories: Histories) -> dict[str, Any]:
 
 
 def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
+    """What the snubbers are and do."""
     system, snubbers = motion.system, motion.system.snubbers
-    if not snubbers:
-        return {}
-    names = [snubber.name for snubber in snubbers]
+    bodies = system.scenario.bodies_of_places.get("snubbers")
     described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
-    crushed = _crushed(motion)
+    yields = any(law.yields for law in system.dynamics.contacts.laws[: len(snubbers)])
+    crushed = _crushed(motion) if yields else {}
     return {
-        "snubber": names,
-        "snubber_body": _bodies(system, "snubbers", names),
+        "snubber": [snubber.name for snubber in snubbers],
+        "snubber_body": [bodies[snubber.name] for snubber in snubbers] if bodies else None,
         **{f"snubber_{name}": [getattr(snubber, name) for snubber in snubbers] for name in described},
         "snubber_across": _known([snubber.across for snubber in snubbers]),
         "snubber_table_misfit": _known([snubber.table_misfit for snubber in snubbers]),
@@ -149,7 +147,7 @@ def _crushed(motion: RunMotion) -> dict[int, float]:
     """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
     contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
     yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
-    if trajectory is None or not yielding:
+    if trajectory is None:
         return {}
     end = trajectory.final_y
     penetration = trajectory.flow.equations.penetration
@@ -160,26 +158,13 @@ def _crushed(motion: RunMotion) -> dict[int, float]:
     }
 
 
-def _of_springs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
-    springs = [spring for spring in system.springs if spring.kind != FRICTION]
-    if not springs:
-        return {}
-    return {
-        "spring": [spring.name for spring in springs],
-        "spring_kind": [spring.kind for spring in springs],
-        "spring_masses": [json.dumps(spring.masses) for spring in springs],
-        "spring_stretch": histories.of(("springs", "stretch")).T,
-        "spring_force": histories.of(("springs", "force")).T,
-    }
-
-
 def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
     """Of each friction contact what `sliding_figures` tells, as far as it is known."""
     system, scenario = motion.system, motion.system.scenario
     contacts = [each.item for each in scenario.listed("friction")]
     unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     begin = 0.0 if scenario.run is None else scenario.run.from_
-    if not contacts or motion.trajectory is None or begin > motion.trajectory.end:
+    if motion.trajectory is None or begin > motion.trajectory.end:
         return unknown
     random = scenario.excitation.stationary and motion.outcome.complete
     counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
@@ -187,12 +172,9 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    contacts, number = (
-        [each.item for each in motion.system.scenario.listed("friction")],
-        friction_contacts(motion.system),
-    )
-    if not contacts:
-        return {}
+    """What friction contacts are and do; ``sliding`` is what is known of it, see `_sliding`."""
+    system = motion.system
+    contacts, number = [each.item for each in system.scenario.listed("friction")], friction_contacts(system)
     slides = [of.get("slides") for of in sliding]
     return {
         "friction": [c.name for c in contacts],
@@ -238,8 +220,6 @@ def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
 
 def _of_outputs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
     """The outputs that the run asks for, in its order."""
-    if not system.outputs:
-        return {}
     met: Counter[str] = Counter()
     values = []
     for output in system.outputs:
@@ -269,7 +249,9 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
     -------
     By place and quantity, ``"tip absolute_acceleration"``.
     """
-    channels, time, trajectory = _channels(motion), histories.time, motion.trajectory
+    keys = (*spectral(motion.system).places, ("probes", "velocity"), FORCE)
+    channels = motion.system.channels.of_keys(*dict.fromkeys(keys))
+    time, trajectory = histories.time, motion.trajectory
     if not (channels.places and time.size):
         return {}
     order = np.argsort(np.hstack([channels.places[key] for key in channels.places]))
@@ -286,7 +268,40 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
     return {name: float(share) for name, share in zip(names, shares, strict=True) if share > NOTABLE}
 
 
-def _channels(motion: RunMotion) -> ChannelSet:
-    """Those whose histories are compared, or may be."""
-    keys = (*spectral(motion.system).places, ("probes", "velocity"), FORCE)
-    return motion.system.channels.of_keys(*dict.fromkeys(keys))
+def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:
+    """Results along each body that has a continuous axis, as fields of the result.
+
+    Parameters
+    ----------
+    motion : of the run.
+    evaluation : what is computed from the motion.
+
+    Returns
+    -------
+    By field of `RunResult`: the only body, or those that have names.
+    """
+    system, times = motion.system, extreme_times(motion.extremes)
+    equilibrium, stresses, von_mises = system.static_equilibrium, dict[str, Floats](), dict[str, Floats]()
+    if system.stress is not None:
+        peaks, moments = largest(motion.extremes[STRESS]), {body.body: body.moments for body in system.bodies}
+        for part in system.stress.stations:
+            stresses[part.body] = peaks[part.stations].reshape(moments[part.body], -1).max(axis=0)
+    if motion.plates is not None:
+        von_mises = evaluation.computed("the von Mises stress of plates", motion.plates.result, von_mises)
+    bodies = {
+        body.body: BodyResult(
+            position=body.position,
+            across=body.across,
+            peak_bending_stress=stresses.get(body.body),
+            peak_von_mises_stress=von_mises.get(body.body),
+            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
+            + system.with_supports(body.places, times),
+            extreme_times=times,
+            static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
+        )
+        for body in system.bodies
+        if body.axis.continuous
+    }
+    if len(system.scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
+        return {"only_body": bodies.get(ONLY_BEAM)}
+    return {"only_body": None, "named_bodies": bodies}

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.contacts.laws import ContactLaw
@@ -42,6 +41,7 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
+from beamsim.responses.loads import exact_flow
 from beamsim.results.values import FORCE, PENETRATION, Extremes
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude

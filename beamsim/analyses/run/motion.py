@@ -1,53 +1,139 @@
-"""The motion of a run at its output times, and what a result holds of it, by place."""
+"""The motion of a run: what is computed of it, how it is marched and evaluated in one pass, and what that leaves.
+
+Every chunk of a motion in closed form is marched, evaluated once and forgotten.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass, field
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.impacts import friction_contacts
+from beamsim.analyses.run.energy import EnergyBalance, EnergyHistory, energies_of_segments
+from beamsim.analyses.run.fatigue import PlateStress, StressObserver
+from beamsim.analyses.run.filters import LowPassed, filtered
+from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
 from beamsim.analyses.run.layouts import events_of
-from beamsim.analyses.run.observers import AtContact, Histories, largest_contact, samples_until
-from beamsim.analyses.run.result import (
-    ONLY_BEAM,
-    BodyResult,
-    ContactInstant,
-    Work,
-)
+from beamsim.analyses.run.observers import Histories, HistoryRecorder, reached, samples_until
+from beamsim.analyses.run.result import ContactInstant, Work
+from beamsim.errors import Problem, ScenarioError, locating
+from beamsim.flow.channels import Observed
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.measured import highest_excited_hz
+from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
+from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, never, stopped_by
+from beamsim.responses.loads import exact_flow
 from beamsim.results.values import (
+    ACCELERATION,
+    ALWAYS_THERE,
+    BY_ENTRY,
     FORCE,
+    PENETRATION,
     STRESS,
+    VALUES,
+    Extreme,
     Extremes,
+    by_magnitude,
     extreme_times,
-    largest,
-    largest_pulls,
+    limited,
+    outer,
+    searched,
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
 from beamsim.structures.stations import COMPONENTS
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
-if TYPE_CHECKING:
-    from beamsim.analyses.run.fatigue import PlateStress, StressObserver
-    from beamsim.analyses.run.impacts import ImpactObserver
-
 Value = TypeVar("Value")
 
-SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
+STRESS_ENTRIES = ("largest_bending_stress_pa", "largest_bending_stress_position_m")
+ROOT_MEAN_SQUARES = tuple(entry for entry, value in BY_ENTRY.items() if value.quantity and entry.startswith("rms_"))
+BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
+CHUNK_SHARE = 0.064  # of the memory, for the pieces of a chunk
+FEWEST_PIECES = 4096  # in a chunk
+COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
+SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
+MOTION_SHARE, HISTORIES_SHARE = 0.5, 0.3  # for the motion (joined, it is there twice), and for its samples
+GRACE_S = 0.7
+"""Processor time after an interruption in which a motion that was marched is evaluated as a whole, so that it is kept
+as a whole; the same again for its histories."""
+KEPT_S = 0.25
+"""Processor time after that in which the first part of a longer motion is evaluated, which is kept."""
+FEWEST_SEGMENTS = 64  # of a motion, that are evaluated whatever time that takes
+
+
+@dataclass(frozen=True)
+class Needed:
+    """Which parts of a run are computed: everything, or as much as some entries of its summary take.
+
+    How a run is judged does not depend on it: outcome, warnings and margins are the same whatever is needed.
+
+    Parameters
+    ----------
+    entries : of the summary, those that limits are compared with among them; None for everything, with histories,
+        spectra and shapes.
+    statistics : whether the statistics of a stationary response are.
+    root_mean_squares : whether those of any other response, which belong to its spectra, are.
+    every_station : whether the largest stress of every station is, not only the largest of all.
+    derived : whether what is taken of the motion while it is marched is: histories, impacts, fatigue, plates.
+    state_times : (nt,) s, increasing, at which states are; none by default.
+    """
+
+    entries: frozenset[str] | None = None
+    statistics: bool = True
+    root_mean_squares: bool = True
+    every_station: bool = True
+    derived: bool = True
+    state_times: Floats = field(default_factory=lambda: np.zeros(0), compare=False)
+
+    @classmethod
+    def of(cls, scenario: Scenario, entries: Collection[str]) -> Self:
+        """What some entries of the summary take, and the limits and settings of the scenario.
+
+        Parameters
+        ----------
+        scenario : with a ``run`` section.
+        entries : of the summary.
+        """
+        settings, stationary = not_none(scenario.run), scenario.excitation.stationary
+        limits = {} if scenario.limits is None else scenario.limits.given
+        over_curves = {"srs_over_limit", "psd_over_limit"}  # which only limits have
+        needed = (frozenset(entries) - over_curves) | {limited(name)[0].entry for name in limits}
+        if settings.fatigue is not None:
+            needed |= set(STRESS_ENTRIES)
+        of_records = needed & {*ROOT_MEAN_SQUARES, "psd_over_limit"}
+        statistics = stationary and (bool(of_records) or settings.test_duration is not None)
+        return cls(
+            needed,
+            statistics,
+            not stationary and not needed.isdisjoint(ROOT_MEAN_SQUARES),
+            settings.fatigue is not None,
+        )
+
+    def has(self, *entries: str) -> bool:
+        """Whether one of some entries of the summary is needed."""
+        return self.entries is None or not self.entries.isdisjoint(entries)
+
+    def searched(self, channels: ChannelSet) -> ChannelSet:
+        """The channels whose extremes some entries take; warnings need those of probes and snubbers in any case."""
+        entries = not_none(self.entries) | ({STRESS_ENTRIES[0]} if self.has(*STRESS_ENTRIES) else set())
+        values = [value for value in VALUES if value.section in ALWAYS_THERE or value.entry in entries]
+        return channels.only(lambda each: each.key == PENETRATION or any(value.takes(each) for value in values))
+
+
+EVERYTHING = Needed()
+MOTION_ALONE = Needed(derived=False)
 
 
 @dataclass
@@ -80,7 +166,7 @@ class Evaluation:
         return instead
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunMotion:
     """The motion of a run, from the closed form or from time stepping."""
 
@@ -88,12 +174,12 @@ class RunMotion:
     method: str
     marched: MotionInChunks | ReferenceTrajectory
     outcome: Outcome
-    balance: EnergyBalance
+    energy_error: float  # of the balance, relative
     extremes: Extremes
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     contact_share: Floats
     histories: Histories | None = None  # at the output times
-    at_contact: AtContact | None = None  # at the largest contact force
+    contact: ContactInstant | None = None  # when the contact force is largest, of several bodies
     states: Floats | None = None  # (nt, 2n or more) at the times that were asked for; of a time-stepped motion none
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form, its last part where not all is kept
@@ -103,29 +189,17 @@ class RunMotion:
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
+    known: Trajectory | Histories = field(init=False)  # the closed form, or time stepping at the output times
+    work: Work = field(init=False)  # of the solver
+    events: Dataset = field(init=False)  # contacts of the snubbers made and ended, without breakpoints of their tables
 
-    @property
-    def known(self) -> Trajectory | Histories:
-        """That of the closed form, or from time stepping at the output times."""
-        return self.trajectory or not_none(self.histories)
-
-    def von_mises(self) -> dict[str, Floats]:
-        """(nx,) Pa, largest of the samples, by plate; none of a time-stepped motion."""
-        return {} if self.plates is None else self.plates.result()
-
-    @cached_property
-    def work(self) -> Work:
-        """Of the solver."""
-        of = self.marched
-        return Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
-
-    @cached_property
-    def events(self) -> Dataset:
-        """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers
-        are piecewise-linear springs."""
-        of, count = self.marched, len(self.system.snubbers)
-        of_snubber = (of.event_contact < count) & (of.touch_changes != 0)
-        return events_of(of.event_time[of_snubber], of.event_contact[of_snubber], of.event_closing[of_snubber])
+    def __post_init__(self) -> None:
+        """Say what the march took, and when contacts were made and ended."""
+        of, count = self.marched, len(self.system.snubbers)  # contacts with higher numbers are springs and friction
+        self.known = self.trajectory or not_none(self.histories)
+        self.work = Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
+        chosen = (of.event_contact < count) & (of.touch_changes != 0)
+        self.events = events_of(of.event_time[chosen], of.event_contact[chosen], of.event_closing[chosen])
 
     @property
     def breakpoints(self) -> int:
@@ -134,10 +208,10 @@ class RunMotion:
         of_spring = (self.marched.event_contact >= len(self.system.snubbers)) & ~rubbing
         return int(np.sum(of_spring & (self.marched.event_time > 0)))
 
-    @property
-    def extreme_times(self) -> Floats:
-        """See `beamsim.results.values.extreme_times`."""
-        return extreme_times(self.extremes)
+
+def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
+    """Whether the motion is marched in time steps."""
+    return settings.method == "reference" or system.cubic.count > 0
 
 
 def output_times(scenario: Scenario) -> Floats:
@@ -146,33 +220,326 @@ def output_times(scenario: Scenario) -> Floats:
     return np.asarray(np.arange(samples_until(not_none(scenario.run).duration, rate)) / rate)
 
 
-def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
-    """Bounds on the memory of a run, for the summary."""
-    kept = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
-    return {"memory_bytes": round(settings.memory), **kept}
+def motion_in_chunks(
+    system: StructuralSystem,
+    settings: Run,
+    *,
+    most_events: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
+) -> tuple[MotionInChunks, str]:
+    """The motion of a run, to be marched, and the setting that limits its events.
 
-
-def pull_warnings(motion: RunMotion) -> list[str]:
-    """A warning for each snubber whose dashpot pulls before the contact opens.
+    It is one chunk where its input has no more pieces than the motion between them has room for in the memory.
 
     Parameters
     ----------
-    motion : of the run.
+    system, settings : of the run.
+    most_events : by default as many as the settings allow and the memory has room for.
+    progress, stop : see `beamsim.flow.transient.simulate`.
 
     Returns
     -------
-    One sentence a snubber.
+    motion, limit
+        At its start; the path of the setting in the scenario.
+
+    Raises
+    ------
+    ScenarioError
+        If a motion of one chunk has an input of too many pieces.
     """
-    if not motion.system.snubbers:
-        return []
-    forces = motion.extremes[FORCE]
-    pulls = largest_pulls(forces)
-    return [
-        f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} {s.item.units[1]} before the contact opens"
-        + ("; law: no_tension opens it before" if not s.item.yields else "")
-        for j, s in enumerate(motion.system.scenario.located_snubbers)
-        if pulls[j] > SMALLEST_PULL * forces[2][j] and not s.item.latch
+    record, at_once = common_record(system.forcing.signal), None  # of which all loads are made
+    pieces = 0 if record is None else record.pieces
+    if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
+        at_once = max(int(CHUNK_SHARE * settings.memory / BYTES_A_PIECE), FEWEST_PIECES)
+    flow = exact_flow(
+        system, settings.duration, settings.most_contact_states, settings.memory,
+        None if at_once is None else (0, min(at_once, pieces)),
+    )  # fmt: skip
+    room = int(MOTION_SHARE * settings.memory / (2 * 8 * (flow.size + 8)))  # events, with the motion between them
+    most = min(settings.max_events, room) if most_events is None else most_events
+    motion = MotionInChunks(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
+    return motion, "run.max_events" if settings.max_events <= room else "run.memory"
+
+
+def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int) -> None:
+    """Refuse histories that do not fit into their share of the memory.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    samples : number of output times.
+
+    Raises
+    ------
+    ScenarioError
+        Before anything is computed, with the memory that they need.
+    """
+    probes, filtered_too = len(system.probes), settings.low_pass is not None
+    # the time, three energies, both of the base; absolute displacements of probes
+    columns = system.channels.without(STRESS).order.size + 6 + probes * (2 if filtered_too else 1)
+    needed = samples * (8 * columns + system.dynamics.contacts.count)
+    if needed > HISTORIES_SHARE * settings.memory:
+        factor, enough = needed / (HISTORIES_SHARE * settings.memory), needed / HISTORIES_SHARE / 1e9
+        raise ScenarioError(
+            Problem(
+                "run.sample_rate",
+                f"gives histories of {samples} samples with {columns} values each, {needed / 1e9:.3g} GB, more than "
+                f"{100 * HISTORIES_SHARE:.0f} % of run.memory = {settings.memory:.3g} bytes",
+                f"give run.memory: {math.ceil(10 * enough) / 10:g} GB, or a sample rate that is lower by a factor of "
+                f"{math.ceil(10 * factor) / 10:g} (peaks, events and spectra do not depend on it)",
+            )
+        )
+
+
+def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
+    """Refuse what needs the whole motion, which does not fit into the memory."""
+    needed = {"run.srs": settings.srs is not None, "friction": friction_contacts(system).size > 0}
+    problems = [
+        Problem(
+            name,
+            f"needs the whole motion in memory, and that does not fit into run.memory = {settings.memory:.3g} bytes",
+            "raise run.memory, shorten run.duration, or leave it out",
+        )
+        for name, asked in needed.items()
+        if asked
     ]
+    if problems:
+        raise ScenarioError(problems)
+
+
+def exact_motion_of(
+    system: StructuralSystem,
+    settings: Run,
+    times: Floats,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
+    needed: Needed = EVERYTHING,
+) -> RunMotion:
+    """The motion in closed form, marched and evaluated in one pass.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    times : (nt,) s, at which it is asked for.
+    progress, stop : see `beamsim.flow.transient.simulate`.
+    needed : what is taken of it.
+
+    Returns
+    -------
+    RunMotion
+        Up to where it ended.
+
+    Raises
+    ------
+    ScenarioError
+        Where something is asked for that needs the whole motion, which does not fit into the memory; where the input
+        has too many pieces, or the filter of the accelerations would need too many panels.
+    """
+    march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
+    flow, everything, kept_s, latest_s = march.flow, needed.entries is None, math.inf, math.inf
+    if not march.one_chunk:
+        _refuse_what_needs_all(system, settings)
+        kept_s = settings.memory / BYTES_A_PIECE * not_none(flow.record).step  # of a motion that fits into the memory
+        latest_s = min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf)
+    sampled = times if needed.derived and (everything or needed.statistics) else times[:1]
+    recorder = HistoryRecorder(flow, system.channels.without(STRESS), sampled, Overdue(stop))
+    impacts, stresses, plates = None, None, None
+    if needed.derived and settings.fatigue is not None and system.stress is not None:
+        stresses = StressObserver(system, stop)
+    if needed.derived and everything and settings.impacts is not None:
+        impacts = ImpactObserver(system, stop)
+    if needed.derived and everything and any(body.moments == len(COMPONENTS) for body in system.bodies):
+        plates = PlateStress(system, times, stop)
+    observers = [each for each in (recorder, impacts, stresses, plates) if each is not None]
+    values, overdue = ChunkValues(system, settings, flow, times, needed), Overdue(stop)
+    latest, states, asked, known = list[Trajectory](), [np.zeros((0, flow.size))], needed.state_times, 0
+    with locating({"duration": "run.duration"}):
+        for chunk in march.chunks():
+            part = chunk
+            try:
+                with stopped_by(overdue):
+                    found = values.computed(chunk)
+            except Interrupted:
+                part, found = values.computed_of_beginning(chunk)
+                march.end_with(part)
+            values.include(part, *found)
+            for observer in observers:
+                observer.add(part)
+            latest = [each for each in (*latest, part) if each.end > part.end - latest_s] or [part]
+            if asked[known:].size:
+                first, known = known, reached(part.end, asked).size
+                states.append(part.states_at(np.minimum(asked[first:known], part.end)))
+    trajectory = Trajectory.joined(latest)
+    if trajectory.end - latest_s > trajectory.time[0]:
+        trajectory = trajectory.within(trajectory.end - latest_s, trajectory.end)
+    dropped = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
+    return RunMotion(
+        system=system,
+        method="exact",
+        outcome=values.balance.checked(with_limit(march.outcome, limit)),
+        marched=march,
+        energy_error=values.balance.error,
+        extremes=values.extremes,
+        extreme_states=values.extreme_states,
+        contact_share=march.contact_share(),
+        histories=recorder.histories,
+        contact=values.contact,
+        states=np.concatenate(states),
+        low_passed=None if values.low_passed is None else values.low_passed.values,
+        trajectory=trajectory,
+        impacts=impacts,
+        stresses=stresses,
+        plates=plates,
+        memory={"memory_bytes": round(settings.memory), **dropped},
+        compared_s=None if march.one_chunk else COMPARED_SHARE * kept_s,
+        warnings=() if march.one_chunk else (_forgotten(march, settings, latest_s, COMPARED_SHARE * kept_s),),
+    )
+
+
+def _forgotten(march: MotionInChunks, settings: Run, latest_s: float, compared_s: float) -> str:
+    """What becomes of a motion that does not fit into the memory.
+
+    Parameters
+    ----------
+    march, settings : of the run.
+    latest_s : s, length of the last part, of which there are spectra.
+    compared_s : s, that of the first part, which is compared with that of a finer model.
+    """
+    kept = f"the motion is kept {march.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
+    if march.outcome.interrupted:
+        return kept
+    kept += f"; spectra and rms_* are those of the last {min(latest_s, march.end):.3g} s"
+    if settings.convergence != "off":
+        kept += f", a finer model is compared on the first {compared_s:.3g} s"
+    return kept
+
+
+@dataclass
+class Overdue:
+    """Whether more than `GRACE_S` of processor time was spent since an interruption was noticed.
+
+    Parameters
+    ----------
+    stop : says whether there was one.
+    """
+
+    stop: Stop
+    since: float = math.inf
+
+    def __call__(self) -> bool:
+        """Whether to give up."""
+        if not self.stop():
+            return False
+        self.since = min(self.since, processor_time())
+        return processor_time() - self.since > GRACE_S
+
+
+Computed = tuple[tuple[Floats, EnergyHistory, float], dict[Key, Extreme], LowPassed | None]
+"""Of a chunk: what its energy balance follows from, its extremes, and the filter at its end."""
+
+
+class ChunkValues:
+    """What a run reports of a motion that is given chunk by chunk: peaks, states at them, and energy balance.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    flow : of the motion.
+    times : (nt,) s, all output times.
+    needed : which extremes are searched for.
+    """
+
+    def __init__(
+        self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: Floats, needed: Needed = EVERYTHING
+    ) -> None:
+        self.system, self.balance, self.extremes = system, EnergyBalance(), dict[Key, Extreme]()
+        self.extreme_states, self._extreme_times = np.zeros((2, flow.size)), np.full(2, np.nan)
+        self.contact: ContactInstant | None = None
+        self.low_passed: LowPassed | None = None
+        channels = searched(system.channels) if needed.entries is None else needed.searched(system.channels)
+        if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
+            channels = channels.without(ACCELERATION)
+            self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
+            self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
+        largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
+        self._observed = Observed(flow, channels, largest_alone)
+
+    def computed(self, chunk: Trajectory) -> Computed:
+        """The values of the next chunk, which is not included yet: that takes no time, and is not interrupted."""
+        energies, found, low = energies_of_segments(chunk), self._observed.extremes(chunk), None
+        if self.low_passed is not None:
+            low = self.low_passed.copy()
+            hz, through = low.frequency_hz, low.filter
+            low.add(chunk.end, lambda times: filtered(chunk, self._accelerations, hz, times, through))
+        return energies, found, low
+
+    def computed_of_beginning(self, chunk: Trajectory) -> tuple[Trajectory, Computed]:
+        """As much of the next chunk as is evaluated in `KEPT_S`, and its values."""
+        begin, segments = processor_time(), FEWEST_SEGMENTS
+        while True:
+            part = chunk.only(slice(0, segments))
+            found = self.computed(part)
+            if segments >= chunk.segments or processor_time() - begin > KEPT_S:
+                return part, found
+            segments *= 2
+
+    def include(
+        self, chunk: Trajectory, energies: tuple[Floats, EnergyHistory, float], found: dict[Key, Extreme],
+        low: LowPassed | None,
+    ) -> None:  # fmt: skip
+        """Include the next chunk with its values, and look up its states where it has new extremes."""
+        self.balance.add(*energies)
+        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
+        self.low_passed = low
+        if low is not None and low.extremes is not None:
+            self.extremes[ACCELERATION] = low.extremes
+        times = extreme_times(self.extremes)
+        self.extreme_states = self.extreme_states[: times.size]
+        for k in np.flatnonzero(times != self._extreme_times[: times.size]).tolist():
+            self._extreme_times[k], self.extreme_states[k] = times[k], chunk.states_at(times[[k]])[0]
+        if len(self.system.bodies) > 1 and self.system.snubbers:
+            largest = largest_contact(self.system, self.extremes)
+            if largest is not None and (self.contact is None or largest.time != self.contact.time):
+                at, flow = np.array([largest.time]), chunk.flow
+                opening = chunk.sample(at, lambda phases: flow.at(phases).openings)[0]
+                self.contact = contact_instant(self.system, largest, chunk.states_at(at)[0], opening)
+
+
+class LargestContact(NamedTuple):
+    """The largest contact force of a motion."""
+
+    snubber: int
+    force: float  # N
+    time: float  # s
+
+
+def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
+    """That of a structure with snubbers; None without contact."""
+    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
+    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
+    at = int(forces.argmax())
+    return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
+
+
+def contact_instant(
+    system: StructuralSystem, largest: LargestContact, state: Floats, opening: Floats
+) -> ContactInstant:
+    """The motion when a contact force is largest, for the sketch of several bodies.
+
+    Parameters
+    ----------
+    system : of several bodies.
+    largest : which force, and when.
+    state : (2n or more,) then.
+    opening : (snubbers or more,) m, distances to the faces then.
+    """
+    places = [place for body in system.bodies for place in body.places]
+    supports = system.with_supports(places, np.array([largest.time]))[0]
+    return ContactInstant(
+        largest.time, system.snubbers[largest.snubber].name, largest.force, state[: system.dynamics.size],
+        supports=supports if supports.any() else None, opening=opening[: len(system.snubbers)],
+    )  # fmt: skip
 
 
 def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
@@ -180,57 +547,3 @@ def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
     if outcome.code != EVENT_LIMIT:
         return outcome
     return outcome.but(remedy=f"raise {limit}, or check for a chattering contact")
-
-
-def contact_instant(motion: RunMotion) -> ContactInstant | None:
-    """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
-    system, at, contact = motion.system, motion.at_contact, largest_contact(motion.system, motion.extremes)
-    if contact is None or at is None:
-        return None
-    time, places = np.array([contact.time]), [place for body in system.bodies for place in body.places]
-    supports = system.with_supports(places, time)[0]
-    instant = ContactInstant(
-        contact.time, system.snubbers[contact.snubber].name, contact.force, at.state[: system.dynamics.size]
-    )  # fmt: skip
-    opening = at.opening[: len(system.snubbers)]
-    return replace(instant, supports=supports if supports.any() else None, opening=opening)
-
-
-def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:
-    """Results along each body that has a continuous axis, as fields of the result.
-
-    Parameters
-    ----------
-    motion : of the run.
-    evaluation : what is computed from the motion.
-
-    Returns
-    -------
-    By field of `RunResult`: the only body, or those that have names.
-    """
-    system = motion.system
-    stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
-
-    def peaks(of_body: slice, moments: int) -> Floats:
-        return np.asarray(largest(motion.extremes[STRESS])[of_body].reshape(moments, -1).max(axis=0))
-
-    equilibrium, von_mises = system.static_equilibrium, dict[str, Floats]()
-    if any(body.moments == len(COMPONENTS) for body in system.bodies):
-        von_mises = evaluation.computed("the von Mises stress of plates", motion.von_mises, von_mises)
-    bodies = {
-        body.body: BodyResult(
-            position=body.position,
-            across=body.across,
-            peak_bending_stress=peaks(stress[body.body], body.moments) if body.body in stress else None,
-            peak_von_mises_stress=von_mises.get(body.body),
-            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
-            + system.with_supports(body.places, motion.extreme_times),
-            extreme_times=motion.extreme_times,
-            static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
-        )
-        for body in system.bodies
-        if body.axis.continuous
-    }
-    if len(system.scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
-        return {"only_body": bodies.get(ONLY_BEAM)}
-    return {"only_body": None, "named_bodies": bodies}

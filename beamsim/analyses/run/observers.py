@@ -1,4 +1,4 @@
-"""What is taken of a motion chunk by chunk, while it is marched: histories, states, its last part.
+"""What is taken of a motion chunk by chunk, while it is marched: histories, and what takes long.
 
 Every chunk is seen once and may be forgotten.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, check_stop, stopped_by
-from beamsim.results.values import FORCE, Extremes, by_magnitude, extreme_times
 from beamsim.system.equations import ChannelSet, Key
-from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
 
 VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
@@ -98,32 +95,6 @@ class Histories:
         return np.asarray(self.values[:, columns])
 
 
-class AtContact(NamedTuple):
-    """A motion at a time."""
-
-    time: float  # s
-    state: Floats  # (2n or more,)
-    opening: Floats  # (snubbers or more,) m, distances to the faces as they are then
-
-
-class LargestContact(NamedTuple):
-    """The largest contact force of a motion."""
-
-    snubber: int
-    force: float  # N
-    time: float  # s
-
-
-def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
-    """That of a structure of several bodies, of which there is a sketch; None without contact."""
-    if len(system.bodies) < 2 or not system.snubbers:
-        return None
-    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
-    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
-    at = int(forces.argmax())
-    return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
-
-
 class HistoryRecorder:
     """Channels, contacts and energies at the output times.
 
@@ -134,6 +105,8 @@ class HistoryRecorder:
     times : (nt,) increasing, s; those after the end of the motion are left out.
     overdue : asked now and then whether to end.
     """
+
+    histories: Histories  # at the output times up to which the motion was evaluated
 
     def __init__(self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop) -> None:
         self._observed, self._contacts, self._times = Observed(flow, channels), flow.system.contacts, times
@@ -146,16 +119,20 @@ class HistoryRecorder:
 
     def add(self, chunk: Trajectory) -> None:
         """Sample the next chunk, unless an earlier one was left out."""
-        if self._ended:
-            return
-        last = reached(chunk.end, self._times).size
-        try:
-            with stopped_by(self._overdue):
-                self.record(chunk, last)
-        except Interrupted:
-            self._ended = True
-            if not self._filled:
-                self.record(chunk, min(last, FEWEST_SAMPLES))
+        if not self._ended:
+            last = reached(chunk.end, self._times).size
+            try:
+                with stopped_by(self._overdue):
+                    self.record(chunk, last)
+            except Interrupted:
+                self._ended = True
+                if not self._filled:
+                    self.record(chunk, min(last, FEWEST_SAMPLES))
+        part = slice(0, self._filled)
+        self.histories = Histories(
+            self._times[part], self._observed.channels, self._values[part], self._touching[part],
+            EnergyHistory(*self._energy[:, part]),
+        )  # fmt: skip
 
     def record(self, chunk: Trajectory, last: int) -> None:
         """Values at the next output times, up to a number of all, and the work until the end of the chunk."""
@@ -171,80 +148,3 @@ class HistoryRecorder:
             self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
             begin, self._work = float(end[0]), float(work[-1])
             self._filled = part.stop
-
-    def result(self) -> Histories:
-        """At the output times up to which the motion was evaluated."""
-        part = slice(0, self._filled)
-        energy = EnergyHistory(*self._energy[:, part])
-        return Histories(
-            self._times[part], self._observed.channels, self._values[part], self._touching[part], energy
-        )  # fmt: skip
-
-
-class LatestPart:
-    """The end of a motion, of some length, s."""
-
-    def __init__(self, length: float) -> None:
-        self._length, self._chunks = length, list[Trajectory]()
-
-    def add(self, chunk: Trajectory) -> None:
-        """Keep the next chunk, and forget those that ended before this part."""
-        self._chunks = [each for each in (*self._chunks, chunk) if each.end > chunk.end - self._length]
-        self._chunks = self._chunks or [chunk]
-
-    def result(self) -> Trajectory:
-        """The segments of this part; the first one may begin before it."""
-        whole = Trajectory.joined(self._chunks)
-        begin = whole.end - self._length
-        return whole.within(begin, whole.end) if begin > whole.time[0] else whole
-
-
-class StatesAtExtremes:
-    """States where the first probe has its extremes, and where the largest contact force is.
-
-    Parameters
-    ----------
-    system : that moves.
-    size : N, of its states.
-    """
-
-    def __init__(self, system: StructuralSystem, size: int) -> None:
-        self._system, self._times = system, np.full(2, np.nan)
-        self._states = np.zeros((2, size))
-        self.at_contact: AtContact | None = None
-
-    def add(self, chunk: Trajectory, extremes: Extremes) -> None:
-        """Include the next chunk; extremes are those of the motion up to its end."""
-        times = extreme_times(extremes)
-        for k in np.flatnonzero(times != self._times[: times.size]).tolist():
-            self._times[k], self._states[k] = times[k], chunk.states_at(times[[k]])[0]
-        self._states = self._states[: times.size]
-        contact = largest_contact(self._system, extremes)
-        if contact is not None and (self.at_contact is None or contact.time != self.at_contact.time):
-            at, flow = np.array([contact.time]), chunk.flow
-            openings = chunk.sample(at, lambda phases: flow.at(phases).openings)[0]
-            self.at_contact = AtContact(contact.time, chunk.states_at(at)[0], openings)
-
-    @property
-    def states(self) -> Floats:
-        """(2, N) at the lowest and the highest point of the first probe; (0, N) without probes."""
-        return self._states
-
-
-class StatesAtTimes:
-    """States (nt, N) at increasing times (nt,), s, as far as the motion goes."""
-
-    def __init__(self, times: Floats, size: int) -> None:
-        self._times, self._states = times, [np.zeros((0, size))]
-        self._found = 0
-
-    def add(self, chunk: Trajectory) -> None:
-        """Include the next chunk."""
-        last = reached(chunk.end, self._times).size
-        if last > self._found:
-            self._states.append(chunk.states_at(np.minimum(self._times[self._found : last], chunk.end)))
-            self._found = last
-
-    def result(self) -> Floats:
-        """(nt or fewer, N)."""
-        return np.concatenate(self._states)

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import Derivative
 from beamsim.errors import Problem, ScenarioError
@@ -31,6 +30,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
+from beamsim.responses.loads import exact_flow
 from beamsim.results.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values

@@ -8,23 +8,18 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, EnergyHistory, power_factors, stored_energy
-from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
-from beamsim.analyses.run.motion import RunMotion, with_limit
-from beamsim.analyses.run.observers import AtContact, Histories, largest_contact
+from beamsim.analyses.run.motion import RunMotion, contact_instant, largest_contact, with_limit
+from beamsim.analyses.run.observers import Histories
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, Extremes, searched
+from beamsim.responses.loads import exact_flow
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
-
-
-def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
-    """Whether the motion is marched in time steps."""
-    return settings.method == "reference" or system.cubic.count > 0
 
 
 def relative_tolerance(settings: Run) -> float:
@@ -74,32 +69,24 @@ def stepped_motion_of(
     balance = EnergyBalance()
     balance.add(at, energy, float(np.abs(np.diff(trajectory.work_in)).sum()))
     histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
-    extremes = outputs.extremes(trajectory)
+    extremes, contact = outputs.extremes(trajectory), None
+    if len(system.bodies) > 1 and system.snubbers and (largest := largest_contact(system, extremes)) is not None:
+        nearest = int(np.abs(trajectory.time - largest.time).argmin())  # output time
+        contact = contact_instant(system, largest, trajectory.y[nearest], histories.of(OPENING)[nearest])
     return RunMotion(
         system=system,
         method=f"reference ({method})",
         outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         histories=histories,
-        balance=balance,
+        energy_error=balance.error,
         marched=trajectory,
         extremes=extremes,
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
-        at_contact=_at_contact(system, extremes, trajectory, histories),
+        contact=contact,
         contact_share=trajectory.contact_share,
         low_passed=None if outputs.low is None else outputs.low.values,
         warnings=tuple(warnings),
     )
-
-
-def _at_contact(
-    system: StructuralSystem, extremes: Extremes, trajectory: ReferenceTrajectory, histories: Histories
-) -> AtContact | None:
-    """The motion at the output time next to the largest contact force."""
-    contact = largest_contact(system, extremes)
-    if contact is None:
-        return None
-    nearest = int(np.abs(trajectory.time - contact.time).argmin())
-    return AtContact(contact.time, trajectory.y[nearest], histories.of(OPENING)[nearest])
 
 
 def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> TimeStepping:

@@ -12,8 +12,7 @@ import numpy as np
 
 from beamsim.analyses.run.histories import friction_summary
 from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
-from beamsim.analyses.run.motion import Evaluation, RunMotion
-from beamsim.analyses.run.needed import Needed
+from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
@@ -162,7 +161,7 @@ def summary_of_run(
         **figures_of_motion(motion),
         "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic.count == 0,
-        "energy_error": motion.balance.error,
+        "energy_error": motion.energy_error,
         **motion.memory,
         **by_units("blocked_force_n", system.snubbers, lambda s: s.blocked_force),
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
