@@ -25,16 +25,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import ScenarioError, rooted
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.inputs.drift import Correction, jumps
-from beamsim.inputs.measured import sampled_signal
+from beamsim.inputs.measured import read_density, sampled_signal, target_curve
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import MARGIN, MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path as Keys
+from beamsim.scenario.base import path_text
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
-from beamsim.scenario.excitation import Excitation, One, RandomInput, SweptSineInput
+from beamsim.scenario.excitation import MatchedInput, One, RandomInput, SweptSineInput
+from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import amplitude_unit, blended, power_of
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -311,32 +315,26 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
     ScenarioError
         If a swept or measured input ends before the run, or its file cannot be read.
     """
-    if excitation.kind == "sampled":
-        return PrescribedInput(*sampled_signal(excitation, duration, folder))
-    if excitation.kind == "random":
+    account = InputAccount()
+    if excitation.kind == "harmonic":
+        signal = Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
+    elif excitation.kind == "multi_tone":
+        level, frequency, phase = np.array([(tone.level, tone.frequency, tone.phase) for tone in excitation.tones]).T
+        signal = Signal.harmonic(level, 2 * np.pi * frequency, phase)
+    elif excitation.kind == "swept_sine":
+        signal = swept_signals(sweep_windows(excitation, duration)[0])[0]
+    elif excitation.kind == "sampled":
+        signal, account = sampled_signal(excitation, duration, folder)
+    elif excitation.kind == "random":
         signal = random_signals(excitation, duration, folder)[0]
-        return PrescribedInput(signal, InputAccount(_statement(excitation, duration, folder)))
-    return PrescribedInput(_specified_signal(excitation, duration, folder), InputAccount())
-
-
-def _specified_signal(excitation: Any, duration: float | None, folder: Path | None) -> Signal:
-    """The signal of what is neither a record nor random; arguments are those of `level_signal`."""
-    if excitation.kind == "swept_sine":
-        return swept_signals(sweep_windows(excitation, duration)[0])[0]
-    if excitation.kind == "matched":
+        account = InputAccount(_statement(excitation, duration, folder))
+    elif excitation.kind == "matched":
         from beamsim.inputs.matched import matched_signal
 
-        return matched_signal(excitation, folder)
-    if excitation.kind == "harmonic":
-        return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
-    if excitation.kind == "multi_tone":
-        tones = excitation.tones
-        return Signal.harmonic(
-            [tone.level for tone in tones],
-            [2 * np.pi * tone.frequency for tone in tones],
-            [tone.phase for tone in tones],
-        )
-    return _pulse(excitation)
+        signal = matched_signal(excitation, folder)
+    else:
+        signal = _pulse(excitation)
+    return PrescribedInput(signal, account)
 
 
 def _pulse(excitation: Any) -> Signal:
@@ -352,11 +350,6 @@ def _pulse(excitation: Any) -> Signal:
         flat = max(excitation.duration - rise - fall, 0.0)
         return linear_pieces(excitation.time, (rise, 0.0, level), (flat, level, level), (fall, level, 0.0))
     return half_sine(level, excitation.duration, excitation.time)
-
-
-def _without_drift(signal: Signal) -> Signal:
-    """Integral of a sum of harmonics with zero mean."""
-    return Signal(signal.start, signal.exponent, signal.coefficient / signal.exponent[None, :, None])
 
 
 def base_motion(excitation: One, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
@@ -386,18 +379,40 @@ def base_motion(excitation: One, duration: float | None = None, folder: Path | N
         statement = _statement(excitation, duration, folder)
         return BaseMotion(*random_signals(excitation, duration, folder), account=InputAccount(statement))
     given, account = level_signal(excitation, duration, folder)
-    integral = _without_drift if excitation.kind in ("harmonic", "multi_tone") else Signal.antiderivative
     integrals = power_of(excitation.quantity)
     motion = [given]  # acceleration, velocity and displacement
     for _ in range(integrals):
         motion.insert(0, motion[0].derivative())
     for _ in range(2 - integrals):
-        motion.append(integral(motion[-1]))
+        last = motion[-1]
+        if excitation.kind in ("harmonic", "multi_tone"):  # with zero mean
+            motion.append(Signal(last.start, last.exponent, last.coefficient / last.exponent[None, :, None]))
+        else:
+            motion.append(last.antiderivative())
     acceleration, velocity, displacement = motion
     return BaseMotion(acceleration, velocity, displacement, account=account)
 
 
-def single_frequency_hz(excitation: Excitation) -> float:
-    """The excitation frequency if there is exactly one, otherwise nan."""
-    frequencies = set(excitation.frequencies_hz)
-    return float(frequencies.pop()) if len(frequencies) == 1 else float("nan")
+def highest_excited_hz(scenario: Scenario) -> float:
+    """Highest frequency of the excitation, Hz, also where a curve in a file says it.
+
+    Raises
+    ------
+    ScenarioError
+        As `target_curve` and `read_density`.
+    """
+    highest: float = scenario.excitation.highest_frequency_hz
+    for path, each in scenario.excitation.items:
+        if isinstance(each, MatchedInput | RandomInput):
+            highest = max(highest, _highest_of_curve(scenario, ("excitation", *path), each))
+    return highest
+
+
+def _highest_of_curve(scenario: Scenario, at: Keys, excitation: MatchedInput | RandomInput) -> float:
+    """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
+    with rooted("excitation", path_text(at)):
+        if isinstance(excitation, MatchedInput):
+            return float(target_curve(excitation, scenario.folder_of(*at, "srs", "file"))[0][-1])
+        if isinstance(excitation.psd, CurveFile):
+            return float(read_density(excitation, excitation.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
+    return 0.0

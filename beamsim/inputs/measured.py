@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from beamsim.errors import InputFileError, Problem, ScenarioError, rooted
+from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.input_files import found_in
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
@@ -420,31 +420,6 @@ def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tupl
         at = frequency[np.argmax(value <= 0.0)]
         _reject(f"= {file} has a density of zero or less at {at:g} Hz", "cut the table off there", "excitation.psd")
     return np.asarray(frequency, dtype=float), np.asarray(value, dtype=float)
-
-
-def highest_excited_hz(scenario: Scenario) -> float:
-    """Highest frequency of the excitation, Hz, also where a curve in a file says it.
-
-    Raises
-    ------
-    ScenarioError
-        As `target_curve` and `read_density`.
-    """
-    highest: float = scenario.excitation.highest_frequency_hz
-    for path, each in scenario.excitation.items:
-        if isinstance(each, MatchedInput | RandomInput):
-            highest = max(highest, _highest_of_curve(scenario, ("excitation", *path), each))
-    return highest
-
-
-def _highest_of_curve(scenario: Scenario, at: Keys, excitation: MatchedInput | RandomInput) -> float:
-    """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
-    with rooted("excitation", path_text(at)):
-        if isinstance(excitation, MatchedInput):
-            return float(target_curve(excitation, scenario.folder_of(*at, "srs", "file"))[0][-1])
-        if isinstance(excitation.psd, CurveFile):
-            return float(read_density(excitation, excitation.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
-    return 0.0
 
 
 def _read_table(

@@ -1,22 +1,48 @@
-"""From a scenario to its structure."""
+r"""From a scenario to its structure: bodies side by side, or made one by joints and springs.
+
+A joint that holds is a linear constraint :math:`G u = 0` on the degrees of freedom u of all bodies. It is eliminated:
+:math:`u = T v` with an orthonormal, sparse basis T of the null space of G, so that the matrices of the joined structure
+are :math:`T^T M T` and :math:`T^T K T`, without a penalty or a multiplier. Springs and dashpots of joints add their
+rows to K and C. All coordinates are relative to the base, so a place that is joined to the base moves with it exactly.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag as dense_block_diag
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, vstack
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.kinds import named
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import path_text, walk
+from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.body import Located
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replaced
-from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
-from beamsim.structures.several import assemble_side_by_side, join
-from beamsim.structures.structure import BodyStructure, Coupling, Structure
+from beamsim.structures.modes import orthonormal_in_mass, unstretched
+from beamsim.structures.places import (
+    SLOPE,
+    BaseDirection,
+    Distributed,
+    Link,
+    LoadSite,
+    Place,
+    Site,
+    ends_of,
+    load_site_of,
+    site_of,
+)
+from beamsim.structures.stations import Recovery
+from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, ReducedBasis, Structure
+from beamsim.structures.symmetric_lu import blocks_of
+from beamsim.typing import Floats
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
@@ -39,14 +65,20 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     sections = scenario.all_bodies
     joints = scenario.joints
     origins = placed(joints, sections, scenario.default_body).of_first_group if joints else {}
+    # what the bodies alone know to have a place: nodes of imported matrices, and loads shaped as a mode
+    placed_by_bodies = [
+        (path, item)
+        for path, item in walk(scenario)
+        if isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
+    ]
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):
         if names is not None and not set(names) & set(group):
             continue
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
         bodies = [_body(scenario, name, within, nodes) for name in group]
-        if any(_is_known_to_structure(item) for _, item in walk(scenario)):
-            _check_places(scenario, bodies)
+        if placed_by_bodies:
+            _check_places(scenario, placed_by_bodies, bodies)
         parts.append(join(bodies, within, origins) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
@@ -92,14 +124,17 @@ def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: S
     assemble_body = named(f"beamsim.structures.{kind}:assemble_{kind}")
     ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
     points = [end.point for end in ends if end.body == name]  # where something joins the body
-    body: BodyStructure = assemble_body(with_places_of_files(scenario, name), name, points)
+    section = scenario.all_bodies[name]
+    body: BodyStructure = assemble_body(
+        with_places_of_files(scenario, name) if section.is_read_from_files else section, name, points
+    )
     return body
 
 
 def with_places_of_files(scenario: Scenario, name: str) -> Any:
-    """The section of a body, whose files are where the scenario has them."""
-    body, where = scenario.all_bodies[name], scenario.body_path(name)
-    return replaced(body, scenario.whole_paths(body, where)) if body.is_read_from_files else body
+    """The section of a body that is read from files, which are where the scenario has them."""
+    body = scenario.all_bodies[name]
+    return replaced(body, scenario.whole_paths(body, scenario.body_path(name)))
 
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:
@@ -117,17 +152,12 @@ def acting_places(scenario: Scenario) -> list[Place]:
     return list(places)
 
 
-def _is_known_to_structure(item: Any) -> bool:
-    """Whether the structure alone knows if it has a place: a node of imported matrices, or a load shaped as a mode."""
-    return isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
-
-
-def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
+def _check_places(scenario: Scenario, items: Sequence[tuple[Path, Any]], bodies: Sequence[BodyStructure]) -> None:
     """Refuse places and modes that the bodies do not have; the numbers of nodes and modes are known only now."""
     known = {body.name: body for body in bodies}
     problems = []
-    for path, item in walk(scenario):
-        site = load_site_in(scenario, item) if _is_known_to_structure(item) else None
+    for path, item in items:
+        site = load_site_in(scenario, item)
         if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
         acts = path[0] != "probes" and "outputs" not in path[:2]
@@ -161,3 +191,214 @@ def snubber_site(contact: Located) -> Site:
     """Where a snubber, spring or friction contact of a scenario sits; between rotations where it belongs to a hinge."""
     site = site_of(contact.item, contact.body, contact.sections)
     return _slope_of(site) if isinstance(contact.item, OfHinge) else site
+
+
+@dataclass(frozen=True)
+class SeveralBodies(Structure):
+    """Bodies, joined or side by side."""
+
+    expansions: tuple[tuple[BodyStructure, Any], ...]  # every body, and (N of the body, N) its dofs from those here
+
+    @cached_property
+    def members(self) -> tuple[MemberBody, ...]:
+        """The bodies."""
+        return tuple(
+            MemberBody(
+                body, self, expansion, body.mass_scale / self.mass_scale, body.stiffness_scale / self.stiffness_scale
+            )
+            for body, expansion in self.expansions
+        )
+
+    @cached_property
+    def most_modes(self) -> int | None:
+        """Modes up to the frequency that every body's discretisation carries; None where all of them are."""
+        bodies = [member.body for member in self.members]
+        if all(body.most_modes is None for body in bodies):
+            return None
+        highest = min(_highest_of(body) for body in bodies if body.most_modes is not None)
+        if np.isinf(highest):
+            return None
+        counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
+        return max(sum(counts), 1)
+
+    def deflections(self, vectors: Floats) -> Floats:
+        """Deflections (d,) or (d, k) of all bodies, in order of the stations."""
+        return np.concatenate([member.body.deflections(member.expansion @ vectors) for member in self.members])
+
+    def frequency_count(self, omega: float) -> int:
+        """A bound on the number of modes below the scaled angular frequency omega: what joins bodies raises all."""
+        physical = omega * self.frequency_scale
+        return sum(m.body.frequency_count(physical / m.body.frequency_scale) for m in self.members)
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        inertia, ground = np.zeros(self.size), np.zeros(self.size)
+        for member in self.members:
+            of_body = member.body.base_load(self.seen_from(member.body.name, motion))
+            inertia += (of_body[0] @ member.expansion) * member.mass_ratio
+            ground += of_body[1] @ member.expansion
+        for spring in self.couplings:
+            if spring.to_ground and spring.stiffness:
+                ground -= spring.stiffness * self.base_motion_at(spring.ends[0], motion) * self.row(spring.site)
+        return inertia, ground
+
+    def unit_stiffness(self, site: Site) -> float:
+        """That of the body, of a link that of the softer of its two."""
+        return min(self.member(end.body).body.unit_stiffness(end) for end in ends_of(site))
+
+    def largest_deflection(self, field: Floats) -> float:
+        """Largest absolute deflection of a field (N,)."""
+        return max(member.body.largest_deflection(member.expansion @ field) for member in self.members)
+
+    def recoveries(
+        self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
+    ) -> tuple[Recovery, ...]:
+        """Those of every part, with the sites that are on it.
+
+        Parameters
+        ----------
+        basis, sites, base : see `Structure.recoveries`.
+
+        Returns
+        -------
+        tuple
+            Body by body.
+        """
+        if not self.parts:
+            return super().recoveries(basis, sites, base)
+        recovered: list[Recovery] = []
+        for part, (reduced, columns) in zip(self.parts, basis.blocks, strict=True):
+            names, own = {member.body.name for member in part.structure.members}, np.eye(basis.size)[columns]
+            on_it = [end for site in sites for end in ends_of(site) if end.body in names]
+            for recovery in part.structure.recoveries(reduced, on_it, base):
+                moment = recovery.bending_moment
+                recovered.append(
+                    replace(
+                        recovery,
+                        deflection=recovery.deflection @ own,
+                        bending_moment=None if moment is None else moment @ own,
+                    )
+                )
+        return tuple(recovered)
+
+
+def _highest_of(body: BodyStructure) -> float:
+    """Angular frequency, rad/s, below which a body has as many modes as its discretisation has; inf for all."""
+    assert body.most_modes is not None
+    from scipy.optimize import bisect
+
+    most, high = body.most_modes, 1.0
+    while (count := body.frequency_count(high)) <= most:
+        if count >= body.size:
+            return np.inf
+        high *= 2
+    # the count is a bound: at zero it may be above the number of modes there, none
+    highest = bisect(
+        lambda omega: (body.frequency_count(omega) if omega > 0.0 else 0) - most - 0.5, 0.0, high, xtol=1e-12 * high
+    )
+    return float(highest) * (1 - 1e-11) * body.frequency_scale
+
+
+def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
+    """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
+    mass_scale = max(part.mass_scale for part in parts)
+    stiffness_scale = max(part.stiffness_scale for part in parts)
+    mass_ratio = [part.mass_scale / mass_scale for part in parts]
+    starts = np.cumsum([0, *(part.size for part in parts)]).tolist()
+    dofs = [slice(start, end) for start, end in pairwise(starts)]
+    damping = None
+    if any(part.damping is not None for part in parts):
+        drags = [csc_array((part.size, part.size)) if part.damping is None else part.damping for part in parts]
+        damping = block_diag(drags, format="csc")
+    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
+    rigid = [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)]
+    identity: Any = eye_array(starts[-1], format="csr")
+    return SeveralBodies(
+        name="",
+        mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
+        factor=block_diag(factors, format="csr"),
+        damping=damping,
+        rigid=dense_block_diag(*rigid),
+        mass_scale=mass_scale,
+        stiffness_scale=stiffness_scale,
+        expansions=tuple(
+            (member.body, member.expansion @ identity[columns])
+            for part, columns in zip(parts, dofs, strict=True)
+            for member in part.members
+        ),
+        parts=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
+        couplings=tuple(coupling for part in parts for coupling in part.couplings),
+        origins=tuple(origin for part in parts for origin in part.origins),
+    )
+
+
+def join(
+    bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
+) -> SeveralBodies:
+    """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m.
+
+    Parameters
+    ----------
+    bodies : all that are coupled.
+    couplings : joints and springs, direction by direction.
+    origins : m, where bodies begin on their common axis.
+
+    Returns
+    -------
+    SeveralBodies
+        On the dofs that the constraints leave.
+    """
+    apart = assemble_side_by_side(bodies)
+    held = apart.rows([c.site for c in couplings if c.stiffness is None])
+    basis = null_space_basis(held)
+    springs = [c for c in couplings if c.stiffness]
+    rows = apart.rows([c.site for c in springs])
+    stiffness = np.array([c.stiffness for c in springs], dtype=float)
+    dashpots = [c for c in couplings if c.dashpot]
+    damping: Any = csr_array((apart.size, apart.size)) if apart.damping is None else apart.damping
+    beside = csr_array(apart.rows([c.site for c in dashpots]))
+    damping = damping + beside.T @ (beside * np.array([c.dashpot for c in dashpots])[:, None])
+    scaled = csr_array(rows * np.sqrt(stiffness / apart.stiffness_scale)[:, None])
+    mass = (basis.T @ (apart.mass @ basis)).tocsc()
+    holding = np.vstack([held, rows])
+    holding = holding[np.any(holding != 0, axis=1)]
+    kept = unstretched(apart.rigid, holding @ apart.rigid, np.linalg.norm(holding, axis=1))
+    return SeveralBodies(
+        name="",
+        mass=mass,
+        factor=vstack([apart.factor, scaled], format="csr") @ basis,
+        damping=(basis.T @ damping @ basis).tocsc() if apart.damping is not None or dashpots else None,
+        rigid=orthonormal_in_mass(basis.T @ (apart.rigid @ kept), mass),
+        mass_scale=apart.mass_scale,
+        stiffness_scale=apart.stiffness_scale,
+        expansions=tuple((member.body, member.expansion @ basis) for member in apart.members),
+        couplings=tuple(couplings),
+        origins=tuple((origins or {}).items()),
+    )
+
+
+def null_space_basis(rows: Floats) -> Any:
+    """(N, N - rank) sparse orthonormal basis of the null space of constraints (c, N).
+
+    Constraints without a common degree of freedom are treated apart, which keeps the basis sparse: a column outside
+    all constraints is a unit vector.
+    """
+    size = rows.shape[1]
+    pattern = csr_array(rows != 0, dtype=float)
+    constrained = np.any(rows != 0, axis=0)
+    free = np.flatnonzero(~constrained)
+    i, j, values = [free], [np.arange(free.size)], [np.ones(free.size)]
+    count = free.size
+    for dofs in blocks_of(pattern.T @ pattern):
+        if not constrained[dofs[0]]:
+            continue
+        constraints = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
+        _, s, vt = np.linalg.svd(constraints / np.linalg.norm(constraints, axis=1, keepdims=True))
+        # smaller singular values are those of constraints that say the same twice
+        null = vt[int(np.sum(s > 1e-10 * s[0])) :].T
+        i.append(np.repeat(dofs, null.shape[1]))
+        j.append(np.tile(count + np.arange(null.shape[1]), dofs.size))
+        values.append(null.ravel())
+        count += null.shape[1]
+    entries = (np.concatenate(values), (np.concatenate(i), np.concatenate(j)))
+    return coo_array(entries, shape=(size, count)).tocsr()

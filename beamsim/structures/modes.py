@@ -144,10 +144,10 @@ def natural_modes(
         return _of_parts(model, count, below)
     size, rigid = model.rigid.shape
     needed = size
-    if count is not None or below is not None:
+    if size > DENSE_LIMIT and (count is not None or below is not None):
         up_to = 0 if below is None else model.frequency_count(below) + 1
         needed = min(max(count or 0, up_to if most is None else min(up_to, most), rigid), size)
-    if size <= DENSE_LIMIT or needed > size // 4:
+    if needed > size // 4:
         lower = np.linalg.cholesky(model.mass.toarray())
         x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
         _, omega, vt = svd(x, full_matrices=False)

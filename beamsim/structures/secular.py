@@ -13,16 +13,40 @@ mass-normalised deflection :math:`u_r` at the spring).
 
 Differences :math:`\lambda - \omega_i^2` are computed as products :math:`(\omega - \omega_i)(\omega + \omega_i)`, so
 accuracy is limited only by the conditioning.
+
+How the stiffness behind a frequency depends on every number of the structure follows from a stationary form.
+At a fixed frequency :math:`k = -1 / (s^T D^{-1} s)` with the dynamic stiffness :math:`D = K - \omega^2 M` and the
+deflection row s of the spring's point. With the closed structure's mode scaled as :math:`v = k D^{-1} s`, fields of the
+bodies apart, springs between them in D, and what joints hold as constraints :math:`G v = 0` with the forces
+:math:`\mu`,
+
+.. math:: F = 2 k\, s^T v - v^T D v - 2 \mu^T G v
+
+is stationary in v and :math:`\mu`, so that :math:`\partial k / \partial p = \partial F / \partial p` with both as they
+are: one linear solve for all parameters. The derivatives are central differences on an unchanged mesh: the form is that
+of fixed fields, so that they are accurate to nine digits or so.
+
+A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
+:math:`k_i` that would give part i alone the frequency.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse.linalg import spsolve
 
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path, walk
+from beamsim.scenario.parameters import replaced, side_at, value_at
+from beamsim.scenario.quantities import Share
+from beamsim.structures.assembly import SeveralBodies, assemble, assemble_side_by_side, couplings_of, snubber_site
+from beamsim.structures.places import Site
+from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.typing import Floats
 
 _EPS = float(np.finfo(float).eps)
@@ -30,45 +54,34 @@ ONE_POLE = 1e-13  # relative distance of natural frequencies that count as one p
 NODE = 1e-26  # share of the largest weight of a mode that the spring does not reach
 
 
-@dataclass(frozen=True)
 class SpringPoint:
     """Frequencies of a structure and deflections of its modes at the point where a spring acts.
 
     Parameters
     ----------
-    omega : (n,) natural angular frequencies without the spring, ascending, rad/s; zeros are rigid-body modes.
+    omega : (n,) natural angular frequencies without the spring, rad/s, in any order; zeros are rigid-body modes.
     shape : (n,) mass-normalised deflections at the point, 1/sqrt(kg).
     """
 
-    omega: Floats
-    shape: Floats
-
-    @classmethod
-    def of_modes(cls, omega: ArrayLike, shape: ArrayLike) -> SpringPoint:
-        """From modes in any order."""
-        omega, shape = np.asarray(omega, dtype=float), np.asarray(shape, dtype=float)
+    def __init__(self, omega: ArrayLike, shape: ArrayLike) -> None:
         order = np.argsort(omega, kind="stable")
-        return cls(omega[order], shape[order])
-
-    @cached_property
-    def _poles(self) -> tuple[Floats, Floats, Floats]:
-        """Poles of g, their weights, and the natural frequencies that no spring changes (repeated, or with a node)."""
-        weight = self.shape**2
-        largest = float(weight.max(initial=0.0))
+        self.omega: Floats = np.asarray(omega, dtype=float)[order]
+        self.shape: Floats = np.asarray(shape, dtype=float)[order]
+        # poles of g, their weights, and the natural frequencies that no spring changes (repeated, or with a node)
         poles: list[float] = []
         weights: list[float] = []
         fixed: list[float] = []
-        for omega, w in zip(self.omega, weight, strict=True):
-            # a mode with a node there does not load the spring
-            if w <= NODE * largest:
-                fixed.append(float(omega))
-            elif poles and omega - poles[-1] <= ONE_POLE * omega:
-                weights[-1] += float(w)
+        least = NODE * float((self.shape**2).max(initial=0.0))
+        for frequency, weight in zip(self.omega.tolist(), (self.shape**2).tolist(), strict=True):
+            if weight <= least:  # a mode with a node there does not load the spring
+                fixed.append(frequency)
+            elif poles and frequency - poles[-1] <= ONE_POLE * frequency:
+                weights[-1] += weight
                 fixed.append(poles[-1])
             else:
-                poles.append(float(omega))
-                weights.append(float(w))
-        return np.array(poles), np.array(weights), np.array(fixed)
+                poles.append(frequency)
+                weights.append(weight)
+        self._poles = np.array(poles), np.array(weights), np.array(fixed)
 
     def mode_number(self, omega: float) -> int:
         """Number, from 1, of the mode that a spring can raise to omega: the number of free modes at or below omega.
@@ -104,24 +117,24 @@ class SpringPoint:
         unchanged = [np.full(k.shape, omega) for omega in fixed]
         return np.sort(np.stack([*roots, *unchanged], axis=-1), axis=-1)[:, :count].reshape(*shape, count)
 
-    def pinned(self, count: int | None = None) -> Floats:
-        """(count,) natural angular frequencies with the point pinned; infinite for a mode that pinning removes."""
-        return self.frequencies(np.inf, count)
-
     def reach(self, mode: int) -> tuple[float, float]:
-        """Lowest and highest angular frequency that a spring can give mode number `mode` (from 1)."""
-        return float(self.omega[mode - 1]), float(self.pinned(mode)[mode - 1])
+        """Lowest and highest angular frequency that a spring can give mode number `mode` (from 1).
+
+        The highest is that with the point pinned; infinite for a mode that pinning removes.
+        """
+        return float(self.omega[mode - 1]), float(self.frequencies(np.inf, mode)[mode - 1])
 
     def on_node(self, mode: int) -> bool:
         """Whether the point is a node of free mode number `mode`, so that a spring does not change the mode."""
         # finite elements give nodes to 1e-12
         return bool(abs(self.shape[mode - 1]) <= 1e-8 * np.abs(self.shape).max(initial=0.0))
 
-    def participation(self, omega: ArrayLike) -> Floats:
-        """u_r^2, 1/kg: squared mass-normalised deflection at the spring of the mode raised to omega.
+    def slope(self, omega: ArrayLike) -> Floats:
+        """d omega / dk, rad/s per N/m, of the mode that the spring raises to omega (> 0): u_r^2 / (2 omega).
 
-        It equals d lambda / dk and is continuous down to the free modes (k = 0). It is 0 at the frequency of a mode
-        with a node at the point: a mode that the spring raises to there, in ascending order, stays there.
+        The squared mass-normalised deflection u_r^2 at the spring, d lambda / dk, is continuous down to the free modes
+        (k = 0). It is 0 at the frequency of a mode with a node at the point: a mode that the spring raises to there, in
+        ascending order, stays there.
         """
         poles, weights, fixed = self._poles
         omega = np.asarray(omega, dtype=float)
@@ -131,11 +144,8 @@ class SpringPoint:
         scaled = np.where(difference == 0, 1.0, nearest / np.where(difference == 0, 1.0, difference))
         scaled = np.where(nearest == 0, (difference == 0).astype(float), scaled)
         participation = np.sum(weights * scaled, axis=-1) ** 2 / np.sum(weights * scaled**2, axis=-1)
-        return np.asarray(np.where(np.isin(omega, np.setdiff1d(fixed, poles)), 0.0, participation))
-
-    def slope(self, omega: ArrayLike) -> Floats:
-        """d omega / dk, rad/s per N/m, of the mode that the spring raises to omega (> 0)."""
-        return np.asarray(self.participation(omega) / (2 * np.asarray(omega, dtype=float)))
+        participation = np.where(np.isin(omega, np.setdiff1d(fixed, poles)), 0.0, participation)
+        return np.asarray(participation / (2 * omega))
 
     def _roots(self, j: int, level: Floats) -> Floats:
         """Angular frequencies where g = level (s,) between poles j and j + 1, or above the last pole."""
@@ -162,3 +172,128 @@ class SpringPoint:
         found = find_root(value, bracket, args=(np.where(known, level, 0.0),))
         root = np.where(found.success, found.x, upper)
         return np.asarray(np.where(np.isinf(level), lower, np.where(known, root, np.inf)), dtype=float)
+
+
+_STEP = 1e-5  # relative, of central differences
+
+
+def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
+    """d ln k / d ln p by place, k being the stiffness at the snubber that makes omega a natural frequency.
+
+    The numbers are those of the bodies that the snubber acts on, and of what joins them. What sits on the end or edge
+    of a body moves with it when a side changes; the segments of a beam grow with its length.
+
+    Parameters
+    ----------
+    scenario : a validated scenario.
+    snubber : its name.
+    omega : angular frequency, rad/s.
+
+    Returns
+    -------
+    dict
+        By path; numbers on which k does not depend are left out.
+    """
+    contact = scenario.located_snubber(snubber)
+    structure = assemble(scenario, contact.bodies)
+    site = snubber_site(contact)
+    parts = [each.structure for each in structure.parts] or [structure]
+    loaded = [_LoadedPart.of(part, site, omega) for part in parts if part.own_row(site).any()]
+    total = sum(1 / part.stiffness for part in loaded)
+    rates: dict[Path, float] = {}
+    for path, along in _parameters(scenario, snubber, [member.body for member in structure.members]):
+        scaled = (
+            replaced(scenario, {at: value_at(scenario, at) * (1 + step) for at in along}) for step in (_STEP, -_STEP)
+        )
+        up, down = (sum(part.form(each, snubber, omega) / part.stiffness**2 for part in loaded) for each in scaled)
+        if up != down:
+            rates[path] = (up - down) / (2 * _STEP * total)
+    return rates
+
+
+@dataclass(frozen=True)
+class _LoadedPart:
+    """A part of a structure on which the spring acts, and its motion at the frequency."""
+
+    bodies: SeveralBodies  # apart
+    stiffness: float  # N/m, of the spring, that gives the part alone the frequency
+    field: Floats  # (dofs of the bodies,) v
+    forces: Floats  # of the constraints among the couplings, in their order
+
+    @classmethod
+    def of(cls, part: Structure, site: Site, omega: float) -> _LoadedPart:
+        """Solve for the motion."""
+        row, squared = part.own_row(site), (omega / part.frequency_scale) ** 2
+        mode = np.asarray(spsolve((part.factor.T @ part.factor - squared * part.mass).tocsc(), row))
+        scaled = -1.0 / float(row @ mode)
+        stiffness, bodies = scaled * part.stiffness_scale, assemble_side_by_side([m.body for m in part.members])
+        field = np.concatenate([member.expansion @ (scaled * mode) for member in part.members])
+        left = stiffness * bodies.own_row(site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
+        left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
+        for spring in part.couplings:
+            if spring.stiffness:
+                pull = bodies.own_row(spring.site)
+                left -= spring.stiffness * (pull @ field) * pull
+        held = [bodies.own_row(each.site) for each in part.couplings if each.stiffness is None]
+        forces = np.linalg.lstsq(np.array(held).reshape(-1, field.size).T, left, rcond=None)[0]
+        return cls(bodies, stiffness, field, np.asarray(forces, dtype=float))
+
+    def form(self, scenario: Scenario, snubber: str, omega: float) -> float:
+        """F, N/m, of the motion with other numbers in the scenario."""
+        sections, v = scenario.all_bodies, self.field
+        before = [member.body for member in self.bodies.members]
+        bodies = assemble_side_by_side(
+            [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
+        )
+        bent = bodies.factor @ v
+        total = 2 * self.stiffness * float(bodies.own_row(snubber_site(scenario.located_snubber(snubber))) @ v)
+        total += omega**2 * bodies.mass_scale * float(v @ (bodies.mass @ v))
+        total -= bodies.stiffness_scale * float(bent @ bent)
+        forces, names = iter(self.forces), {each.name for each in before}
+        for coupling in couplings_of(scenario):
+            if coupling.ends[0].body in names:
+                stretch = float(bodies.own_row(coupling.site) @ v)
+                held = coupling.stiffness is None
+                total -= 2 * next(forces) * stretch if held else (coupling.stiffness or 0.0) * stretch**2
+        return total
+
+
+def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -> Iterator[tuple[Path, set[Path]]]:
+    """Every number that k may depend on, and those that change with it."""
+    contact = scenario.located_snubber(snubber)
+    sides = {body.name: body.sides for body in bodies}
+    for body in bodies:
+        if body.section is None:
+            continue
+        base = scenario.body_path(body.name)
+        for path in _numbers(scenario.all_bodies[body.name]):
+            along = {(*base, *path)}
+            if len(path) == 1 and path[0] in body.sides:  # what sits on the end or edge moves with it
+                side, edge = (body.name, body.sides.index(str(path[0]))), value_at(scenario, (*base, *path))
+                along |= {
+                    at for at in _numbers(scenario) if side_at(scenario, at) == side and value_at(scenario, at) == edge
+                }
+                segments = getattr(scenario.all_bodies[body.name], "segments", ())
+                along |= {(*base, "segments", i, key) for i, _ in enumerate(segments) for key in ("from", "to")}
+            yield (*base, *path), along
+    for place, path in zip(contact.item.places, contact.item.place_paths, strict=True):
+        for axis in range(len(sides[place.body or contact.body])):
+            number = (*contact.path, *path, "position", *((axis,) if isinstance(place.position, tuple) else ()))
+            yield number, {number}
+    for section in ("joints", "springs_to_ground", "springs_between"):
+        for index, item in enumerate(getattr(scenario, section)):
+            for key in ("stiffness", "rotational_stiffness"):
+                if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0:
+                    yield (section, index, key), {(section, index, key)}
+
+
+def _numbers(section: Any) -> Iterator[Path]:
+    """Paths of the numbers, not zero, of a section, but for the bounds of segments."""
+    for path, part in walk(section):
+        for key, name in type(part).keys().items():
+            value: Any = getattr(part, name)
+            items = {(*path, key, i): item for i, item in enumerate(value)} if isinstance(value, tuple) else {}
+            for place, number in (items or {(*path, key): value}).items():
+                bound = "segments" in place and place[-1] in ("from", "to")
+                if isinstance(number, (float, Share)) and number not in (0.0, Share(0.0)) and not bound:
+                    yield place

@@ -25,7 +25,7 @@ from beamsim.contacts.snubbers import (
 )
 from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, single_frequency_hz
+from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
 from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
@@ -292,6 +292,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         outputs = output_channels(parts, recoveries, pushing.sites, contacts, forcing)
     dynamics = PiecewiseLinearSystem(parts.stiffness, parts.damping, contacts, loads.sum(axis=0))
     probes = _describe_probes(parts)
+    frequencies = set(scenario.excitation.frequencies_hz)
     return StructuralSystem(
         scenario=scenario,
         dynamics=dynamics,
@@ -310,7 +311,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         stops=pushing.stops,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
-        excitation_frequency_hz=single_frequency_hz(scenario.excitation),
+        excitation_frequency_hz=float(frequencies.pop()) if len(frequencies) == 1 else np.nan,
         cubic=pushing.cubic,
         springs=pushing.springs,
         outputs=outputs,

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
-from beamsim.inputs.measured import highest_excited_hz
+from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import MovedStop, MovedSupport, OnSupport

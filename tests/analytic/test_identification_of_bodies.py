@@ -7,7 +7,7 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.structures.secular import stiffness_sensitivities
 
 PANEL = {
     "kind": "beam", "length": 0.77, "width": 0.44, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,

@@ -18,8 +18,8 @@ from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import UPWARDS, Place
 from beamsim.structures.plate import PlateStructure, assemble_plate, moment_operator
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.secular import stiffness_sensitivities
 
 pytestmark = pytest.mark.quick
 

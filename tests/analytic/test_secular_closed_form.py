@@ -10,8 +10,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
-from beamsim.structures.secular import SpringPoint
+from beamsim.structures.secular import SpringPoint, stiffness_sensitivities
 
 
 def beam(position=1.0, left="clamped", right="free", elements=40, **section):
@@ -29,10 +28,10 @@ def beam(position=1.0, left="clamped", right="free", elements=40, **section):
 
 
 def test_one_degree_of_freedom():
-    point = SpringPoint.of_modes([3.0], [0.5])
+    point = SpringPoint([3.0], [0.5])
     assert point.frequencies(7.0) == pytest.approx([np.sqrt(9 + 7 * 0.25)], rel=1e-15)
     assert point.stiffness(np.sqrt(9 + 7 * 0.25)) == pytest.approx(7.0, rel=1e-14)
-    assert np.isinf(point.pinned())
+    assert np.isinf(point.frequencies(np.inf))
     assert point.reach(1) == (3.0, np.inf)
 
 
@@ -67,7 +66,7 @@ def test_cantilever_with_a_spring_at_its_tip():
     assert point.frequencies(ratio * flexural, 2) == pytest.approx(omega, rel=1e-6)
     assert point.stiffness(omega) == pytest.approx(ratio * flexural, rel=1e-5)
     pinned = np.square([3.9266023, 7.0685827]) * np.sqrt(flexural / scenario.beam.bending.mass_per_length)
-    assert point.pinned(2) == pytest.approx(pinned, rel=1e-5)
+    assert point.frequencies(np.inf, 2) == pytest.approx(pinned, rel=1e-5)
 
 
 def test_slope_is_the_squared_deflection_and_not_its_norm():

@@ -11,7 +11,7 @@ from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.assembly import assemble
 from beamsim.structures.places import Place
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.structures.secular import stiffness_sensitivities
 from beamsim.system.build import build_system
 
 L, EI, M = 0.9, 12.0, 0.7

@@ -83,12 +83,12 @@ def test_a_mode_raised_to_one_with_a_node_at_the_spring_stays_there():
 
 def test_chains_with_repeated_and_unfelt_modes():
     # Two equal oscillators that nothing joins: one of the two equal modes can move, the other cannot.
-    twins = SpringPoint.of_modes([2.0, 2.0, 5.0], [0.3, 0.0, 0.4])
+    twins = SpringPoint([2.0, 2.0, 5.0], [0.3, 0.0, 0.4])
     assert twins.frequencies(0.0, 3) == pytest.approx([2.0, 2.0, 5.0])
     found = twins.frequencies(10.0, 3)
     assert found[0] == 2.0
     assert twins.stiffness(found[1]) == pytest.approx(10.0, rel=1e-13)
-    mixed = SpringPoint.of_modes([2.0, 2.0, 5.0], [0.3, 0.4, 0.4])
+    mixed = SpringPoint([2.0, 2.0, 5.0], [0.3, 0.4, 0.4])
     independent = closed_modes(mixed.omega, mixed.shape[None, :], np.array([10.0]), 0)[0]
     assert mixed.frequencies(10.0, 3) == pytest.approx(independent, rel=1e-13)
 

@@ -33,9 +33,8 @@ from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
 from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.modes import DENSE_LIMIT, closed_modes
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import reduce_model
-from beamsim.structures.secular import SpringPoint
+from beamsim.structures.secular import SpringPoint, stiffness_sensitivities
 from beamsim.structures.structure import LoadPattern
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
@@ -430,7 +429,9 @@ def permanent_contact(
     """
     snubber = section.snubber
     rigid = int(np.sum(point.omega == 0))
-    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
+    unconstrained = (
+        int(np.sum(point.frequencies(np.inf, rigid) == 0)) if rigid else 0
+    )  # rigid-body modes with the snubber closed
     on_table = (
         None if scenario.located_snubber(snubber).item.force_deflection is None else _rest_on_table(scenario, snubber)
     )
@@ -653,4 +654,4 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
     patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
     basis = reduce_model(model, patterns, count=None if model.size <= DENSE_LIMIT else requested + MORE_MODES)
     shape = model.row(site) @ basis.vectors / np.sqrt(model.mass_scale)
-    return SpringPoint.of_modes(basis.omega * model.frequency_scale, shape)
+    return SpringPoint(basis.omega * model.frequency_scale, shape)

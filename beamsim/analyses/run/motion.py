@@ -27,7 +27,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInChunks
-from beamsim.inputs.measured import highest_excited_hz
+from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, never, stopped_by
