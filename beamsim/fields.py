@@ -445,13 +445,13 @@ table = partial(_field, Table)
         dataclasses.field,
     ),
 )  # fmt: skip
-def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> Any:
+def declared(cls: Any = None, *, kw_only: bool = False, repr: bool = True, along: Along = ()) -> Any:
     """A frozen dataclass whose fields are declared.
 
     Parameters
     ----------
     cls : the class.
-    kw_only : whether fields are given by keyword only, so that those with a default may come first.
+    kw_only, repr : as of `dataclasses.dataclass`.
     along : the axes of its arrays that do not name theirs; by default those of the class that it is made from.
 
     Returns
@@ -459,9 +459,9 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     The dataclass; without ``cls`` the decorator that makes it.
     """
     if cls is None:
-        return lambda made: declared(made, kw_only=kw_only, along=along)
+        return partial(declared, kw_only=kw_only, repr=repr, along=along)
     cls.__along__ = along
-    made = dataclass(frozen=True, kw_only=kw_only)(cls)
+    made = dataclass(frozen=True, kw_only=kw_only, repr=repr)(cls)
     for field in dataclasses.fields(made):
         if isinstance(field.metadata.get(_DECLARED), ArrayField):
             setattr(made, field.name, _ReadWhenUsed(field.name))

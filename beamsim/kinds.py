@@ -106,22 +106,6 @@ def named(place: str) -> Any:
     return getattr(import_module(module), name)
 
 
-def kind_of_class(cls: type) -> str:
-    """The kind whose results have this class, or one that it derives from, as classes of stored results do.
-
-    Raises
-    ------
-    KeyError
-        If it is the class of no kind.
-    """
-    names = {kind.result: name for name, kind in KINDS.items()}
-    places = [f"{base.__module__}:{base.__qualname__}" for base in cls.__mro__]
-    found = next((names[place] for place in places if place in names), None)
-    if found is None:
-        raise KeyError(places[0])
-    return found
-
-
 class TemplateKind(StrEnum):
     """Scenarios that ``beamsim new`` writes, and the command that each is for."""
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.kinds import KINDS, named
 from beamsim.plots.drawing import plain_text
 from beamsim.plots.style import shown_in
 from beamsim.results.result import Result
@@ -24,5 +24,5 @@ def figures_of(result: Result) -> dict[str, Figure]:
     if shell is not None:
         import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
     with shown_in(result.scenario.display_scales), plain_text():
-        pictures = named(KINDS[kind_of_class(type(result))].figures)(result)
+        pictures = named(KINDS[result.KIND].figures)(result)
         return {name: picture.figure() for name, picture in pictures.items()}

@@ -8,7 +8,7 @@ from re import fullmatch
 from typing import Any, NamedTuple
 
 from beamsim.fields import figure_in_words, place_in_words
-from beamsim.kinds import KINDS, kind_of_class
+from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture
@@ -147,7 +147,7 @@ def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
 
 
 def _question(result: Result, scenario: Scenario) -> Iterator[tuple[str, str]]:
-    yield "asked", KINDS[kind_of_class(type(result))].question
+    yield "asked", KINDS[result.KIND].question
     yield "excitation", excitation_text(scenario)
     if scenario.study is not None:
         yield "varied", ", ".join(parameter.path for parameter in scenario.study.parameters)

@@ -26,7 +26,7 @@ from beamsim.fields import (
     stored,
     summary_of,
 )
-from beamsim.kinds import kind_of_class, named
+from beamsim.kinds import named
 from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import Outcome, interruption
 from beamsim.results.values import OUTPUT, judged, limit_unit
@@ -108,10 +108,11 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, repr=False)  # that of a dataclass holds all arrays
 class Result:
     """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
 
+    KIND: ClassVar[str]  # one of `beamsim.kinds.KINDS`
     DATASET: ClassVar[str] = "result"  # of the file, with the arrays of the result itself
     DATASETS: ClassVar[tuple[Layout, ...]] = ()  # the labelled ones
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
@@ -128,10 +129,6 @@ class Result:
         "", "versions of Python and of the packages that the numbers depend on, JSON object", codec=JSON,
         default_factory=_versions,
     )  # fmt: skip
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        cls.__repr__ = Result.__repr__  # type: ignore[method-assign]  # that of a dataclass holds all arrays
 
     def __getitem__(self, name: str) -> Dataset:
         """One of the labelled datasets, ``result["histories"]``.
@@ -150,7 +147,7 @@ class Result:
 
     def __str__(self) -> str:
         """The printed table."""
-        return str(named("beamsim.cli.tables:text_table")(kind_of_class(type(self)), self))
+        return str(named("beamsim.cli.tables:text_table")(self.KIND, self))
 
     def with_summary(self, **computed: Any) -> Self:
         """The result with its summary: the values given, and those that repeat fields of the result.

@@ -26,6 +26,7 @@ ROUND_OFF_PULL = 1e-9  # of the largest contact force
 DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
 FORCE, PENETRATION, OPENING = ("snubbers", "force"), ("snubbers", "penetration"), ("snubbers", "opening")
 STRESS = ("bodies", "bending_stress")
+ROTATIONAL = ("N m", "rad")  # units of values that are there only where a hinge has them
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
 Extreme = Floats  # (4, k): lowest, its time, highest, its time
@@ -129,11 +130,6 @@ class Value(NamedTuple):
         if self.of is None or channel.section != self.section or self.quantity not in ("", channel.quantity):
             return False
         return self.unit in ("", channel.unit)
-
-    @property
-    def rare(self) -> bool:
-        """Whether it is one of hinges, which is there only where a hinge has it."""
-        return self.unit in ("N m", "rad")
 
     @property
     def key(self) -> Key:
@@ -332,7 +328,7 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
         if value.single:
             of_all = [number for key in numbers for number in numbers[key]]
             found |= {value.entry: max(of_all)} if of_all else {}
-        elif some or (value.section in ALWAYS_THERE and not value.rare):
+        elif some or (value.section in ALWAYS_THERE and value.unit not in ROTATIONAL):
             named = {(c.key, c.name): x for k in numbers for c, x in zip(alike[k], numbers[k], strict=True)}
             found[value.entry] = {channel.name: named[channel.key, channel.name] for channel in some}
     return found

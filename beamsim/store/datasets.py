@@ -41,7 +41,6 @@ from beamsim.labelled import (
     LargeArray,
     flagged,
     last,
-    parent,
     part_of,
 )
 from beamsim.store.layout import Axis, Spot, StoragePlace, place_in, root_place, spot
@@ -207,15 +206,13 @@ class _Writer:
         for each in values:
             self._numbers(place.dataset, place.dims, each.labels)
         for column in sorted(members_of(declared.of), key=_writing_rank):
-            cells = [(each, [getattr(row, column.name) for row in each.value]) for each in values if each.value]
+            cells = [[getattr(row, column.name) for row in each.value] for each in values]
             optional = column.default is not None and column.default() is None
-            if optional and all(value is None for _, of_rows in cells for value in of_rows):
-                continue
-            kind: Any = object if column.scalar is str else column.scalar or float
-            for each, of_rows in cells:
-                texts = (filled(column.declaration.unit, each.owners), filled(column.declaration.meaning, each.owners))
-                array = np.array(of_rows, dtype=kind)
-                self._part(spot(column, below), each.labels, array, texts, _more_of(column.declaration))
+            if not optional or any(value is not None for of_rows in cells for value in of_rows):
+                kind: Any = object if column.scalar is str else column.scalar or float
+                pairs = zip(values, cells, strict=True)
+                arrays = [each._replace(value=np.array(of_rows, dtype=kind)) for each, of_rows in pairs if of_rows]
+                self._arrays(column, column.declaration, below, arrays)
 
     def _arrays(self, member: Member, declared: ArrayField, place: StoragePlace, values: Sequence[_Value]) -> None:
         """An array of each of some instances, with the two of complex numbers, words apart from numbers."""
@@ -239,7 +236,9 @@ class _Writer:
                 real = meaning if declared.imaginary else f"{meaning}, real part"
                 parts = [("_real", array.real, real), ("_imag", array.imag, imaginary)]
             for end, part, text in parts:
-                self._part(spot(member, place, more, suffix + end), labels, part, (unit, text), _more_of(declared))
+                attributes = flagged(declared.flags) if declared.flags else {}
+                attributes |= {NAMES: declared.names} if declared.names else {}
+                self._part(spot(member, place, more, suffix + end), labels, part, (unit, text), attributes)
 
     def _part(self, at: Spot, labels: Labels, array: Any, texts: tuple[str, str], more: dict[str, Any]) -> None:
         """The part of a variable that a member has."""
@@ -312,7 +311,7 @@ class _Writer:
 
     def _put(self, path: str, array: Any, attributes: dict[str, Any], axes: tuple[str, ...] | None = None) -> None:
         """The item of a variable, or of a coordinate if it has no axes."""
-        self.items.setdefault(parent(path), Item())
+        self.items.setdefault(path[: path.rindex("/")], Item())
         if path in self.items:
             raise TypeError(f"two fields are called {path}")
         self.items[path] = Item(attributes, array, axes or (), axes is None)
@@ -422,12 +421,6 @@ class _Writer:
             attributes[ABSENT] = json.dumps(np.flatnonzero(units == "").tolist())
         axes = (f"/{at.dataset}/{axis.dim}" for axis in at.axes)
         self._put(at.path, whole, attributes | variable.more, (*coordinates, *axes))
-
-
-def _more_of(declared: ArrayField) -> dict[str, Any]:
-    """Attributes of a variable besides unit and meaning."""
-    flags = {} if declared.flags is None else flagged(declared.flags)
-    return flags | ({NAMES: declared.names} if declared.names else {})
 
 
 def _writing_rank(member: Member) -> int:

@@ -34,7 +34,7 @@ from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, rec
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.input_files import FileState, demand_memory, state_of
-from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.kinds import KINDS, named
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
@@ -78,7 +78,7 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
     items = items_of(result)
     items["/"].attributes |= {
         "schema_version": SCHEMA_VERSION,
-        "command": KINDS[kind_of_class(type(result))].command,
+        "command": KINDS[result.KIND].command,
         "scenario": result.scenario.to_yaml(),
     }
     items["/summary"] = Item(encode_summary(result.summary))

@@ -74,7 +74,7 @@ DISTURBANCE = record({
 })  # fmt: skip
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, repr=False)
 class CoexistingResult(ContinuationResult):
     """Everything `beamsim sweep` of kind coexisting computes: each motion is a branch of one point.
 
@@ -82,6 +82,7 @@ class CoexistingResult(ContinuationResult):
     """
 
     DATASET = "starts"
+    KIND = "coexisting"
     SUMMARY = (
         STATUS,
         Entry("motions", "", "each motion: frequency, kind, period, stability, share of the starts with its interval, "

@@ -204,10 +204,11 @@ class Assurance:
 FDAC = record(dict.fromkeys(("mean", "lowest", "lowest_hz"), Number))
 
 
-@declared
+@declared(repr=False)
 class Comparison(Result):
     """Result of ``beamsim compare``."""
 
+    KIND = "compare"
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
                  "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",

@@ -47,11 +47,12 @@ UNPAIRED = 0.2  # largest MAC of a pair that is none
 MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predicted_hz", "difference", "mac"), Number))
 
 
-@declared(along=(_MEASURED,))
+@declared(along=(_MEASURED,), repr=False)
 class ModeComparison(Result):
     """Result of ``beamsim compare-modes``."""
 
     DATASET = "modes"
+    KIND = "compare-modes"
     SUMMARY = (
         Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
                  "difference (relative, of the prediction), mac", form=list_of(MODE_PAIR)),

@@ -166,10 +166,11 @@ def _pieces(branch: ResponseBranch) -> Iterator[_Piece]:
             yield _Piece(x[piece][order], peak[piece][order])
 
 
-@declared
+@declared(repr=False)
 class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
+    KIND = "continuation"
     SUMMARY = _SUMMARY
 
     branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch, "branch", rows="points")

@@ -325,7 +325,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(along=_CASES)
+@declared(along=_CASES, repr=False)
 class DesignsResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`, along the axes of the design.
 
@@ -333,6 +333,7 @@ class DesignsResult(Result):
     ``coordinates``).
     """
 
+    KIND = "designs"
     SUMMARY, DATASET = _SUMMARY, "cases"
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep")

@@ -407,10 +407,11 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, repr=False)
 class IdentificationResult(Result):
     """Result of ``beamsim identify-stiffness``."""
 
+    KIND = "identify-stiffness"
     SUMMARY, DATASET = _SUMMARY, "shapes"
 
     estimate: StiffnessEstimate | None = group("stiffness", StiffnessEstimate, default=None)

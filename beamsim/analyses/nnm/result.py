@@ -294,10 +294,11 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared
+@declared(repr=False)
 class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 
+    KIND = "nnm"
     SUMMARY, DATASET = _SUMMARY, "shapes"
 
     mode: int = attribute("1", "number of the mode")

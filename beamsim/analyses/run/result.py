@@ -677,10 +677,11 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, repr=False)
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 
+    KIND = "run"
     SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, FRICTION_INTERVALS)
 
     method: str = attribute("", "exact, or reference with its integrator")

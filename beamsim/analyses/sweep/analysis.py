@@ -34,7 +34,17 @@ from beamsim.responses.gapping import (
     transfer,
 )
 from beamsim.results.validity import curve_warnings, reduction_checked
-from beamsim.results.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, largest_along, margins_along
+from beamsim.results.values import (
+    ALWAYS,
+    BY_ENTRY,
+    OUTPUT,
+    RESPONSE,
+    ROTATIONAL,
+    VALUES,
+    Margins,
+    largest_along,
+    margins_along,
+)
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
 from beamsim.scenario.reporting import Limits
@@ -345,7 +355,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     entries: dict[str, Any] = {
         value.entry: {name: {} for name in curves}
         for value in VALUES
-        if (value.followed and not value.rare) or (units and value is OUTPUT)
+        if (value.followed and value.unit not in ROTATIONAL) or (units and value is OUTPUT)
     }
     frequencies: dict[str, dict[str, dict[str, float]]] = {}
     for curve in curves.values():

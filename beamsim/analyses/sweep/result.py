@@ -400,10 +400,11 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared
+@declared(repr=False)
 class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
+    KIND = "sweep"
     SUMMARY = _SUMMARY
 
     kind: str = attribute("", "swept_sine or stepped")
