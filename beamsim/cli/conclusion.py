@@ -7,7 +7,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
-from beamsim.cli.printing import print_table
 from beamsim.cli.session import Given, Interruption, Progress, interruptible, print_json, progress_of, say, show
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
@@ -111,9 +110,10 @@ def conclude(
         elif first_screen:
             show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
         elif not given.quiet:
-            table_rows = named("beamsim.cli.tables:all_rows")  # imported only where it is printed
+            from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
+
             written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-            print_table(result.title, [*table_rows(kind, result), *written])
+            print_table(result.title, [*all_rows(kind, result), *written])
         left_out = not given.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
         checked = result.summary.get("margins", {}) if given.check else {}

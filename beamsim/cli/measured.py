@@ -11,9 +11,8 @@ import numpy as np
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.identify.result import IdentificationResult, ParameterEstimate
-from beamsim.cli.printing import MOST_ROWS, percent, told
-from beamsim.cli.screens import SHOWN, Screen, limit_lines, rounded
-from beamsim.plots.style import amount, extent
+from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, rounded
+from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
@@ -63,10 +62,10 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     s = result.summary
     for name, table in (("with contact", result.with_snubber), ("without the stop", result.without_snubber)):
         if table is not None and np.any(np.isfinite(table.measured_hz)):
-            computed, measured = (told("_hz", list(f)) for f in (table.predicted_hz, table.measured_hz))
+            computed, measured = (value_text("_hz", list(f)) for f in (table.predicted_hz, table.measured_hz))
             yield f"frequencies {name}: {computed}; measured {measured}"
     if result.mac is not None:
-        yield f"MAC of paired shapes: {told('', np.diagonal(result.mac).tolist())}"
+        yield f"MAC of paired shapes: {value_text('', np.diagonal(result.mac).tolist())}"
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield "misfit {:.4g} before, {:.4g} after".format(*s[name])
@@ -83,15 +82,11 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
         yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in result.update.choices.items())
     if result.pad is not None:
         branches = counted(result.pad.branch_stiffness.size, "relaxation time")
-        rest, misfit = _newtons(result.pad.stiffness), percent(result.pad.misfit, 2)
+        rest, misfit = amount(result.pad.stiffness, "N/m", 5), percent(result.pad.misfit, 2)
         yield f"pad {rest} ({_extent(result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit} rms"
     if result.sensitivities:
         parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
-
-
-def _newtons(value: float) -> str:
-    return amount(value, "N/m", 5)
 
 
 def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:

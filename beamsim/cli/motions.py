@@ -8,22 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.result import RunResult, SignalStatistics
-from beamsim.cli.printing import percent
 from beamsim.cli.screens import (
     SHOWN,
-    Numbers,
+    Changes,
     Screen,
     contact_levels,
     limit_lines,
     limits_by_place,
     modes,
-    stress_text,
-    sureness,
 )
 from beamsim.fields import words
 from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_place
-from beamsim.plots.style import amount, is_known, scale_for
+from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -35,48 +32,50 @@ if TYPE_CHECKING:
 
 def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
-    s, numbers = result.summary, Numbers(result.summary)
+    s, changes = result.summary, Changes(result)
     limits = limits_by_place(result) if s.get("margins") else {}
     facts, stress = list(modes(result)), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
-        facts.insert(0, f"bending stress {stress_text(s, numbers.text(stress, 'Pa', 'largest_bending_stress_pa'))}")
-    lines = ["; ".join(facts)] if facts else []
+        body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
+        at = {"x": s["largest_bending_stress_position_m"]}
+        if is_known(y := s.get("largest_bending_stress_across_m")):
+            at["y"] = y
+        where = ", ".join(f"{axis} = {amount(place, 'm') if place else '0'}" for axis, place in at.items())
+        facts.insert(0, f"bending stress {changes.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
+    lines, histories = ["; ".join(facts)] if facts else [], result["histories"]
+    names = list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
     for entry, lines_of in OF_SOME_RUNS.items():
         if s.get(entry):
-            lines += lines_of(result, numbers)
-    rows = [_place(s, numbers, name, limits) for name in _places(result)]
-    return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+            lines += lines_of(result, changes)
+    lines += limit_lines(result, names) if limits else []
+    lines += _against(result) if s.get("against") else []
+    rows = [_place(s, changes, name, limits) for name in names]
+    return Screen(changes.verdict(), rows, [*lines, *changes.legend()])
 
 
-def _places(result: RunResult) -> list[str]:
-    """Names of snubbers and probes."""
-    histories = result["histories"]
-    return list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
-
-
-def _output_peaks(result: RunResult, numbers: Numbers) -> Iterator[str]:
+def _output_peaks(result: RunResult, changes: Changes) -> Iterator[str]:
     s = result.summary
     outputs = (
-        f"{name} {numbers.text(peak, s['output_unit'][name], 'peak_output', name)}"
+        f"{name} {changes.number(peak, s['output_unit'][name], 'peak_output', name)}"
         for name, peak in s["peak_output"].items()
     )
     yield f"peaks of outputs: {first_of(list(outputs), SHOWN)}"
 
 
-def _inputs(result: RunResult, _: Numbers) -> Iterator[str]:
+def _inputs(result: RunResult, _: Changes) -> Iterator[str]:
     """Random inputs, and records that were changed."""
     stated = {each.path for each in result.inputs if is_known(each.from_hz) or each.treatment}
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
-def _matched(result: RunResult, _: Numbers) -> Iterator[str]:
+def _matched(result: RunResult, _: Changes) -> Iterator[str]:
     of = result.summary["matched"]
     band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
     ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
     yield f"base motion: spectrum {ends} from the curve, {band}"
 
 
-def _largest_of_test(result: RunResult, _: Numbers) -> Iterator[str]:
+def _largest_of_test(result: RunResult, _: Changes) -> Iterator[str]:
     random = not_none(result.random)
     signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
     largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
@@ -84,18 +83,18 @@ def _largest_of_test(result: RunResult, _: Numbers) -> Iterator[str]:
         yield f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}"
 
 
-def _sensitivities(result: RunResult, _: Numbers) -> Iterator[str]:
+def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
     changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
     yield from (f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN])
 
 
-def _fatigue(result: RunResult, _: Numbers) -> Iterator[str]:
+def _fatigue(result: RunResult, _: Changes) -> Iterator[str]:
     for name, body in result.fatigue.items():
         interval = "" if body.damage_low is None else f" ({body.damage_low:.2g} to {body.damage_high:.2g}, 95 %)"
         yield f"damage of {name} {body.damage:.2g}{interval} at {damage_place(body)}"
 
 
-def _against(result: RunResult, _: Numbers) -> Iterator[str]:
+def _against(result: RunResult) -> Iterator[str]:
     compared = result.summary["against"]
     apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
     last = result["histories"]["time"].values[-1]
@@ -103,7 +102,7 @@ def _against(result: RunResult, _: Numbers) -> Iterator[str]:
     yield f"{compared['method']}: displacements differ by at most {apart}{diverge}"
 
 
-OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Numbers], Iterable[str]]] = {
+OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Changes], Iterable[str]]] = {
     "gapping": lambda result, _: contact_levels(result),
     "peak_output": _output_peaks,
     "inputs": _inputs,
@@ -111,8 +110,6 @@ OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Numbers], Iterable[str]]] = {
     "random": _largest_of_test,
     "sensitivities": _sensitivities,
     "fatigue": _fatigue,
-    "margins": lambda result, _: limit_lines(result, _places(result)),
-    "against": _against,
 }
 """Lines of what only some runs have, by entry of the summary."""
 
@@ -151,29 +148,29 @@ def _expected_peak(signal: SignalStatistics) -> str:
     return f"{expected} ({low} to {high}, 95 %)"
 
 
-def _place(s: Mapping[str, Any], numbers: Numbers, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
+def _place(s: Mapping[str, Any], changes: Changes, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
     """The row of a probe, of a snubber, or of both."""
     headings = "", "peak force", "peak moment", "in contact, times", "displacement", "acceleration"
     row = dict.fromkeys(headings, "") | {"": name}
     for heading, entry, unit in (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m")):
         if name in s.get(entry, ()):
-            row[heading] = numbers.text(s[entry][name], unit, entry, name)
+            row[heading] = changes.number(s[entry][name], unit, entry, name)
     if name in s["contact_share"]:
         row["in contact, times"] = f"{percent(s['contact_share'][name])}, {s['contacts'][name]}"
     if name in s["max_displacement_m"]:
         low, high = (
-            numbers.text(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
+            changes.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
             for entry in ("min_displacement_m", "max_displacement_m")
         )
         first, _, unit = low.partition(" ")
         row["displacement"] = f"{first if high.partition(' ')[2].startswith(unit) else low} to {high}"
-        row["acceleration"] = numbers.text(s["peak_acceleration_g"][name], "g", "peak_acceleration_g", name)
+        row["acceleration"] = changes.number(s["peak_acceleration_g"][name], "g", "peak_acceleration_g", name)
     return row | {"limit": "; ".join(limits.get(name, ()))}
 
 
 def sweep_screen(result: SweepResult) -> Screen:
     """The largest values of each curve, with their frequency and place."""
-    s, numbers = result.summary, Numbers(result.summary)
+    s, changes = result.summary, Changes(result)
     of = (
         ("peak_force_n", "force", "N", "peak force"), ("peak_displacement_m", "displacement", "m", "displacement"),
         ("peak_acceleration_g", "acceleration", "g", "acceleration"),
@@ -188,15 +185,15 @@ def sweep_screen(result: SweepResult) -> Screen:
             place = max(values, key=lambda at: values[at], default="")
             at = at_frequency(curve, field, place)
             where = f", {place}" if len(values) > 1 else ""
-            row[heading] = f"{numbers.text(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
+            row[heading] = f"{changes.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
         row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
     lines = [
         *modes(result), *contact_levels(result), *list(_output_lines(result))[:SHOWN],
-        *profile_jumps(result.scenario), *notches, *limit_lines(result), *numbers.legend(),
+        *profile_jumps(result.scenario), *notches, *limit_lines(result), *changes.legend(),
     ]  # fmt: skip
-    return Screen(sureness(result, numbers.largest_change), rows, lines)
+    return Screen(changes.verdict(), rows, lines)
 
 
 def in_gravities(curve: SweepCurve) -> str:

@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from beamsim.cli.printing import aligned, percent, under_headings
-from beamsim.outcomes import STANDINGS, OnLimit, Outcome, first_of
-from beamsim.plots.style import amount, is_known, margin_text, scale_for
+from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.fields import figure_in_words
+from beamsim.outcomes import STANDINGS, OnLimit, first_of
+from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.results.result import Result
 from beamsim.results.values import limit_label, limit_unit
 from beamsim.scenario.base import counted
@@ -22,6 +23,11 @@ from beamsim.scenario.units import STANDARD_GRAVITY
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
 DIGITS = 3  # at most; fewer where the convergence supports no more
+WIDTH = 160  # characters, above which records stand side by side instead of below each other
+MOST_ROWS = 24  # of a table
+NONE = "-"
+SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
+ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class Screen:
         files : written by the command, the result file first.
         """
         verdict, *statements = self.status(result)
-        lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements, *self.told()]
+        lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements, *self.body()]
         notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]
         others = [name for name in files if name not in pictures]
@@ -50,38 +56,65 @@ class Screen:
 
     def status(self, result: Result) -> list[str]:
         """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
-        statements = filter(None, ended(result.outcome).split("; "))
-        verdict = ", ".join(filter(None, (standing(result), self.verdict)))
+        outcome, doubtful = result.outcome, result.summary.get("doubtful")
+        worth = STANDINGS[outcome.gravest].first_line
+        if worth and doubtful and outcome.usable:
+            worth = f"{worth}: {counted(len(doubtful), 'value')}"
+        statements = [
+            part for text in outcome.displayed(scale_for).statements if text != "complete" for part in text.split("; ")
+        ]
+        verdict = ", ".join(filter(None, (worth, self.verdict)))
         return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
 
-    def told(self) -> list[str]:
-        """The table and the lines below it."""
-        table = under_headings(self.rows)
-        return [*(aligned(table) if table[0] else ()), *self.lines]
+    def body(self) -> list[str]:
+        """The table, without headings under which nothing is, and the lines below it."""
+        names = dict.fromkeys(name for row in self.rows for name in row)
+        headings = [name for name in names if any(row.get(name) for row in self.rows)]
+        cells = [headings, *([row.get(name) or NONE for name in headings] for row in self.rows)]
+        return [*(aligned(cells) if headings else ()), *self.lines]
 
 
-class Numbers:
-    """Numbers of a summary as text, to the digits that their convergence supports, with marks.
+def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
+    """Rows of cells as lines, the cells in columns."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
+    between = " " * gap
+    return [between.join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def more_rows(count: int) -> list[dict[str, str]]:
+    """What is below the first rows of a table of so many."""
+    return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
+
+
+class Changes:
+    """How much the values of a summary change with a finer model, as their numbers show it and as text.
 
     Parameters
     ----------
-    summary : of a result.
+    result : whose values are printed.
     """
 
-    def __init__(self, summary: Mapping[str, Any]) -> None:
-        self._summary = summary
-        self._doubtful, self._after = set(summary.get("doubtful", ())), set(summary.get("after_parting", ()))
-        self._met: set[str] = set()
-        self.largest_change = 0.0
+    def __init__(self, result: Result) -> None:
+        self._result = result
+        self._known = {
+            (entry, place): change
+            for entry, of in result.summary.get("convergence", {}).items()
+            for place, change in (of if isinstance(of, Mapping) else {"": of}).items()
+        }
+        self._doubtful, self._after = (
+            {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name, ()))}
+            for name in ("doubtful", "after_parting")
+        )
+        self._printed: set[tuple[str, str]] = set()
 
-    def text(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
-        """A number with its unit.
+    def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
+        """A number with its unit, to the digits that its convergence supports, with a mark of a doubt.
 
         Parameters
         ----------
         value : in ``unit``.
         unit : SI, or g.
-        entry, place : of the summary, whose change counts.
+        entry, place : of the summary, whose change counts: a value that changes by 5 % has two digits.
         size : magnitude that chooses prefix and decimals, by default that of the value.
 
         Returns
@@ -90,30 +123,58 @@ class Numbers:
         """
         if not is_known(value):
             return "unknown"
-        key = f"{entry}.{place}" if place else entry
-        changes = self._summary.get("convergence", {}).get(entry, {})
-        change = changes.get(place) if isinstance(changes, Mapping) else changes
-        if change is not None:
-            self.largest_change = max(self.largest_change, change)
+        key = entry, place
+        self._printed.add(key)
+        change = self._known.get(key)
+        digits = min(max(math.ceil(-math.log10(change)), 1), DIGITS) if change else DIGITS
         mark = " *" if key in self._doubtful else " ~" if key in self._after else ""
-        self._met |= {mark.strip()}
-        return rounded(value, unit, digits_of(change), size) + mark
+        return rounded(value, unit, digits, size) + mark
 
     def legend(self) -> Iterator[str]:
-        """What the marks mean that were printed."""
-        if "*" in self._met:
+        """What the marks of the numbers mean."""
+        if self._printed & self._doubtful:
             yield "* changes by more than 2 % with a finer model"
-        if "~" in self._met:
+        if self._printed & (self._after - self._doubtful):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
 
+    def verdict(self) -> str:
+        """Whether the numbers of a result that is complete can be trusted, in a few words."""
+        summary = self._result.summary
+        model = summary.get("convergence_model") or {"reason": "not known"}
+        change = percent(max((self._known.get(key, 0.0) for key in self._printed), default=0.0), 2)
+        if STANDINGS[self._result.outcome.gravest].first_line:
+            verdict = ""  # the title says it
+        elif model["reason"]:
+            verdict = f"not checked with a finer model ({model['reason']})"
+        elif not model["modes"]:
+            verdict = "all modes kept"
+        elif summary.get("after_parting"):
+            verdict = f"one of many motions, means within {change}"
+        else:
+            verdict = f"converged within {change}"
+        error = summary.get("energy_error")
+        return ", ".join(filter(None, (verdict, f"energy error {error:.0e}" if is_known(error) else "")))
 
-def digits_of(change: float | None) -> int:
-    """Significant digits of a value that changes by so much, relatively.
+    def text(self, entry: str, place: str, *, several: bool = False) -> str:
+        """The change of a value in words; of a list of several the largest."""
+        keys = {key for key in self._known if key[0] == entry} if several and not place else {(entry, place)}
+        self._printed |= keys
+        change = max((self._known[key] for key in keys if key in self._known), default=None)
+        after = bool(keys & self._after)
+        if change is None:  # without a finer model the motion may be one of many, too
+            return ONE_OF_MANY if after else ""
+        size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
+        if keys & self._doubtful:
+            size = f"NOT CONVERGED, {size}"
+        elif change > ALLOWED_CHANGE:
+            size = f"{size}, within the standard error of its mean"
+        return f"{ONE_OF_MANY}, {size}" if after else size
 
-    >>> digits_of(None), digits_of(2e-5), digits_of(0.0078), digits_of(0.05), digits_of(0.4)
-    (3, 3, 3, 2, 1)
-    """
-    return DIGITS if change is None or change <= 0.0 else min(max(math.ceil(-math.log10(change)), 1), DIGITS)
+    def others(self) -> Iterator[tuple[str, str]]:
+        """The changes of values that the summary holds in another form, such as lines of spectra."""
+        for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
+            if (entry, place) not in self._printed:
+                yield figure_in_words(f"{entry}.{place}" if place else entry), self.text(entry, place)
 
 
 def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
@@ -132,40 +193,10 @@ def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = 
     """
     si = STANDARD_GRAVITY if unit == "g" else 1.0
     size = float(f"{abs(value if size is None else size):.{digits}g}")
-    scale = scale_for("m/s^2" if unit == "g" else unit, si * size)
+    scale = scale_for("m/s^2" if unit == "g" else unit, si * size, digits=digits)
     size *= si * scale.factor
     decimals = digits - 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 0
     return f"{round(value * si * scale.factor, decimals) + 0.0:.{max(decimals, 0)}f} {scale.unit}".rstrip()
-
-
-def sureness(result: Result, change: float) -> str:
-    """Whether the values of a result that is complete can be trusted, in a few words.
-
-    Parameters
-    ----------
-    result : with its outcome and summary.
-    change : the largest with a finer model of the values that are printed.
-    """
-    summary = result.summary
-    model = summary.get("convergence_model") or {"reason": "not known"}
-    if standing(result):
-        said = ""
-    elif model["reason"]:
-        said = f"not checked with a finer model ({model['reason']})"
-    elif not model["modes"]:
-        said = "all modes kept"
-    elif summary.get("after_parting"):
-        said = f"one of many motions, means within {percent(change, 2)}"
-    else:
-        said = f"converged within {percent(change, 2)}"
-    error = summary.get("energy_error")
-    return ", ".join(filter(None, (said, f"energy error {error:.0e}" if is_known(error) else "")))
-
-
-def standing(result: Result) -> str:
-    """What the outcome comes to, with the number of values that do not converge; empty of what is complete."""
-    said, doubtful = STANDINGS[result.outcome.gravest].first_line, result.summary.get("doubtful")
-    return f"{said}: {counted(len(doubtful), 'value')}" if said and doubtful and result.outcome.usable else said
 
 
 def limits_by_place(result: Result) -> dict[str, list[str]]:
@@ -197,8 +228,9 @@ def modes(result: Any) -> Iterator[str]:
         if elastic:
             damping = f" ({percent(ratios[elastic[0]], 2)})" if is_known(ratios[elastic[0]]) else ""
             texts[state] = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"
-    if texts:
-        yield f"first mode {', '.join(text.format(state) for state, text in of_states(texts).items())}"
+    if texts:  # once where it is the same in several states
+        alike = {text: " and ".join(state for state, each in texts.items() if each == text) for text in texts.values()}
+        yield f"first mode {', '.join(text.format(states) for text, states in alike.items())}"
 
 
 def contact_levels(result: Result) -> Iterator[str]:
@@ -225,25 +257,6 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
         }
         for name, item in compared.items()
     }
-
-
-def of_states(texts: Mapping[str, str]) -> dict[str, str]:
-    """Texts by the state of contacts, or the states that have the same; states whose text is empty are left out."""
-    told = dict.fromkeys(filter(None, texts.values()))
-    return {" and ".join(state for state, text in texts.items() if text == each): each for each in told}
-
-
-def stress_text(summary: Mapping[str, Any], stress: str) -> str:
-    """The largest bending stress, which is given as text, on which body if there are several, and where."""
-    body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
-    y = summary.get("largest_bending_stress_across_m", math.nan)
-    across = "" if math.isnan(y) else f", y = {_length(y)}"
-    return f"{stress} at {body}x = {_length(summary['largest_bending_stress_position_m'])}{across}"
-
-
-def _length(metres: float) -> str:
-    """A place along a body."""
-    return amount(metres, "m") if metres else "0"
 
 
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
@@ -289,8 +302,3 @@ def _level(result: Result, of: Mapping[str, Any]) -> str:
         beside = f" ({amount(level, amplitude_unit(quantity))})"
         level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
     return f"{amount(level, level_unit(quantity))}{beside}"
-
-
-def ended(outcome: Outcome) -> str:
-    """How a part of a computation ended, without saying of it that it is complete."""
-    return "; ".join(text for text in outcome.displayed(scale_for).statements if text != "complete")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from beamsim.cli.printing import print_table
 from beamsim.cli.session import Given, print_files, print_json, progress_of, say
-from beamsim.cli.tables import all_rows
+from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS, named

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.cli.printing import print_table
 from beamsim.cli.session import Given, print_json, progress_of, show
+from beamsim.cli.tables import print_table
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file, replacing
 from beamsim.matrix_files import ENDINGS, FORMATS, write_matrices

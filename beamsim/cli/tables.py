@@ -7,18 +7,19 @@ in the convergence check. Every record, and every list of records, is a table of
 from __future__ import annotations
 
 import math
+import shutil
+import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, get_args
 
-from beamsim.analyses.run.result import ALLOWED_CHANGE
-from beamsim.cli.printing import MOST_ROWS, NONE, WIDTH, aligned, percent, table_text, told
-from beamsim.fields import Entry, Plain, described, figure_in_words, place_in_words, unit_in, words
+from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned
+from beamsim.cli.session import show
+from beamsim.fields import Entry, Plain, described, place_in_words, unit_in, words
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import amount, shown_in
+from beamsim.plots.style import amount, shown_in, value_text
 from beamsim.results.result import Result
 
-SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
-ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 # entries that say something of values, beside which they are printed
 OF_VALUES = ("status", "convergence", "doubtful", "after_parting", "peak_times_s", "peak_frequencies_hz",
              "output_unit")  # fmt: skip
@@ -39,14 +40,14 @@ def all_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: what its first screen shows, then the whole summary."""
     screen = named(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
-    yield from _labelled("result", screen.told())
+    yield from _labelled("result", screen.body())
     yield from table_rows(result)
 
 
 def table_rows(result: Result) -> Iterator[Row]:
     """Label and text of the rows of a summary, section by section."""
     tables: dict[str, dict[str, dict[str, str]]] = {}
-    changes = _Changes(result.summary)
+    changes = Changes(result)
     for entry in (described(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
         value = result.summary.get(entry.name)
         if value is not None:
@@ -65,6 +66,38 @@ def text_table(kind: str, result: Result) -> str:
         return table_text(result.title, list(all_rows(kind, result)))
 
 
+def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
+    """A title and aligned rows on standard output, wrapped to the width of a terminal."""
+    terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    show(table_text(title, rows, terminal))
+
+
+def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None = None) -> str:
+    """A title and aligned rows.
+
+    Parameters
+    ----------
+    title : first line.
+    rows : label and text of each.
+    terminal : characters in a line at most; None for lines of any length.
+
+    Returns
+    -------
+    Lines, the texts in a column.
+    """
+    indent = 4 + max((len(label) for label, _ in rows), default=0)
+    lines = aligned([(f"  {label}", text) for label, text in rows], gap=2)
+    return "\n".join([title, *(part for line in lines for part in _wrapped(line, indent, terminal))])
+
+
+def _wrapped(row: str, indent: int, width: int | None) -> list[str]:
+    """A row in lines of at most ``width`` characters, those after the first indented, where there is room for text."""
+    # texts get at least 40 columns; narrower terminals wrap by themselves
+    if width is None or len(row) <= width or width - indent < 40:
+        return [row]
+    return textwrap.wrap(row, width, subsequent_indent=" " * (indent + 2), break_long_words=False)
+
+
 def _labelled(label: str, texts: Iterable[str]) -> Iterator[Row]:
     for k, text in enumerate(texts):
         yield "" if k else label, text
@@ -75,7 +108,7 @@ class _Printed(NamedTuple):
 
     result: Result
     entry: Entry
-    changes: _Changes
+    changes: Changes
 
     def cells(self, value: Any, form: Any, place: tuple[str, ...] = ()) -> Iterator[Cell]:
         """The cells of a value at a place, whose type the entry declares."""
@@ -133,11 +166,11 @@ class _Printed(NamedTuple):
         if self.entry.shown and isinstance(value, Sequence):
             value = value[: self.result.summary[self.entry.shown]]
         named = next((key for key in keys if unit_in(key) is not None), keys[-1]) if keys else self.entry.name
-        text = told(named, value, unit, digits=6 if "hz" in (named[-2:], unit.lower()) else 4)
+        text = value_text(named, value, unit, digits=6 if "hz" in (named[-2:], unit.lower()) else 4)
         if named == "margin" and (value == math.inf or (record or {}).get("value") == 0.0):
             text = "infinite"  # which result files hold as not known
         at = "" if keys else self._reached(place)
-        change = self.changes.of(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
+        change = self.changes.text(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
         return ", ".join(filter(None, (f"{text}{at}", change)))
 
     def _reached(self, place: tuple[str, ...]) -> str:
@@ -149,48 +182,6 @@ class _Printed(NamedTuple):
             if found is not None:
                 return f" at {amount(found, unit)}"
         return ""
-
-
-class _Changes:
-    """The changes of the values of a summary with a finer model.
-
-    Parameters
-    ----------
-    summary : of a result.
-    """
-
-    def __init__(self, summary: Mapping[str, Any]) -> None:
-        self._known = {
-            (entry, place): change
-            for entry, of in summary.get("convergence", {}).items()
-            for place, change in (of if isinstance(of, Mapping) else {"": of}).items()
-        }
-        self._doubtful, self._after = (
-            {(entry, place) for entry, _, place in (key.partition(".") for key in summary.get(name, ()))}
-            for name in ("doubtful", "after_parting")
-        )
-        self._printed: set[tuple[str, str]] = set()
-
-    def of(self, entry: str, place: str, *, several: bool = False) -> str:
-        """The change of a value; of a list of several the largest."""
-        keys = {key for key in self._known if key[0] == entry} if several and not place else {(entry, place)}
-        self._printed |= keys
-        change = max((self._known[key] for key in keys if key in self._known), default=None)
-        after = bool(keys & self._after)
-        if change is None:  # without a finer model the motion may be one of many, too
-            return ONE_OF_MANY if after else ""
-        size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
-        if keys & self._doubtful:
-            size = f"NOT CONVERGED, {size}"
-        elif change > ALLOWED_CHANGE:
-            size = f"{size}, within the standard error of its mean"
-        return f"{ONE_OF_MANY}, {size}" if after else size
-
-    def others(self) -> Iterator[tuple[str, str]]:
-        """The changes of values that the summary holds in another form, such as lines of spectra."""
-        for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
-            if (entry, place) not in self._printed:
-                yield figure_in_words(f"{entry}.{place}" if place else entry), self.of(entry, place)
 
 
 def _is_table(value: Any) -> bool:

@@ -111,7 +111,7 @@ def plot_response_map(
     best : number of the best case, which is marked if it is on the map.
     """
     quantity = _quantity(response)
-    scale, limit = scale_for(response.unit, response.values), _limit(result, quantity)
+    scale, limit = scale_for(response.unit, response.values, digits=3), _limit(result, quantity)
     every: Any = np.ma.masked_invalid(response.values * scale.factor)
     values = every[(slice(None), slice(None), *at)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
@@ -531,7 +531,7 @@ def _axis(coordinate: Coordinate) -> tuple[Floats, str]:
     if words := _tick_words(coordinate):
         return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), name
     values = coordinate.values.astype(float)
-    scale = scale_for(coordinate.unit, values)
+    scale = scale_for(coordinate.unit, values, digits=3)
     return values * scale.factor, with_unit(name, scale)
 
 
@@ -544,7 +544,7 @@ def _value_text(coordinate: Coordinate, k: int) -> str:
     """Value k of the axis, without its unit."""
     if not coordinate.numeric:
         return str(coordinate.values[k])
-    return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float)).factor:.3g}"
+    return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float), digits=3).factor:.3g}"
 
 
 def _log(result: DesignsResult, coordinate: Coordinate) -> str:

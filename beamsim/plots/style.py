@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.fields import unit_in
+from beamsim.outcomes import MOST_LISTED
 from beamsim.scenario.units import STANDARD_GRAVITY
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
@@ -22,6 +24,7 @@ _MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a
 _FIRST_UNIT = re.compile(r"[^\W\d_]+(?:\^(\d+))?")  # with its power; 1/s has none
 # Other units have a prefix already, or take none.
 _WITH_PREFIX = frozenset({"m", "s", "kg", "g", "N", "Pa", "J", "W", "V", "A", "K", "rad", "B", "byte"})
+_SHARES = ("share", "margin", "damping_ratio", "coverage")  # in names of numbers that are shown in percent
 _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
 
 
@@ -55,8 +58,8 @@ def plain_scale(unit: str) -> Scale:
     return Scale(*_chosen.get().get(unit, (1.0, unit)))
 
 
-def scale_for(unit: str, *values: ArrayLike) -> Scale:
-    """The chosen unit, else the SI prefix that brings the largest finite value to 1 to 1000.
+def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
+    """The chosen unit, else the SI prefix that brings the largest finite value, once it is rounded, to 1 to 1000.
 
     Accelerations are in g, their densities in g^2/Hz. Lengths are brought to 0.1 to 100, and have no prefix above
     metres; in ``m^2`` the prefix is squared. Times below a minute are not shown in minutes, and those above ten
@@ -67,6 +70,19 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
     (Scale(factor=0.001, unit='kN/m'), Scale(factor=1000000.0, unit='mm^2'), Scale(factor=1.0, unit=''))
     >>> scale_for("MPa", 0.02), scale_for("in", 0.02)
     (Scale(factor=1.0, unit='MPa'), Scale(factor=1.0, unit='in'))
+    >>> scale_for("J", 0.99998).unit, scale_for("J", 0.9994).unit, scale_for("J", 0.9996, digits=3).unit
+    ('J', 'mJ', 'J')
+
+    Parameters
+    ----------
+    unit : SI; others are kept.
+    values : in that unit, which are shown together.
+    digits : significant digits in which they are shown: 0.99998 J is 1 J in four of them, not 1000 mJ.
+
+    Returns
+    -------
+    Scale
+        By which all of them are shown.
     """
     if unit == "m/s^2":
         return acceleration_scale()
@@ -77,6 +93,7 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
         return Scale(1.0, "")
     sizes = (np.abs(np.asarray(v)) for v in values)
     largest = max((float(np.max(v, initial=0.0, where=np.isfinite(v))) for v in sizes), default=0.0)
+    largest = float(f"{largest:.{digits}g}")
     if unit in _chosen.get():
         chosen = Scale(*_chosen.get()[unit])
         shown = largest * chosen.factor
@@ -88,7 +105,7 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
     if unit.startswith("kg"):  # not mkg but g
         if largest >= 1.0:
             return Scale(1.0, unit)
-        grams = scale_for(unit[1:], 1e3 * largest)
+        grams = scale_for(unit[1:], 1e3 * largest, digits=digits)
         return Scale(1e3 * grams.factor, grams.unit)
     if unit == "s":
         for name, size, least in _LONG_TIMES:
@@ -99,6 +116,15 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
     smallest = 0.1 if metres else 1.0
     prefix, size = next((p for p in allowed if largest >= smallest * p[1] ** power), allowed[-1])
     return Scale(1.0 / size**power, prefix + unit)
+
+
+def percent(share: float, digits: int = 3) -> str:
+    """A share in percent.
+
+    >>> percent(0.9969, 2), percent(0.0031, 2), percent(12.345)
+    ('100 %', '0.31 %', '1230 %')
+    """
+    return f"{float(f'{100 * share:.{digits}g}'):g} %"
 
 
 def level_text(level: float, unit: str) -> str:
@@ -170,8 +196,49 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
         return f"{value * (STANDARD_GRAVITY if unit == 'g' else 1.0) * scale.factor:.{digits}g} {scale.unit}"
     if abs(value) < ROUND_OFF:
         return f"0 {unit}"
-    scale = scale_for(unit, value)
+    scale = scale_for(unit, value, digits=digits)
     return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
+
+
+def value_text(name: str, value: Any, unit: str = "", digits: int = 4) -> str:
+    """The text of a value that has this name, with the unit of the name if no other is given; empty where not known.
+
+    >>> value_text("peak_force_n", 2.5), value_text("contact_share", 0.25), value_text("stable", True)
+    ('2.5 N', '25 %', 'yes')
+    >>> value_text("rate_hz", [1.0, 2.0]), value_text("energy_j", [0.5, 0.99998])
+    ('1, 2 Hz', '0.5, 1 J')
+    >>> value_text("margin", -0.4032), value_text("damping_ratios", [0.01, 0.0127])
+    ('-40.3 %', '1, 1.27 %')
+
+    Parameters
+    ----------
+    name : of the value, whose ending says its unit.
+    value : truth, text, number, several of them, or None.
+    unit : SI, or g; empty for that of the name.
+    digits : of several numbers.
+
+    Returns
+    -------
+    In one line.
+    """
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    if not is_known(value):
+        return ""
+    unit = unit or unit_in(name) or "1"
+    is_share = unit == "1" and any(word in name for word in _SHARES) and not name.endswith("_at")
+    if isinstance(value, (list, tuple)):
+        if any(isinstance(item, str) for item in value):
+            return ", ".join(map(str, value))
+        if any(isinstance(item, (list, tuple)) for item in value):
+            return "; ".join(value_text(name, item, unit, digits) for item in value[:MOST_LISTED])
+        known = [item for item in value if is_known(item)]
+        scale = Scale(100.0, "%") if is_share else scale_for(unit, known, digits=digits)
+        shown = [f"{item * scale.factor:.{digits}g}" if is_known(item) else "-" for item in value[:MOST_LISTED]]
+        return f"{', '.join(shown)}{', …' if len(value) > MOST_LISTED else ''} {scale.unit}".strip()
+    return percent(value) if is_share else amount(value, unit)
 
 
 def extent(low: float, high: float, unit: str) -> str:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.cli.tables import ONE_OF_MANY, table_rows
+from beamsim.cli.screens import ONE_OF_MANY
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 from beamsim.trust.convergence import ContactEvents, divergence
 

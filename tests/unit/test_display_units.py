@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.cli.printing import told
 from beamsim.errors import ScenarioError
 from beamsim.orbits.branch import reached_end
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.plots.run import run_figures
-from beamsim.plots.style import amount, level_text, scale_for, shown_in
+from beamsim.plots.style import amount, level_text, scale_for, shown_in, value_text
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 
@@ -51,7 +50,10 @@ def test_continuations_and_outcomes_use_them():
     result: Any = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
     entry = next(entry for entry in ContinuationResult.SUMMARY if entry.name == "special_points")
     units = {key: ContinuationResult.unit_of(result, entry, (), (key,), grazing) for key in ("parameter", "level")}
-    assert {key: told(key, grazing[key], unit) for key, unit in units.items()} == {"parameter": "2 g", "level": ""}
+    assert {key: value_text(key, grazing[key], unit) for key, unit in units.items()} == {
+        "parameter": "2 g",
+        "level": "",
+    }
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from beamsim.cli.printing import print_table
+from beamsim.cli.tables import print_table
 
 pytestmark = pytest.mark.quick
 
