@@ -8,9 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, visited_states
 from beamsim.flow.extrema import Extrema
-from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
 from beamsim.outcomes import check_stop

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from operator import lt
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.invariant_blocks import LEAST_COORDINATES
 from beamsim.flow.kernels import Inputs, Tables
-from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
-from beamsim.flow.state_tables import (
-    HIGHEST_DERIVATIVE,
-    ROUND_OFF,
-    USUAL_DERIVATIVE,
-    InputsAtStart,
-    StateTables,
-    first_signs,
-)
+from beamsim.flow.sources import ORDERS, Sources, compile_sources, sources_of_pieces
 from beamsim.inputs.signal import CubicRecord, Signal, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.system.state_equations import Equations, EventFunctions, RowsOf, StateEquations
+from beamsim.system.state_equations import Equations, RowsOf, StateEquations
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
+EPS = 1e-15  # round-off of a state and of what makes up its rate
+HIGHEST_DERIVATIVE = ORDERS - 2  # that is looked at: with the slope of its inputs, from order 0 on
+USUAL_DERIVATIVE = 3  # that decides under most loads: higher ones are computed where it does not
+FITTED = 6  # power of time from which on an input is a polynomial that was fitted (swept sines)
 
 
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
@@ -59,13 +60,35 @@ class StartOfMotion(NamedTuple):
     state: Floats  # (N,) with the internal states of contacts that were in other phases before
 
 
+def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
+    """(k,) signs and orders of the first derivatives that are beyond their round-off; a sign is 0 where none is.
+
+    ``value`` and ``doubt`` are (orders, k), from order 0 on.
+    """
+    beyond = np.abs(value) > doubt
+    first = beyond.argmax(axis=0)
+    at = first, np.arange(first.size)
+    return np.where(beyond[at], np.sign(value[at]), 0.0), first
+
+
+def visited_states(states: Ints) -> list[int]:
+    """The different numbers (of contact states) in an array, in order."""
+    seen: list[int] = np.bincount(states).nonzero()[0].tolist()
+    return seen
+
+
+Number = TypeVar("Number", bound=np.generic)
+
+
 @dataclass
 class ExactFlow:
     """A system under its forcing, with the contact states diagonalised so far.
 
-    Where a motion visits more states than are kept at once, the least recently used are dropped, and built again when
-    they are needed: ``states`` are those that are there, ``visited`` the phases of all. The two have the same order
-    until the first is dropped.
+    Of all combinations of the contacts' phases few are visited; a state is built when it is first visited. Where a
+    motion visits more states than are kept at once, the least recently used are dropped, and built again when they are
+    needed: ``states`` are those that are there, ``visited`` the phases of all. The two have the same order until the
+    first is dropped. For the kernels the states are in padded arrays that grow; ``follower[s, g]`` among them is the
+    state after the event of guard g in state s, -1 until a motion asks for it, and where it was dropped.
 
     Parameters
     ----------
@@ -84,63 +107,64 @@ class ExactFlow:
     most_states: int | None = None
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
+    inputs: Inputs = field(init=False)  # the sources as the kernels take them
+    record: CubicRecord | None = field(init=False)  # of which all signals are made, if so: it can be taken in parts
+    size: int = field(init=False)  # N, of the state vector
     base_channel: int = field(init=False)
-    influence: Floats = field(init=False)  # (channels, m) displacement of each contact's place from its stand by a unit
+    influence: Floats = field(init=False)  # (channels, m) displacement of each contact's mounting by a unit
     equations: Equations = field(init=False)  # shared with flows under other loads
     states: list[ContactState] = field(init=False)  # those that are kept
     visited: list[Ints] = field(init=False)  # phases of all states visited
 
     def __post_init__(self) -> None:
         self._load()
-        self._write_equations()
+        self.equations = Equations(self.system, self.forcing.load, self.influence, self.sources.channel)
+        self.size = self.equations.states
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
         self._clear()
 
     def _load(self) -> None:
-        """Put the channels of the forcing and of the observers together."""
-        channels = list(self.forcing.signal)
+        """List the channels of the forcing and of the observers, and their sources."""
+        channels, contacts = list(self.forcing.signal), self.system.contacts
         self.base_channel = -1
-        if self.forcing.base_displacement is not None and bool(self.system.contacts.on_ground.any()):
+        if self.forcing.base_displacement is not None and bool(contacts.on_ground.any()):
             self.base_channel = len(channels)
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)
         channels.extend(self.observers)
         self._channels = tuple(channels)
-        self.influence = np.zeros((len(channels), self.system.contacts.count))
+        self.influence = np.zeros((len(channels), contacts.count))
         if self.forcing.influence is not None:
             self.influence[: len(self.forcing.signal)] = self.forcing.influence.T
         if self.base_channel >= 0:
-            self.influence[self.base_channel] = self.system.contacts.base_influence
-        record = self.record
-        if record is None:
-            self.sources = compile_sources(self._channels, self.duration)
+            self.influence[self.base_channel] = contacts.base_influence
+        self.stands = np.flatnonzero(self.influence.any(axis=1))  # channels that move the mounting of a contact
+        self.record = common_record(self._channels)
+        if self.record is None:
+            sources = compile_sources(self._channels, self.duration)
         else:
-            self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
-        self._inputs: Inputs | None = None
+            sources = sources_of_pieces(self._channels, *(self.pieces or (0, self.record.pieces)), self.duration)
+        self.sources = sources
+        self.inputs = Inputs(sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last)
 
-    def _write_equations(self) -> None:
-        self.equations = Equations(self.system, self.forcing.load, self.influence, self.sources.channel)
-
-    def _clear(self, like: StateTables | None = None) -> None:
-        """Remove all states; tables get the sizes of others."""
+    def _clear(self, like: ExactFlow | None = None) -> None:
+        """Remove all states; the arrays get the sizes of those of another flow, since there will be as many states."""
+        self.states, self.visited = [], []
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
-        self._tables = StateTables(self.system.contacts, self.most_states, like)
-        self.states, self.visited = self._tables.states, self._tables.visited
-
-    @property
-    def record(self) -> CubicRecord | None:
-        """That of which all signals are made, whose pieces can be taken in parts; None where they are not."""
-        return common_record(self._channels)
+        self._visits: dict[bytes, int] = {}  # numbers in ``visited``, by the phases
+        self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
+        self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
+        arrays = {} if like is None else like._arrays
+        self._arrays: dict[str, NDArray[np.generic]] = {k: np.zeros(a.shape, a.dtype) for k, a in arrays.items()}
 
     def on_pieces(self, first: int, last: int) -> ExactFlow:
         """The same flow, which shares its contact states, with other pieces of the record."""
         flow = copy(self)
         flow.pieces = first, last
-        flow.sources = sources_of_pieces(self._channels, first, last, self.duration)
-        flow._inputs = None
+        flow._load()
         return flow
 
     def under(
@@ -169,14 +193,10 @@ class ExactFlow:
         if flow.sources.respond_as(self.sources):
             return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
-            flow._write_equations()
+            flow.equations = Equations(flow.system, forcing.load, flow.influence, flow.sources.channel)
             flow._clear()
             return flow
-        flow._clear(self._tables)
-        for index in self._tables.used:  # its motions will visit these
-            flow._append(self.states[index].under(flow.sources))
-        flow._tables.lead_as(self._tables)
-        return flow
+        return flow._with_states_of(self, lambda state: state.under(flow.sources))
 
     def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
         """The same flow of a structure with other contacts of as many phases, with the contact states that were used.
@@ -184,13 +204,25 @@ class ExactFlow:
         Those in which neither system's contacts act are shared.
         """
         flow = replace(self, system=system)
-        flow._clear(self._tables)
         share = flow.longest_window == self.longest_window and same_at_rest(self.system, system)
-        for state in [self.states[index] for index in self._tables.used]:
+
+        def renewed(state: ContactState) -> ContactState:
             inert = share and not (self.system.acts(state.phases) or system.acts(state.phases))
-            flow._append(state if inert else flow._new_state(state.phases))
-        flow._tables.lead_as(self._tables)
-        return flow
+            return state if inert else flow._new_state(state.phases)
+
+        return flow._with_states_of(self, renewed)
+
+    def _with_states_of(self, before: ExactFlow, renewed: Callable[[ContactState], ContactState]) -> ExactFlow:
+        """This flow, with nothing but the used states of another one, each renewed."""
+        used, number = sorted(before._used), np.full(len(before.states) + 1, -1)
+        number[used] = np.arange(len(used))
+        follower = [number[before._arrays["follower"][index]] for index in used]
+        states = [before.states[index] for index in used]
+        self._clear(before)
+        for index, state in enumerate(states):
+            self._append(renewed(state))
+            self._arrays["follower"][index] = follower[index]
+        return self
 
     @property
     def dropped(self) -> bool:
@@ -199,13 +231,18 @@ class ExactFlow:
 
     def visits(self, states: Ints) -> Ints:
         """Numbers, among all states visited, of states that are kept and were used in this order."""
-        return self._tables.visits(states)
+        self._used.update(states.tolist())
+        if len(self.states) != self.most_states:
+            return states  # none was dropped: the numbers are the same
+        for state in states:
+            self._index.move_to_end(self.states[state].phases.tobytes())
+        return np.array([self._visits[self.states[state].phases.tobytes()] for state in states], dtype=np.int64)
 
     def visited_state(self, number: int) -> ContactState:
         """A state by its number among all visited; one that was dropped is built again, and not kept."""
         if not self.dropped:
             return self.states[number]
-        kept = self._tables.index(self.visited[number])
+        kept = self._index.get(self.visited[number].tobytes())
         return self._new_state(self.visited[number]) if kept is None else self.states[kept]
 
     def holding(self, visited: Ints) -> ExactFlow:
@@ -220,46 +257,105 @@ class ExactFlow:
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
-        index = self._tables.index(phases)
-        return self._append(self._new_state(phases)) if index is None else index
+        index = self._index.get(phases.tobytes())
+        if index is None:
+            return self._append(self._new_state(phases))
+        self._used.add(index)
+        return index
 
     def _new_state(self, phases: Ints) -> ContactState:
-        """A contact state that is not kept, from the one that is nearest to it."""
-        updates = self.system.size >= LEAST_COORDINATES and self.system.acts(phases)
-        nearest = self._tables.nearest(phases) if updates else None
-        equations = StateEquations(self.equations, phases.copy())
-        return ContactState.of(equations, self.sources, self.longest_window, nearest)
+        """A contact state that is not kept, in a large structure from the one that differs in fewest contacts."""
+        nearest = None
+        if self.states and self.system.size >= LEAST_COORDINATES and self.system.acts(phases):
+            differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
+            nearest = self.states[int(np.argmin(differing))]
+        return ContactState.of(
+            StateEquations(self.equations, phases.copy()), self.sources, self.longest_window, nearest
+        )
 
     def _append(self, state: ContactState) -> int:
-        """Number of a state that is added."""
+        """Add a state to the tables; its number may be that of the least recently used one, which is dropped for it."""
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
-        return self._tables.append(state, self.sources)
+        events, key = state.equations.events, state.phases.tobytes()
+        watch = state.coefficients(events.rows, self.sources)
+        full = self.most_states is not None and len(self.states) >= self.most_states
+        index = self._drop() if full else len(self.states)
+        if key not in self._visits:
+            self._visits[key] = len(self.visited)
+            self.visited.append(state.phases)
+        self.states[index : index + 1] = [state]  # a new place, or that of a state that was dropped
+        self._index[key] = index
+        self._used.discard(index)
+        rows: dict[str, NDArray[np.generic]] = {
+            "n_basis": np.array(state.exponent.size),
+            "exponent": state.exponent,
+            "power": state.power,
+            "n_free": np.array(state.projector.shape[0]),
+            "projector": state.projector,
+            "n_terms": np.array(state.term_basis.size),
+            "term_basis": state.term_basis,
+            "term_source": state.term_source,
+            "term_vector": state.term_vector,
+            "watch": watch,
+            "roughness": state.roughness(events.guards, watch[:, : events.count]),
+            "horizon": np.array(state.horizon),
+            "phase": state.phases,
+            "n_guards": np.array(events.count),
+            "n_joining": np.array(events.joining),
+            "guard_contact": events.contact,
+            "reset": events.reset,
+            "follower": np.full(events.count, -1, dtype=np.int64),
+        }
+        for name, row in rows.items():
+            old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
+            need = (index + 1, *row.shape)
+            if any(map(lt, old.shape, need)):
+                self._arrays[name] = old = self._grown(old, need)
+            if row.shape != old.shape[1:]:
+                old[index] = 0
+            place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
+            old[place] = row
+        return index
+
+    def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
+        """An array with more rows, or wider ones; rows that no state has yet are zeros."""
+        most, rows = self.most_states or np.inf, old.shape[0]
+        if rows < need[0]:
+            rows = 4 * need[0] + 4  # memory is taken when a row is written
+            rows = rows if 4 * rows < most else int(most)  # the next growth would move all for few more
+        grown = np.zeros(tuple(map(max, old.shape, (rows, *need[1:]))), dtype=old.dtype)
+        known = (slice(min(old.shape[0], len(self.states))), *map(slice, old.shape[1:]))
+        grown[known] = old[known]
+        return grown
+
+    def _drop(self) -> int:
+        """Remove the least recently used state; returns its number."""
+        index = self._index.popitem(last=False)[1]
+        for array in self._arrays.values():
+            array[index] = 0
+        follower = self._arrays["follower"]
+        follower[follower == index] = -1
+        return index
 
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
-        index = self.state_index(self._tables.following(state, guard))
-        self._tables.lead(state, guard, index)
+        phases, events = self.states[state].phases, self.states[state].equations.events
+        self._index.move_to_end(phases.tobytes())
+        after = self.system.contacts.after(phases, int(events.contact[guard]), int(events.next[guard]))
+        index = self.state_index(after)
+        self._arrays["follower"][state, guard] = index
         return index
 
     def tables(self) -> Tables:
-        """The states' tables for the kernels."""
-        return self._tables.arrays()
-
-    def inputs(self) -> Inputs:
-        """The sources as the kernels take them."""
-        if self._inputs is None:
-            from beamsim.flow.kernels import Inputs
-
-            sources = self.sources
-            self._inputs = Inputs(
-                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last
-            )  # fmt: skip
-        return self._inputs
+        """The states' tables for the kernels; rows beyond the states are unused."""
+        contacts, internal = self.system.contacts, self.equations.internal.start
+        return Tables(first=internal + contacts.first, states=contacts.states, **self._arrays)
 
     def at(self, phases: Ints) -> StateEquations:
         """The equations in given phases of the contacts (m,)."""
-        return self._tables.equations(phases) or StateEquations(self.equations, phases)
+        index = self._index.get(phases.tobytes())
+        return StateEquations(self.equations, phases) if index is None else self.states[index].equations
 
     def output_table(self, rows_of: RowsOf) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
@@ -282,22 +378,6 @@ class ExactFlow:
         ]  # fmt: skip
         return sizes[0] == sizes[1]
 
-    @property
-    def size(self) -> int:
-        """N, of the state vector."""
-        return 2 * self.system.size + self.system.contacts.internal_states
-
-    def whole_state(self, initial: Floats) -> Floats:
-        """The state vector from its first entries, (q, q') at least; internal states that are left out are zero."""
-        y = np.zeros(self.size)
-        y[: initial.size] = initial
-        return y
-
-    @property
-    def stands(self) -> Ints:
-        """Channels whose displacement moves the stand of a contact."""
-        return np.flatnonzero(self.influence.any(axis=1))
-
     def apart(self, times: Floats) -> Floats:
         """(nt, m) displacement of each contact's place from its stand at times, that of the structure left out, m."""
         moved = [np.multiply.outer(self._channels[c](times), self.influence[c]) for c in self.stands]
@@ -312,73 +392,86 @@ class ExactFlow:
         terms that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to
         act, and a contact that would leave again at once is not entered: its derivative was round-off.
         """
-        contacts, n = self.system.contacts, self.system.size
+        contacts, n, every = self.system.contacts, self.system.size, np.arange(self.system.contacts.count)
         rate = self.equations.penetrations
         start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
-        phases, entered = contacts.pressed_at_start(start, start), np.zeros(contacts.count, dtype=bool)
-        before: Ints | None = None
+        phases, before = contacts.pressed_at_start(start, start), None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
-        unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
-
-        entered_by = np.zeros(contacts.count, dtype=np.int64)  # order of the derivative
-
-        def hands_over(events: EventFunctions, g: int, order: int) -> bool:
-            j, following = int(events.contact[g]), int(events.next[g])
-            returns = entered[j] and following == start[j] and order >= entered_by[j]  # a lower one is round-off itself
-            return following in unvisited[j] or bool(returns)
-
+        inputs = (given * self.sources.derivatives_at_start[:2]).real.ravel()
+        unvisited = np.ones(contacts.arrays.force.shape[:2], dtype=bool)  # phases of each contact
+        unvisited[every, start] = False
+        entered, entered_by = np.zeros(every.size, dtype=bool), np.zeros(every.size, dtype=np.int64)  # order
         while True:
             equations = self.states[self.state_index(phases)].equations
             events = equations.events
-            signs, orders = self._first_signs(equations, given, state)
-            acting = [g for g in range(events.count) if signs[g] < 0 and hands_over(events, g, int(orders[g]))]
-            if not acting:
-                before = phases if before is None else before
-                made = entered & contacts.touching(phases) & ~contacts.touching(before)
-                faces = made & contacts.arrays.opening[np.arange(contacts.count), before, INTERNAL:].any(axis=1)  # move
-                if faces.any():
-                    made[faces] = ~self._pressed_in(np.flatnonzero(faces), given, state)
-                return StartOfMotion(before, phases, made, state)
-            g = min(acting, key=lambda g: orders[g])
+            signs, orders = self._first_signs(events.guards, equations.rates, given, state)
+            # a derivative of lower order that takes a contact back is round-off itself
+            returns = (events.next == start[events.contact]) & (orders >= entered_by[events.contact])
+            returns &= entered[events.contact]
+            acting = np.flatnonzero((signs < 0) & (unvisited[events.contact, events.next] | returns))
+            if not acting.size:
+                break
+            g = int(acting[np.argmin(orders[acting])])
             j, following = int(events.contact[g]), int(events.next[g])
             if orders[g] > 0 and before is None:
                 before = phases
-            state = equations.state_after(g) @ np.append(state, self._inputs_at_start(given, 0).value[0])
-            unvisited[j].discard(following)
+            state = equations.state_after(g) @ np.append(state, inputs)
+            unvisited[j, following] = False
             if following == start[j]:
-                unvisited[j].clear()
+                unvisited[j] = False
             phases = contacts.after(phases, j, following)
             if j in contacts.pressing:
                 phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
+        before = phases if before is None else before
+        made = entered & contacts.touching(phases) & ~contacts.touching(before)
+        faces = np.flatnonzero(made & contacts.arrays.opening[every, before, INTERNAL:].any(axis=1))  # that move
+        if faces.size:  # were touched before where they are penetrated by more than round-off as they are when new
+            rows = self.equations.penetration[faces]
+            made[faces] = self._first_signs(rows, rows[:0], given, state)[0] <= 0.0
+        return StartOfMotion(before, phases, made, state)
 
-    def _pressed_in(self, which: Ints, given: Complexes, state: Floats) -> Bools:
-        """Whether contacts penetrate where their faces lie when they are new, by more than round-off."""
-        rows = self.equations.penetration[which]
-        return np.asarray(first_signs(rows, rows[:0], self._inputs_at_start(given, 0), state)[0] > 0.0)
+    def _first_signs(self, rows: Floats, rates: Floats, given: Complexes, state: Floats) -> tuple[Floats, Ints]:
+        """Signs and orders of the first derivatives of functions that are beyond their round-off, see `decisive`.
 
-    def _first_signs(self, equations: StateEquations, given: Complexes, state: Floats) -> tuple[Floats, Ints]:
-        """(g,) signs and orders of the first derivatives of a contact state's guards that are beyond their round-off.
+        The derivatives of the state follow from the equation of motion: in a sum over the modes of a stiff contact the
+        round-off of the highest would hide them.
 
-        A sign is 0 where all derivatives are within round-off. The derivatives of the state follow from the equation of
-        motion: in a sum over the modes of a stiff contact the round-off of the highest would hide them.
+        Parameters
+        ----------
+        rows : (k, V) the functions.
+        rates : (N, V) the time derivative of the state; (0, V): of the functions themselves the signs alone.
+        given : (F,) amplitudes of the inputs.
+        state : (N,).
+
+        Returns
+        -------
+        signs, orders : (k,).
         """
-        guards, nothing = equations.events.guards, np.zeros((0, self.equations.width))
-        signs, orders = first_signs(guards, nothing, self._inputs_at_start(given, 0), state)
-        for highest in (USUAL_DERIVATIVE, HIGHEST_DERIVATIVE):
-            if signs.all():
+        N, count, every = state.size, rows.shape[0], np.vstack([rows, rates])
+        sizes, load_size = np.abs(every[:, :N]), np.abs(every[:, N:]).T
+        fit = self._round_off_of_fits(given) if self.sources.power.max() >= FITTED else None
+        for orders in (1, USUAL_DERIVATIVE + 1, HIGHEST_DERIVATIVE + 1) if rates.size else (1,):
+            derivatives = given * self.sources.derivatives_at_start[: orders + 1]
+            inputs = np.hstack([derivatives[:-1], derivatives[1:]])  # and their slopes
+            driven = inputs.real @ every[:, N:].T
+            y = np.empty((orders, N))  # the state and its derivatives
+            y[0] = state
+            for order in range(1, orders):
+                y[order] = rates[:, :N] @ y[order - 1] + driven[order - 1, count:]
+            terms = np.abs(y) @ sizes.T + np.abs(inputs) @ load_size
+            hidden = np.zeros_like(terms) if fit is None else fit[:orders] @ load_size
+            added, doubt = EPS * terms + hidden, np.empty_like(y)
+            doubt[0] = EPS * np.abs(state)
+            for order in range(1, orders):
+                doubt[order] = sizes[count:] @ doubt[order - 1] + added[order - 1, count:]
+            value = y @ rows[:, :N].T + driven[:, :count]
+            found = decisive(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ sizes[:count].T)
+            if found[0].all():
                 break
-            signs, orders = first_signs(guards, equations.rates, self._inputs_at_start(given, highest), state)
-        return signs, orders
-
-    def _inputs_at_start(self, given: Complexes, highest: int) -> InputsAtStart:
-        """The inputs with amplitudes (F,) at the start of a piece, with derivatives up to the highest."""
-        inputs = given * self.sources.derivatives_at_start[: highest + 2]
-        pairs = np.hstack([inputs[:-1], inputs[1:]])
-        fit = self._round_off_of_fits(given)[: highest + 1]
-        return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
+        return found
 
     def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
         """Derivatives of the inputs at times, from order 0 on, and beside them those of their slopes.
@@ -428,15 +521,14 @@ class ExactFlow:
         return out
 
     def _round_off_of_fits(self, given: Complexes) -> Floats:
-        """(orders, F) of the derivatives of inputs that are fitted by polynomials (swept sines), with amplitudes (F,).
+        """(orders, 2 F) of the derivatives of inputs that are fitted by polynomials, with amplitudes (F,); then zeros.
 
         A coefficient is known to the round-off of the whole polynomial on its piece, not to its own.
         """
         sources, orders = self.sources, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        fit = np.zeros((orders.size, sources.power.size))
-        # 6: of polynomials that are fitted to inputs, at least
-        for channel in set(sources.channel[sources.power >= 6].tolist()):
-            of = sources.channel == channel
+        fit = np.zeros((orders.size, 2 * given.size))
+        for channel in set(sources.channel[sources.power >= FITTED].tolist()):
+            of = np.flatnonzero(sources.channel == channel)
             length = float(sources.longest_piece[of].max())
             fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders
         return fit

@@ -209,7 +209,7 @@ class _Record:
         self.begun, self.restarts = processor_time(), 0
         self.flow, self.times, self.contacts = flow, times, flow.system.contacts
         N, m = flow.size, self.contacts.count
-        self.y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
+        self.y = np.pad(np.asarray(initial_state, dtype=float), (0, N - np.size(initial_state) + 2))
         begin = flow.begin(self.y[:N])
         self.phases, self.y[:N] = begin.phases, begin.state
         self.states, self.all_phases = np.empty((times.size, N + 2)), np.zeros((times.size, m), dtype=np.int64)

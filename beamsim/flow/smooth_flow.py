@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.exact import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.kernels import BEGINNING
 from beamsim.flow.periodic_flow import (
     ContactDirection,
@@ -26,7 +27,6 @@ from beamsim.flow.periodic_flow import (
     WorkExceeded,
     check_finite,
 )
-from beamsim.flow.state_tables import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.taylor_kernels import (
     DONE,
     FULL,
@@ -93,7 +93,7 @@ class SmoothFlow(PeriodicFlow):
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
-        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.state_tables.decisive`.
+        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.exact.decisive`.
 
         While penetration and rate are zero a contact has no force, so that the derivatives that decide do not depend on
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.

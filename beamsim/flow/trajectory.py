@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.contact_state import ContactState
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, visited_states
 from beamsim.flow.extrema import PARTS_AT_ONCE, Extrema, in_shares, nothing_known, search_extrema, values_in_shares
 from beamsim.flow.extrema_kernels import TOLERANCE, Sums, search, variation
 from beamsim.flow.moments import (
@@ -21,7 +21,6 @@ from beamsim.flow.moments import (
     exponential_products,
     weighted_moments,
 )
-from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
 from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none

@@ -25,9 +25,9 @@ from math import perm
 import numpy as np
 
 from beamsim.flow.contact_state import GROWTH, ContactState
+from beamsim.flow.exact import visited_states
 from beamsim.flow.kernels import spread_to_grid
 from beamsim.flow.moments import SegmentOutputs
-from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints

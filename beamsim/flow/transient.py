@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, STUCK, Position, march
+from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, ONWARDS, STUCK, Position, march
 from beamsim.flow.trajectory import Trajectory, too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, check_stop, interruption, never
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats, Ints, not_none
 
 
 class Log(NamedTuple):
@@ -55,14 +55,6 @@ class Log(NamedTuple):
             np.empty((segments, size)), np.empty(events), *(np.empty(events, whole) for _ in range(3)),
         )  # fmt: skip
 
-    def first(self, segments: int, events: int) -> Log:
-        """The part that is filled."""
-        return Log(
-            self.time[:segments], self.length[:segments], self.state[:segments], self.piece[:segments],
-            self.y[:segments], self.event_time[:events], self.event_contact[:events], self.event_before[:events],
-            self.event_phase[:events],
-        )  # fmt: skip
-
     @classmethod
     def join(cls, parts: list[Log]) -> Log:
         """Logs joined in order."""
@@ -75,15 +67,10 @@ class Motion:
 
     y: Floats  # (N,)
     state: int  # contact state
-    guard: int = -1  # whose event is here; -1: none, or see `beginning`
+    guard: int = ONWARDS  # whose event is here, or ONWARDS, or BEGINNING of the motion
     time: float = 0.0  # s
     piece: int = 0  # of the sources
     waits: bool = False  # the state after that event is not built
-
-    @classmethod
-    def beginning(cls, y: Floats, state: int) -> Motion:
-        """A motion at t = 0, with the state of `ExactFlow.begin`."""
-        return cls(y, state, BEGINNING)
 
     def copy(self) -> Motion:
         """A copy that continues from here."""
@@ -93,27 +80,6 @@ class Motion:
         """Go on in a flow under other loads, from its own time 0."""
         self.state = flow.state_index(before.states[self.state].phases)
         self.time, self.piece = 0.0, 0
-
-    def advance(self, flow: ExactFlow, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
-        """One call of the compiled march.
-
-        Parameters
-        ----------
-        flow : whose contact states are visited.
-        end : s.
-        log : takes segments and events.
-        most_evaluations : of the guards.
-
-        Returns
-        -------
-        status, segments, events, evaluations : see `beamsim.flow.kernels.march`.
-        """
-        code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
-            flow.tables(), flow.inputs(),
-            Position(self.time, self.piece, self.state, self.guard, self.waits), end, self.y, log, most_evaluations,
-        )  # fmt: skip
-        self.waits = code == NEED_STATE
-        return code, segments, events, evaluations
 
 
 SPENT = 500_000  # evaluations, seconds of work, after which those of the whole motion are estimated
@@ -170,11 +136,15 @@ class March:
             log = Log.sized(2048, motion.y.size, max(self.max_events + 1 - self.events, 0))
             # 50_000: of the compiled march, between which it may be stopped: less than half a second
             most = min(self.max_evaluations - self.evaluations, 50_000)
-            code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
-            self.segments, self.events = self.segments + n_seg, self.events + n_ev
-            self.evaluations += n_eval
-            part = log.first(n_seg, n_ev)
+            at = Position(motion.time, motion.piece, motion.state, motion.guard, motion.waits)
+            code, motion.time, motion.piece, motion.state, motion.guard, segments, events, evaluations = march(
+                flow.tables(), flow.inputs, at, end, motion.y, log, most
+            )
+            self.segments, self.events = self.segments + segments, self.events + events
+            self.evaluations += evaluations
+            part = Log._make(column[: segments if k < 5 else events] for k, column in enumerate(log))
             parts.append(part._replace(state=flow.visits(part.state)))
+            motion.waits = code == NEED_STATE
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
@@ -187,8 +157,8 @@ class March:
             elif self.stop():
                 self.outcome = interruption(at=Where(motion.time, "s"))
             else:
-                spent, events = self.evaluations - before, self.events - events_before
-                if spent > SPENT and events * FEW_EVENTS < spent and self.foresees:
+                spent, passed = self.evaluations - before, self.events - events_before
+                if spent > SPENT and passed * FEW_EVENTS < spent and self.foresees:
                     self._refuse_hopeless(spent, (motion.time - begin) / (end - begin), end)
                 if self.progress is not None:
                     self.progress(motion.time)
@@ -249,14 +219,15 @@ def simulate(
 
 def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
     """A motion at t = 0, and the events of the contacts that are made at this very time."""
-    y = flow.whole_state(np.asarray(initial_state, dtype=float))
+    y = np.asarray(initial_state, dtype=float)
+    y = np.pad(y, (0, flow.size - y.size))
     begin = flow.begin(y)
     first = np.flatnonzero(begin.made)
     begun = Log.sized(0, y.size)._replace(
         event_time=np.zeros(first.size), event_contact=first, event_before=begin.before[first],
         event_phase=begin.phases[first],
     )  # fmt: skip
-    return Motion.beginning(begin.state, flow.state_index(begin.phases)), begun
+    return Motion(begin.state, flow.state_index(begin.phases), BEGINNING), begun
 
 
 def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajectory:
@@ -278,7 +249,7 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
             time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
             y=motion.y[None, :].copy(),
         )  # fmt: skip
-    trajectory = Trajectory(flow, motion.time, *log, motion.y, march.evaluations, march.outcome)
+    trajectory = Trajectory(flow, motion.time, *log, motion.y.copy(), march.evaluations, march.outcome)
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
 
 
@@ -294,6 +265,15 @@ class MotionInChunks(March):
     max_events, progress, stop : see `beamsim.flow.transient.simulate`.
     """
 
+    # known after the last chunk
+    event_time: Floats  # (E,) s
+    event_contact: Ints  # (E,)
+    event_phase: Ints  # (E,) of the contact after the event
+    event_closing: Bools  # (E,) whether contact is made at the event
+    touch_changes: Ints  # (E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase
+    contact_share: Floats  # (m,) share of the time during which each contact touches
+    states: int  # number of contact states visited
+
     def __init__(
         self,
         flow: ExactFlow,
@@ -304,110 +284,44 @@ class MotionInChunks(March):
         progress: Callable[[float], None] | None = None,
         stop: Callable[[], bool] = never,
     ) -> None:
-        begin = processor_time()
         share = None if progress is None else lambda time: progress(time / flow.duration)
         super().__init__(max_events=max_events, progress=share, stop=stop, foresees=True)
-        self.flow, self.one_chunk = flow, pieces_at_once is None
-        self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one chunk is one piece
+        self.flow, self._initial_state, self.one_chunk = flow, initial_state, pieces_at_once is None
+        self.end = 0.0  # s, reached
+        self._step, self._at_once = flow.duration, 1  # a motion of one chunk is one piece
         if pieces_at_once is not None:
-            assert flow.record is not None
-            self._step, self._at_once = flow.record.step, pieces_at_once
-            self._pieces = int(np.ceil(flow.duration / self._step - 1e-9))
-        self._motion, self._begun = start(flow, initial_state)
-        none = np.zeros(flow.system.contacts.count)
-        self._shares: list[tuple[float, float, Floats]] = [(0.0, 0.0, none)]  # end, s, length, s, and (m,) in contact
-        self._events: list[Log] = []
-        self.processor_time_s = processor_time() - begin
-
-    @property
-    def end(self) -> float:
-        """s, reached."""
-        return self._motion.time
-
-    @property
-    def states(self) -> int:
-        """Number of contact states visited."""
-        return len(self.flow.visited)
-
-    @property
-    def chunk_s(self) -> float:
-        """Length of a chunk, s."""
-        return self._at_once * self._step
+            self._step, self._at_once = not_none(flow.record).step, pieces_at_once
+        self.chunk_s = self._at_once * self._step  # length of a chunk, s
 
     def chunks(self) -> Iterator[Trajectory]:
         """March, chunk by chunk, once."""
-        for first in range(0, self._pieces, self._at_once):
-            begin = processor_time()
-            chunk = self._march(first, min(first + self._at_once, self._pieces))
+        begin, flow, duration = processor_time(), self.flow, self.flow.duration
+        parts: list[tuple[Any, ...]] = []
+        motion, begun = start(flow, self._initial_state)
+        pieces = 1 if self.one_chunk else int(np.ceil(duration / self._step - 1e-9))
+        for first in range(0, pieces, self._at_once):
+            last = min(first + self._at_once, pieces)
+            if not self.one_chunk:
+                flow, motion.piece = self.flow.on_pieces(first, last + 1), 0
+            log = self.on(flow, motion, duration if last == pieces else last * self._step)
+            self._latest = motion_of(flow, motion, Log.join([begun, log]) if first == 0 else log, self)
+            self.outcome, self.end = self._latest.outcome, self._latest.end
             self.processor_time_s += processor_time() - begin
-            self.outcome = chunk.outcome
             if not self.outcome.complete and self.progress is not None:
-                self.progress(self.flow.duration)  # nothing of the march remains to be done
-            if chunk.length.sum() > 0 or first == 0:
-                yield chunk
+                self.progress(duration)  # nothing of the march remains to be done
+            if first == 0 or self._latest.length.any():
+                yield self._latest
+            begin, part = processor_time(), self._latest
+            of_events = part.event_time, part.event_contact, part.event_before, part.event_phase
+            parts.append((float(part.length.sum()), part.contact_share(), *of_events))
             if not self.outcome.complete:
-                return
-
-    def _march(self, first: int, last: int) -> Trajectory:
-        """Go on to the piece ``last``, or to the end of the motion."""
-        flow, motion = self.flow, self._motion
-        if not self.one_chunk:
-            flow, motion.piece = flow.on_pieces(first, last + 1), 0
-        end = self.flow.duration if last == self._pieces else last * self._step
-        log = self.on(flow, motion, end)
-        chunk = motion_of(flow, motion.copy(), Log.join([self._begun, log]) if first == 0 else log, self)
-        if not chunk.outcome.complete:
-            motion.time = chunk.end
-        self._events.append(_events_of(chunk))
-        self._shares.append((chunk.end, float(chunk.length.sum()), chunk.contact_share()))
-        return chunk
+                break
+        length, share, *events = zip(*parts, strict=True)
+        self.contact_share = np.array(length) @ np.array(share) / max(sum(length), np.finfo(float).tiny)
+        self.event_time, self.event_contact, before, self.event_phase = map(np.concatenate, events)
+        self.touch_changes = flow.system.contacts.touch_changes(self.event_contact, before, self.event_phase)
+        self.event_closing, self.states = self.touch_changes > 0, len(flow.visited)
 
     def end_with(self, part: Trajectory) -> None:
         """Forget what was marched after the first part of the latest chunk, since the evaluation ended there."""
-        self.outcome, self._motion.time = interruption(at=Where(part.end, "s")), part.end
-        self._events[-1] = _events_of(part)
-        self._shares[-1] = (part.end, float(part.length.sum()), part.contact_share())
-
-    @property
-    def log_of_events(self) -> Log:
-        """All events, no segments."""
-        return Log.join(self._events)
-
-    @property
-    def touch_changes(self) -> Ints:
-        """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
-        log, contacts = self.log_of_events, self.flow.system.contacts
-        return contacts.touch_changes(log.event_contact, log.event_before, log.event_phase)
-
-    @property
-    def event_time(self) -> Floats:
-        """(E,) s."""
-        return self.log_of_events.event_time
-
-    @property
-    def event_contact(self) -> Ints:
-        """(E,)."""
-        return self.log_of_events.event_contact
-
-    @property
-    def event_phase(self) -> Ints:
-        """(E,) of the contact after the event."""
-        return self.log_of_events.event_phase
-
-    @property
-    def event_closing(self) -> Bools:
-        """(E,) whether contact is made at the event."""
-        return np.asarray(self.touch_changes > 0)
-
-    def contact_share(self) -> Floats:
-        """(m,) share of the time during which each contact touches."""
-        _, length, share = (np.array(column) for column in zip(*self._shares, strict=True))
-        return np.asarray(length @ share / max(length.sum(), np.finfo(float).tiny))
-
-
-def _events_of(chunk: Trajectory) -> Log:
-    """The events alone; no part of an array that holds the segments too, which would keep it."""
-    return Log.sized(0, chunk.y.shape[1], 0)._replace(
-        event_time=chunk.event_time.copy(), event_contact=chunk.event_contact.copy(),
-        event_before=chunk.event_before.copy(), event_phase=chunk.event_phase.copy(),
-    )  # fmt: skip
+        self.outcome, self.end, self._latest = interruption(at=Where(part.end, "s")), part.end, part

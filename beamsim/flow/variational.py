@@ -119,7 +119,7 @@ class FlowOutputs:
 
     def state(self, initial: Floats) -> Floats:
         """(N,) a state, from its first entries at least."""
-        state = self.flow.whole_state(initial)
+        state = np.pad(initial, (0, self.flow.size - initial.size))
         return np.asarray(self._turned(state[None, :], states=False)[0])
 
     def rates(self, phases: Ints) -> Floats:
@@ -332,7 +332,7 @@ def sensitivity(
     kept = Kept(
         np.zeros((G + 1, columns)), np.zeros((2, G + 1)), event.copy(), later.copy(), instant, np.empty((M, N, columns))
     )
-    differentiate(flow.tables(), flow.inputs(), log, factors, by, end, kept)
+    differentiate(flow.tables(), flow.inputs, log, factors, by, end, kept)
     return MotionDerivative(end, by, kept)
 
 

@@ -33,9 +33,9 @@ from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
+from beamsim.flow.exact import visited_states
 from beamsim.flow.extrema import search_extrema
 from beamsim.flow.extrema_kernels import Sums
-from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces

@@ -382,7 +382,7 @@ def exact_motion_of(
         energy_error=values.balance.error,
         extremes=values.extremes,
         extreme_states=values.extreme_states,
-        contact_share=march.contact_share(),
+        contact_share=march.contact_share,
         histories=recorder.histories,
         contact=values.contact,
         states=np.concatenate(states),

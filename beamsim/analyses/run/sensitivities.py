@@ -203,7 +203,7 @@ def _varied(
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or 0.5 * (number.high - number.low))
     step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
-    starts = {own: own.flow.whole_state(system.initial_state)}
+    starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
     for side in SIDES:
         built, flow = _beside(scenario, own.flow, number, side * step, shared)
         outputs = FlowOutputs(flow, _turn(system.parts, built.parts), own.flow)
