@@ -75,7 +75,11 @@ class Contacts:
         self.may_hold = np.array([any(phase.holds for phase in law.phases) for law in self.laws], dtype=bool)
         self.ever_hold = bool(self.may_hold.any())
         self.jointly_acting = self.ever_hold or self.pressed.size > 0
-        # a slider cannot follow a force whose rate depends on accelerations
+        if self.pressed.size:
+            self._check_pressing()
+
+    def _check_pressing(self) -> None:
+        """Refuse a slider that would have to follow a force whose rate depends on accelerations."""
         for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
             follows_rate = any(guard.row.pressing_rate for phase in self.laws[j].phases for guard in phase.guards)
             if follows_rate and self.laws[i].arrays.force[:, 1].any():
@@ -271,14 +275,12 @@ class Contacts:
         -------
         (m,) phases.
         """
-        before, phases = phases[contact], phases.copy()
+        touching, before, phases = self.arrays.touching[contact], phases[contact], phases.copy()
         phases[contact] = following
-        if self.pressed.size:
-            touches = self.arrays.touching[contact, following]
-            if touches != self.arrays.touching[contact, before]:
-                for j in self.pressed[self.pressing == contact].tolist():
-                    then = self.laws[j].phases[phases[j]].otherwise
-                    phases[j] = phases[j] if then is None else then
+        if self.pressed.size and touching[following] != touching[before]:
+            for j in self.pressed[self.pressing == contact].tolist():
+                then = self.laws[j].phases[phases[j]].otherwise
+                phases[j] = phases[j] if then is None else then
         return phases
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
@@ -53,23 +53,19 @@ class Springs:
         return sign * np.bincount(self.contact, weights=self.sign * force, minlength=sign.size)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class CubicSprings:
     """Cubic springs to the ground, force -stiffness * (shape @ q + d(t))**3 along shape; between masses without d."""
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
     ground: Floats | None = None  # (nc,) stretch for a unit displacement of the base, 0 between masses; None: 1
+    count: int = field(init=False)
+    base_influence: Floats = field(init=False)  # (nc,) as ``ground``
 
-    @property
-    def count(self) -> int:
-        """Number of springs."""
-        return int(self.stiffness.size)
-
-    @property
-    def base_influence(self) -> Floats:
-        """(nc,) stretch for a unit displacement of the base."""
-        return np.ones(self.count) if self.ground is None else self.ground
+    def __post_init__(self) -> None:
+        self.count = int(self.stiffness.size)
+        self.base_influence = np.ones(self.count) if self.ground is None else self.ground
 
     def stretch(self, q: Floats, base: Floats | float) -> Floats:
         """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
@@ -117,18 +113,19 @@ def find_equilibrium(
     shape[:, :rigid][nodes[:, :rigid]] = 0.0
     load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)
-    nothing = np.full(springs.stiffness.size, np.nan)
-    bounded = not energy.softens and not cubic.count
-    if bounded and rigid and not _balanced(energy.normal[:, :rigid], load[:rigid]):
-        return Equilibrium(None, nothing, UNBALANCED)
-    q = _minimum(energy)
-    if not energy.is_least(q):
-        if bounded:
-            raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
-        return Equilibrium(None, nothing, UNBALANCED)
-    q, force = _refined(energy, q)
+    q, force = np.zeros(stiffness.size), np.zeros(springs.stiffness.size)
+    if load.any() or np.any(springs.gap < 0.0):  # else it stays where it is drawn
+        bounded, nothing = not energy.softens and not cubic.count, np.full(force.size, np.nan)
+        if bounded and rigid and not _balanced(energy.normal[:, :rigid], load[:rigid]):
+            return Equilibrium(None, nothing, UNBALANCED)
+        q = _minimum(energy)
+        if not energy.is_least(q):
+            if bounded:
+                raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
+            return Equilibrium(None, nothing, UNBALANCED)
+        q, force = _refined(energy, q)
     if (rigid or energy.softens) and not _unique(energy, q, force):  # else every motion meets a stiffness
-        return Equilibrium(None, nothing, FLOATS, q)
+        return Equilibrium(None, np.full(force.size, np.nan), FLOATS, q)
     return Equilibrium(q, force)
 
 
@@ -172,7 +169,9 @@ class _Newton:
         k = energy.springs.stiffness[closed]
         tangent, normal = energy.open_tangent(q), energy.normal[closed]
         resisting = np.diag(tangent)
-        damped = np.where(resisting > 0, resisting, energy.largest_stiffness)
+        most = energy.stiffness + np.abs(energy.springs.stiffness) @ energy.normal**2
+        most = most + np.abs(energy.cubic.stiffness) @ energy.cubic.shape**2  # that each coordinate may meet
+        damped = np.where(resisting > 0, resisting, np.where(most > 0, most, 1.0))
         self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
         # the little more stiffness keeps a step finite where nothing resists it
         matrix = np.block([[tangent + np.diag(1e-15 * damped), -normal.T], [normal, np.diag(1.0 / k)]])
@@ -271,7 +270,7 @@ def _loose(away: Floats) -> Floats:
     return np.asarray(null_space(away, rcond=_ROUND_OFF).T)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _Energy:
     """The energy of a structure, its springs and loads, by the coordinates."""
 
@@ -279,23 +278,12 @@ class _Energy:
     springs: Springs
     cubic: CubicSprings
     load: Floats  # (n,)
+    normal: Floats = field(init=False)  # (m, n) opening of each spring for a unit of each coordinate
+    softens: bool = field(init=False)  # whether a spring loses stiffness
 
-    @property
-    def normal(self) -> Floats:
-        """(m, n) opening of each spring for a unit of each coordinate."""
-        return self.springs.sign[:, None] * self.springs.shape
-
-    @property
-    def softens(self) -> bool:
-        """Whether a spring loses stiffness."""
-        return bool(np.any(self.springs.stiffness < 0))
-
-    @property
-    def largest_stiffness(self) -> Floats:
-        """(n,) that each coordinate may meet: of the structure and of all springs; 1 where there is none."""
-        resisting = self.stiffness + np.abs(self.springs.stiffness) @ self.normal**2
-        resisting = resisting + np.abs(self.cubic.stiffness) @ self.cubic.shape**2
-        return np.where(resisting > 0, resisting, 1.0)
+    def __post_init__(self) -> None:
+        self.normal = self.springs.sign[:, None] * self.springs.shape
+        self.softens = bool(np.any(self.springs.stiffness < 0))
 
     def penetration(self, q: Floats) -> Floats:
         """(m,) of each spring, 0 where it is open."""

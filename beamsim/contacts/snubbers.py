@@ -214,8 +214,9 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
 
 
 def build_contacts(
-    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, omega: Floats, rigid: int
-) -> Contacts:
+    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, levers: Floats, omega: Floats,
+    rigid: int,
+) -> Contacts:  # fmt: skip
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
     Parameters
@@ -223,6 +224,7 @@ def build_contacts(
     located : the scenario's snubbers and where they are written.
     curves : of those that have a force-deflection table.
     shape : (m, n) deflection at each for a unit of each coordinate.
+    levers : (m,) displacement of each place for a unit displacement of the base.
     omega : (n,) rad/s, open structure.
     rigid : number of rigid-body coordinates.
 
@@ -238,7 +240,19 @@ def build_contacts(
     """
     snubbers = [item for _, _, item, _ in located]
     stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(snubbers, curves, strict=True)]
-    dashpot = [_dashpot(at, k, omega, row, rigid) for at, k, row in zip(located, stiffness, shape, strict=True)]
+    dashpot = []
+    for at, k, row in zip(located, stiffness, shape, strict=True):
+        damping, c = at.item.damping, 0.0
+        if damping is not None and damping.kind == "viscous":
+            c = float(damping.coefficient)
+        elif damping is not None:
+            try:
+                c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid)
+            except ValueError as error:
+                place = f"{path_text(at.path)}.damping.ratio"
+                problem = Problem(place, f"has no meaning here: {error}", "give the dashpot in N s/m")
+                raise ScenarioError(problem) from None
+        dashpot.append(c)
     return Contacts(
         shape=shape,
         sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
@@ -247,18 +261,8 @@ def build_contacts(
         laws=tuple(
             _law(at, float(k), curve, c) for at, k, curve, c in zip(located, stiffness, curves, dashpot, strict=True)
         ),
+        lever=levers,
     )
-
-
-def _dashpot(located: Located, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
-    damping = located.item.damping
-    if damping is None or damping.kind == "viscous":
-        return 0.0 if damping is None else float(damping.coefficient)
-    try:
-        return dashpot_from_ratio(damping.ratio, stiffness, omega, shape, rigid)
-    except ValueError as error:
-        at = f"{path_text(located.path)}.damping.ratio"
-        raise ScenarioError(Problem(at, f"has no meaning here: {error}", "give the dashpot in N s/m")) from None
 
 
 def _law(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:

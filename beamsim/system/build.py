@@ -26,6 +26,7 @@ from beamsim.contacts.snubbers import (
 from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
+from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
@@ -38,8 +39,7 @@ from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, floating_motions, held_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import places_needed
-from beamsim.structures.stations import Stations
-from beamsim.system.equations import Channel, Forcing, PiecewiseLinearSystem, SineLoads
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
@@ -76,8 +76,7 @@ def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
     several = excitation.kind == "forces"
     terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for _, force in parts.acting.forces]
     for moved in parts.moved:
-        amplitude = _phasor(moved.driven) if several else complex(1.0)
-        power = power_of(moved.driven.quantity) if several else 0
+        amplitude, power = (_phasor(moved.driven), power_of(moved.driven.quantity)) if several else (complex(1.0), 0)
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
     if not terms:  # of a base: its acceleration, and its displacement where springs to the ground feel it
         terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
@@ -107,44 +106,50 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
     They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
     nothing, then those of the base.
     """
-    scenario, structure = parts.scenario, parts.structure
-    duration = None if scenario.run is None else scenario.run.duration
-
-    accounts: list[tuple[str, InputAccount]] = []
-
-    def signal_of(driven: One, at: Path, signal: Callable[..., Any]) -> Any:
-        folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
-        key = (driven, duration, folder)
-        with rooted("excitation", path_text(at)):
-            made = parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
-        accounts.append((path_text(at), made.account))
-        return made
-
+    motion, accounts = None, list[tuple[str, InputAccount]]()
     loads = [
-        (parts.shape(force.applied_to), signal_of(force, path, level_signal).signal)
+        (parts.shape(force.applied_to), _signal_of(parts, path, force, level_signal, accounts).signal)
         for path, force in parts.acting.forces
     ]
-    for moved in parts.moved:
-        support = signal_of(moved.driven, moved.path, base_motion)
-        signals = (support.acceleration, support.velocity, support.displacement)
-        loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
-    for path, driven in parts.acting.stops:
-        loads.append((np.zeros(parts.basis.size), signal_of(driven, path, base_motion).displacement))
-    motion = None
+    if parts.moved or parts.acting.stops:
+        loads += _loads_of_moved(parts, accounts)
     if parts.acting.base is not None and parts.base is not None:
-        path, driven = parts.acting.base
-        motion = signal_of(driven, path, base_motion)
+        motion = _signal_of(parts, *parts.acting.base, base_motion, accounts)
         inertia, ground = parts.base_load(parts.base)
         loads.append((-inertia, motion.acceleration))
-        if structure.base_load(parts.base)[1].any():  # springs to ground stretch by the base's displacement as well
+        if parts.structure.base_load(parts.base)[1].any():  # springs to ground stretch by the base's displacement, too
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
     on_ground = pushing.contacts.on_ground.any() or pushing.cubic.base_influence.any()
     displacement = motion.displacement if motion is not None and on_ground else None
-    mountings = (getattr(snubber, "mounted_on", None) for snubber in scenario.all_snubbers)
+    mountings = (getattr(snubber, "mounted_on", None) for snubber in parts.scenario.all_snubbers)
     moved_mountings = parts.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
     influence = _influence_of_mountings(parts, pushing, len(loads)) if moved_mountings else None
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
+
+
+def _signal_of(parts: Parts, at: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
+    """What ``make`` gives for one part of the excitation, at a path, whose account it adds to the others."""
+    scenario = parts.scenario
+    duration = None if scenario.run is None else scenario.run.duration
+    folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
+    with rooted("excitation", path_text(at)):
+        key = (driven, duration, folder)
+        made: Any = parts.shared.once("signal", key, lambda: make(driven, duration, folder))
+    accounts.append((path_text(at), made.account))
+    return made
+
+
+def _loads_of_moved(parts: Parts, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
+    """Loads of supports, by acceleration, velocity and displacement, and of stops that move by themselves."""
+    loads: list[tuple[Floats, Signal]] = []
+    for moved in parts.moved:
+        support = _signal_of(parts, moved.path, moved.driven, base_motion, accounts)
+        signals = (support.acceleration, support.velocity, support.displacement)
+        loads += zip(moved.loads(parts.structure, parts.basis, parts.damping), signals, strict=True)
+    for path, driven in parts.acting.stops:
+        loads.append((np.zeros(parts.basis.size), _signal_of(parts, path, driven, base_motion, accounts).displacement))
+    return loads
 
 
 def _influence_of_mountings(parts: Parts, pushing: _Pushing, signals: int) -> Floats | None:
@@ -280,34 +285,27 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         initial += _start_on_supports(parts, forcing)
     if contacts.internal_states:
         initial = np.append(initial, _settled(contacts, forcing, initial[: parts.basis.size]))
-    correction = None
-    if motion is not None and motion.corrections is not None:
-        correction = CorrectionSize.of(motion.corrections)
-        held = any(holds_levels(each) for _, each in scenario.excitation.items)
-        warnings += correction.warnings(held=held)
+    correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
+    if correction is not None:
+        warnings += correction.warnings(held=any(holds_levels(each) for _, each in scenario.excitation.items))
     sites = [*parts.snubber_sites, *force_sites(scenario), *(output_sites(parts) if scenario.requested_outputs else ())]
     recoveries = parts.recoveries(sites) if recovered else ()
-    outputs = tuple[Channel, ...]()
-    if recovered and scenario.requested_outputs:
-        outputs = output_channels(parts, recoveries, pushing.sites, contacts, forcing)
+    asked = (parts, recoveries, pushing.sites, contacts, forcing)
+    outputs = output_channels(*asked) if recovered and scenario.requested_outputs else ()
     dynamics = PiecewiseLinearSystem(parts.stiffness, parts.damping, contacts, loads.sum(axis=0))
-    probes = _describe_probes(parts)
     frequencies = set(scenario.excitation.frequencies_hz)
     return StructuralSystem(
-        scenario=scenario,
+        parts=parts,
+        as_built=dynamics,
         dynamics=dynamics,
         forcing=forcing,
         initial_state=initial,
-        probes=probes,
-        base_influence=np.array([0.0 if motion is None else probe.base_influence for probe in probes]),
+        probes=_describe_probes(parts),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
         base_displacement=motion.displacement if motion else None,
         snubbers=_describe_snubbers(parts, contacts, equilibrium, pushing.tables),
         bodies=recoveries,
-        stations=Stations.of_recoveries(recoveries),
-        deflection=np.vstack([np.zeros((0, parts.basis.size)), *(body.deflection for body in recoveries)]),
-        parts=parts,
         stops=pushing.stops,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
@@ -372,13 +370,20 @@ def _pushing(parts: Parts) -> _Pushing:
     tabulated = any(each.item.force_deflection is not None for each in snubbers)
     tables = force_tables(parts.scenario) if tabulated else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
-    stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
-    stops = replace(stops, lever=parts.levers(parts.snubber_sites))
-    contacts, springs = stops, tuple[SpringInfo, ...]()
-    if nonlinear:
-        springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
-        pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
-        contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
+    of_stops = parts.shapes(parts.snubber_sites), parts.levers(parts.snubber_sites)
+    stops = build_contacts(snubbers, curves, *of_stops, parts.omega, basis.rigid)
+    if not nonlinear:
+        cubic = CubicSprings(np.zeros((0, basis.size)), np.zeros(0))
+        return _Pushing(tables, stops, (), cubic, stops, np.arange(stops.count), parts.snubber_sites)
+    return _pushing_with_springs(parts, tables, stops)
+
+
+def _pushing_with_springs(parts: Parts, tables: Mapping[str, TableOfStop], stops: Contacts) -> _Pushing:
+    """Stops, and springs with laws of their own, joints that relax and friction."""
+    nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
+    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
+    pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
+    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     if any(parts.scenario.listed("friction")):
         _check_rigid_friction(parts, springs, stops)
     cubic = cubic_springs(springs, basis.size)

@@ -346,10 +346,8 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     bodies, acting = tuple(scenario.all_bodies.items()), Acting.of(scenario)
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
-    nodes: tuple[Place, ...] = ()
-    if driven:  # a place in an element that ends at a support which moves would move with it
-        sensed = [*contacts, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
-        nodes = (*dict.fromkeys(end for site in sensed for end in ends_of(site)), *also_at)
+    # a place in an element that ends at a support which moves would move with it
+    nodes = (*_sensed(scenario, contacts), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moved = moved_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
@@ -358,18 +356,29 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     sites: list[LoadSite] = [*contacts, *force_sites(scenario), *also_at]
     asked = _asked_reduction(scenario, structure)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
-
-    def reduced() -> ReducedBasis:
-        patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
-        patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
-        patterns += [each.pattern(structure) for each in moved]
-        patterns += [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
-        return reduce_model(structure, patterns, **asked)
-
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
     key = (undamped, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
-    return Parts(scenario, structure, shared.once("reduction", key, reduced), shared, acting, tuple(moved))
+    basis = shared.once(
+        "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
+    )
+    return Parts(scenario, structure, basis, shared, acting, tuple(moved))
+
+
+def _patterns(
+    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moved: Sequence[Moved]
+) -> list[LoadPattern]:
+    """The loads whose static deflections a reduced model keeps."""
+    patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
+    patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
+    patterns += [each.pattern(structure) for each in moved]
+    return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
+
+
+def _sensed(scenario: Scenario, contacts: Sequence[Site]) -> list[Place]:
+    """Where contacts act and motions are recorded."""
+    sites = [*contacts, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
+    return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 
 
 def _check_directions(scenario: Scenario, structure: Structure) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 
 from beamsim.contacts.laws import CONSTANT, INTERNAL, PENETRATION, PRESSING, PRESSING_RATE, RATE, REACTION
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Bools, Floats, Ints
 
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
@@ -172,29 +172,40 @@ class StateEquations:
             law = law.copy()
         self.law, self.factors, drive = law, c.arrays.force[every, phases], c.arrays.rates[every, phases]
         if c.pressed.size:
-            i, factors = c.pressing, self.factors[c.pressing]
-            law[c.pressed, PRESSING] = _products(factors, law[i])
-            of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
-            law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
+            self._press(drive)
         self.pressing = law[c.pressed, PRESSING]
         self.force = _products(self.factors, law)
         applied = free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
         self.held, acceleration = np.zeros((e.system.size, 0)), applied
         sticking = np.flatnonzero(c.arrays.holds[every, phases])
         if sticking.size:
-            left, size, right = np.linalg.svd(e.penetrations[sticking], full_matrices=False)
-            rank = int(np.sum(size > SMALLEST * size.max()))
-            self.held, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
-            law[sticking, REACTION] = share @ applied
-            self.force[sticking] += law[sticking, REACTION]
-            # what is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest
-            acceleration = applied - self.held @ (self.held.T @ applied)
-            balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
-            acceleration = np.where(balanced, 0.0, acceleration)
+            acceleration = self._held_back(sticking, applied)
         self.internal_factors = self.factors[c.owner, c.column]
         self.internal_drive = drive[c.owner, c.column - INTERNAL]
         self.internal_rates = (drive @ law)[c.owner, c.column - INTERNAL]
         self.rates = np.vstack([velocities, acceleration, self.internal_rates])
+
+    def _press(self, drive: Floats) -> None:
+        """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
+        c, law = self.equations.contacts, self.law
+        i, factors = c.pressing, self.factors[c.pressing]
+        law[c.pressed, PRESSING] = _products(factors, law[i])
+        of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
+        law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
+
+    def _held_back(self, sticking: Ints, applied: Any) -> Any:
+        """(n, V) accelerations under generalised forces with the reactions of contacts that stick, which are entered.
+
+        What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
+        """
+        left, size, right = np.linalg.svd(self.equations.penetrations[sticking], full_matrices=False)
+        rank = int(np.sum(size > SMALLEST * size.max()))
+        self.held, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
+        self.law[sticking, REACTION] = share @ applied
+        self.force[sticking] += self.law[sticking, REACTION]
+        acceleration = applied - self.held @ (self.held.T @ applied)
+        balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
+        return np.where(balanced, 0.0, acceleration)
 
     @property
     def push(self) -> Floats:
@@ -213,14 +224,12 @@ class StateEquations:
     def events(self) -> EventFunctions:
         """What ends this contact state."""
         c, a, phases = self.equations.contacts, self.equations.contacts.arrays, self.phases
-        every, resting = np.arange(c.count), np.zeros(c.count, dtype=bool)
-        if self.held.shape[1]:  # contacts whose motion others hold: those at the same place, for example
-            left = np.linalg.norm(c.shape - (c.shape @ self.held) @ self.held.T, axis=1)
-            resting = left <= SMALLEST * np.linalg.norm(c.shape, axis=1)
+        every, joining = np.arange(c.count), 0
         contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
-        joins = resting[contact] & (a.guard[contact, phases[contact], place, RATE] != 0.0)
-        order, joining = np.argsort(~joins, kind="stable"), int(joins.sum())
-        contact, place = contact[order], place[order]
+        if self.held.shape[1]:
+            joins = self._resting[contact] & (a.guard[contact, phases[contact], place, RATE] != 0.0)
+            order, joining = np.argsort(~joins, kind="stable"), int(joins.sum())
+            contact, place = contact[order], place[order]
         rows, after = (a.guard[every, phases] @ self.law)[contact, place], a.next[contact, phases[contact], place]
         for g in range(joining):
             rows[g] = self._joining(int(contact[g]), int(after[g]))
@@ -231,6 +240,13 @@ class StateEquations:
             reset[g], count = count, count + int(c.states[j])
         all_rows = np.concatenate([rows, *fresh])
         return EventFunctions(contact.size, contact, after, all_rows, all_rows[: contact.size], reset, joining)
+
+    @property
+    def _resting(self) -> Bools:
+        """(m,) contacts whose motion others hold: those at the same place, for example."""
+        shape = self.equations.contacts.shape
+        left = np.linalg.norm(shape - (shape @ self.held) @ self.held.T, axis=1)
+        return np.asarray(left <= SMALLEST * np.linalg.norm(shape, axis=1))
 
     def _joining(self, contact: int, stuck: int) -> Floats:
         """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.

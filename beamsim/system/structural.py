@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -80,7 +80,7 @@ class SnubberInfo(SnubberNumbers):
     table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class StructuralSystem:
     """A scenario turned into mathematics, with what is needed to turn the solution back.
 
@@ -88,20 +88,17 @@ class StructuralSystem:
     which is 1 on every deflection where it moves upwards.
     """
 
-    scenario: Scenario  # that it was built from
+    parts: Parts  # the reduced structure
+    as_built: PiecewiseLinearSystem  # ``dynamics`` of the scenario, of which an analysis may leave out damping or loads
     dynamics: PiecewiseLinearSystem
     forcing: Forcing
     initial_state: Floats  # (N,) q, q', then the internal states of the contacts
     probes: tuple[ProbeRow, ...]
-    base_influence: Floats  # (probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest
     base_acceleration: Signal | None  # m/s^2; None where the base is at rest
     base_velocity: Signal | None  # m/s
     base_displacement: Signal | None  # m
     snubbers: tuple[SnubberInfo, ...]
     bodies: tuple[Recovery, ...]  # what is known along each body
-    stations: Stations  # where shapes are known
-    deflection: Floats  # (nx, n) there for a unit of each coordinate, 1/sqrt(kg)
-    parts: Parts  # the reduced structure
     stops: Contacts  # the snubbers alone
     static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
     static_reason: str  # why there is no static equilibrium; empty where there is one
@@ -115,32 +112,40 @@ class StructuralSystem:
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 
+    # what follows from these
+    scenario: Scenario = field(init=False)  # that it was built from
+    base_influence: Floats = field(init=False)  # (probes,) absolute motion of each for one of the base; zeros at rest
+    kept_modes: int = field(init=False)  # number of modes that the reduction keeps
+    open_frequencies_hz: Floats = field(init=False)  # (n,) natural frequencies with every contact open
+    stations: Stations = field(init=False)  # where shapes are known
+    deflection: Floats = field(init=False)  # (nx, n) there for a unit of each coordinate, 1/sqrt(kg)
+    stress: StressRows | None = field(init=False)  # bending stress along the bodies; None where no body gives one
+
+    def __post_init__(self) -> None:
+        moving, none = self.base_acceleration is not None, np.zeros((0, self.parts.basis.size))
+        self.scenario, self.kept_modes = self.parts.scenario, self.parts.basis.modes
+        self.base_influence = np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
+        self.open_frequencies_hz = self.parts.omega / (2 * np.pi)
+        self.stations = Stations.of_recoveries(self.bodies)
+        self.deflection = np.vstack([none, *(body.deflection for body in self.bodies)])
+        self.stress = stress_rows(self.bodies)
+
     @cached_property
     def modes(self) -> ModeTable:
         """Natural frequencies, damping and accuracy, for a result: they take longer than the rest of the system."""
         at_rest = None if self.cubic.count else self.static_equilibrium
-        return mode_table(self.parts, self.dynamics, self.stops, at_rest, self.stations, self.deflection)
+        return mode_table(self.parts, self.as_built, self.stops, at_rest, self.stations, self.deflection)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Remarks, and doubts that follow from `modes`."""
         return (*self.remarks, *doubts(self.scenario, self.modes))
 
-    @property
-    def kept_modes(self) -> int:
-        """Number of modes that the reduction keeps."""
-        return self.parts.basis.modes
-
-    @property
-    def open_frequencies_hz(self) -> Floats:
-        """(n,) natural frequencies with every contact open."""
-        return self.parts.omega / (2 * np.pi)
-
     @cached_property
     def closed_frequencies_hz(self) -> Floats:
         """(n,) natural frequencies with every snubber closed."""
         phases = np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
-        stopped = replace(self.dynamics, contacts=self.stops)
+        stopped = replace(self.as_built, contacts=self.stops)
         return undamped_modes(stopped, phases, self.parts.basis.rigid)[0] / (2 * np.pi)
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
@@ -169,11 +174,6 @@ class StructuralSystem:
             rows = sizes.rows(stress.row.shape[0], displacement=stress.row, base_acceleration=stress.base)
             channels.append(Channel("bodies", "", "bending_stress", "Pa", rows))
         return ChannelSet(tuple(channels), sizes)
-
-    @cached_property
-    def stress(self) -> StressRows | None:
-        """Bending stress along the bodies; None where no body gives one."""
-        return stress_rows(self.bodies)
 
     @property
     def contact_names(self) -> tuple[str, ...]:

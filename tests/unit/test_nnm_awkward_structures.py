@@ -212,3 +212,17 @@ def test_tip_stops_on_both_sides_whatever_the_range():
     at = np.log(far.backbone.parameter[:same])
     lattice = np.interp(at, np.log(near.backbone.parameter), near.backbone.frequency_hz)
     np.testing.assert_allclose(lattice, far.backbone.frequency_hz[:same], rtol=1e-9)
+
+
+def test_its_table_of_modes_keeps_the_damping_of_the_structure():
+    """A normal mode leaves it out of the motion, and not out of what the result says of the structure."""
+    case = load_scenario({
+        "chain": {"masses": [1.0], "springs": [100.0, 0.0], "dashpots": [0.4, 0.0], "snubbers": [
+            {"name": "stop", "mass": 1, "side": "above", "stiffness": 300.0, "gap": 0.01}
+        ]},
+        "nnm": {"mode": 1},
+    })  # fmt: skip
+    system = conservative_system(case)
+    assert not system.dynamics.damping.any()
+    np.testing.assert_allclose(system.modes.damping_ratios, [0.4 / (2 * 10.0)], rtol=1e-12)
+    np.testing.assert_allclose(system.modes.closed_damping_ratios, [0.4 / (2 * 20.0)], rtol=1e-12)
