@@ -253,6 +253,28 @@ class Dataset(Mapping[str, LabelledArray]):
         """The parts of a variable by label along its first dimension; none where the dataset lacks it."""
         return self[name].by_label() if f"/{self.name}/{name}" in self.items_by_path else {}
 
+    def groups(self, column: str) -> dict[Any, Dataset]:
+        """The rows of a table by what they belong to; what is not along the rows stays as it is.
+
+        Parameters
+        ----------
+        column : numbers the names along a dimension of this dataset, such as ``station_body`` those along ``body``.
+
+        Returns
+        -------
+        dict
+            By name, in order.
+        """
+        rows, found = self[column], {}
+        for number, name in enumerate(self.items_by_path[f"/{rows.attributes[NAMES]}"].values.tolist()):
+            own, items = rows.values == number, dict(self.items_by_path)
+            for path, item in items.items():
+                dims = (last(path),) if item.scale else tuple(map(last, item.axes))
+                if rows.dims[0] in dims:
+                    items[path] = replace(item, array=np.compress(own, item.values, axis=dims.index(rows.dims[0])))
+            found[name] = Dataset(self.name, items)
+        return found
+
     def read(self) -> Items:
         """The items of the dataset, all of whose values are read from their file if they were not, and kept."""
         for name in self:

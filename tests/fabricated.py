@@ -11,13 +11,8 @@ import numpy as np
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
 from beamsim.analyses.run.histories import contact_units
-from beamsim.analyses.run.layouts import HISTORIES, events_of
-from beamsim.analyses.run.result import (
-    BodyResult,
-    ModeTable,
-    RunResult,
-    Work,
-)
+from beamsim.analyses.run.layouts import BODIES, HISTORIES, events_of
+from beamsim.analyses.run.result import ModeTable, RunResult, Work
 from beamsim.analyses.run.spectra import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
@@ -106,13 +101,11 @@ def fabricate(
     }
     x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
     curve = (x / x[-1]) ** 2
-    beam = BodyResult(
-        position=x,
-        peak_bending_stress=2e7 * (1 - x / 0.27),
-        extreme_shapes=np.array([-1e-4 * curve, 4e-4 * curve]),
-        extreme_times=np.array([0.3, 0.2]),
-        static_shape=-2e-5 * curve,
-    )
+    along = {
+        "body": ["beam"], "station": np.arange(1, x.size + 1), "station_body": np.zeros(x.size, dtype=np.int64),
+        "position": x, "peak_bending_stress": 2e7 * (1 - x / 0.27), "static_shape": -2e-5 * curve,
+        "extreme_time": np.array([0.3, 0.2]), "extreme_shape": np.array([-1e-4 * curve, 4e-4 * curve]),
+    }  # fmt: skip
     body = ("chain", MASSES) if chain else ("beam", ALONG)
     stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])
     modes = ModeTable(
@@ -155,9 +148,8 @@ def fabricate(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
         method="exact",
         outcome=outcome,
-        datasets={"histories": histories, "events": events},
+        datasets={"histories": histories, "events": events} | ({} if chain else {"bodies": BODIES.dataset(along)}),
         spectra=spectra,
-        only_body=None if chain else beam,
         modes=modes,
         work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),
         summary=summary,

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from beamsim.analyses.run.result import BodyResult, RunResult
+from beamsim.analyses.run.result import RunResult
+from beamsim.labelled import Dataset
 from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marked
 from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar, stops_of
 from beamsim.plots.style import amount, round_length, scale_for
@@ -23,24 +24,25 @@ LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
 
 def deflected_shapes(result: RunResult, name: str) -> Chart:
     """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers."""
-    beam = result.bodies[name]
+    bodies = result["bodies"].groups("station_body")
+    beam, position = bodies[name], bodies[name]["position"].values
     snubbers = [s for s in stops_of(result).values() if s.gap_unit == "m"]
     if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
-    curves = [Curve(label, beam.position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
+    curves = [Curve(label, position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
     marks: list[Curve] = []
-    still = np.nan_to_num(beam.static_shape)
+    still = np.nan_to_num(beam["static_shape"])
     for s in snubbers:
-        side, at = (-1.0 if s.side == "below" else 1.0), np.interp(s.position, beam.position, still)
+        side, at = (-1.0 if s.side == "below" else 1.0), np.interp(s.position, position, still)
         shut = side * at >= s.gap  # it follows the beam until it is free
         label = f"snubber, {'closed' if shut else 'open'} at rest"
         triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
                     "markerfacecolor": RED if shut else "white"}  # fmt: skip
         face = (s.position, at if shut else side * s.gap)  # which is the tip of the triangle
         marks.append(marked("" if label in [mark.label for mark in marks] else label, face, **triangle))
-    of = name if len(result.bodies) > 1 else "the beam"
-    scale = scale_for("m", beam.extreme_shapes, np.array([mark.y for mark in marks]))
+    of = name if len(bodies) > 1 else "the beam"
+    scale = scale_for("m", beam["extreme_shape"].values, np.array([mark.y for mark in marks]))
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})
     across, up = (f"Position along {of}", "m"), ("Relative deflection", scale)
     return Chart(across, up, curves, [rest], marks=marks)
@@ -89,20 +91,20 @@ def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> None:
     plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)
 
 
-def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape: Floats, title: str) -> None:
+def plot_plate_deflection(result: RunResult, ax: Axes, plate: Dataset, shape: Floats, title: str) -> None:
     """A deflection of a plate, with the snubbers on it.
 
     Parameters
     ----------
     result : of the run.
     ax : to draw on.
-    plate : one of its bodies.
+    plate : what is known along it.
     shape : (nx,) m, of the plate.
     title : of the panel.
     """
-    assert plate.across is not None
-    metres, scale = scale_for("m", plate.position, plate.across), scale_for("m", shape)
-    plot_contours(ax, plate.position, plate.across, shape * scale.factor, title, scale.unit)
+    x, y = plate["position"].values, plate["across"].values
+    metres, scale = scale_for("m", x, y), scale_for("m", shape)
+    plot_contours(ax, x, y, shape * scale.factor, title, scale.unit)
     across = result["histories"].by_label("snubber_across")
     for name, snubber in stops_of(result).items():
         if name in across and np.isfinite(across[name].item()):
@@ -113,13 +115,14 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape:
             )  # fmt: skip
 
 
-def _shapes(result: RunResult, body: BodyResult) -> list[tuple[Floats, str]]:
+def _shapes(result: RunResult, body: Dataset) -> list[tuple[Floats, str]]:
     """When the first probe is highest and lowest, and at static equilibrium; with titles."""
     first = next(iter(result["histories"].labels("probe")), "")
+    extreme, times = body["extreme_shape"].values, body["extreme_time"].values
     shapes = [
-        (body.extreme_shapes[1], f"{first} highest, t = {body.extreme_times[1]:.4g} s"),
-        (body.extreme_shapes[0], f"{first} lowest, t = {body.extreme_times[0]:.4g} s"),
-        (body.static_shape, "static equilibrium"),
+        (extreme[1], f"{first} highest, t = {times[1]:.4g} s"),
+        (extreme[0], f"{first} lowest, t = {times[0]:.4g} s"),
+        (body["static_shape"].values, "static equilibrium"),
     ]
     return [each for each in shapes if np.all(np.isfinite(each[0]))]
 
@@ -165,13 +168,13 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
     figures: dict[str, Picture] = {}
     count = min(MOST_PANELS, result.modes.shapes.shape[0])
-    if beams := [name for name, body in result.bodies.items() if body.across is None]:
+    bodies = result["bodies"].groups("station_body") if "bodies" in result.datasets else {}
+    plates = {name: body for name, body in bodies.items() if "across" in body and np.isfinite(body["across"]).all()}
+    if beams := [name for name in bodies if name not in plates]:
         figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
-    for name, plate in result.bodies.items():
-        if plate.across is None:
-            continue
-        suffix = "" if len(result.bodies) == 1 else f"_{name}"
-        least = 1e-9 * float(np.nanmax(np.abs(plate.extreme_shapes), initial=0.0))  # less is round-off
+    for name, plate in plates.items():
+        suffix = "" if len(bodies) == 1 else f"_{name}"
+        least = 1e-9 * float(np.nanmax(np.abs(plate["extreme_shape"]), initial=0.0))  # less is round-off
         shapes = [
             partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
             for shape, title in _shapes(result, plate)

@@ -102,10 +102,10 @@ def ends_of_pipe(time):
 
 
 def test_supports_that_move_are_drawn_where_they_are(pipe):
-    body = pipe.bodies["beam"]
-    left, right = ends_of_pipe(body.extreme_times).T
-    straight = left[:, None] + (right - left)[:, None] * body.position / 0.9
-    np.testing.assert_allclose(body.extreme_shapes, straight, atol=2e-6)
+    body = pipe["bodies"]
+    left, right = ends_of_pipe(body["extreme_time"].values).T
+    straight = left[:, None] + (right - left)[:, None] * body["position"].values / 0.9
+    np.testing.assert_allclose(body["extreme_shape"], straight, atol=2e-6)
     frames = frames_of_run(pipe)
     (line,) = frames.lines
     left, right = ends_of_pipe(frames.time).T

@@ -57,6 +57,30 @@ def test_a_part_has_the_values_and_the_unit_of_its_label():
     np.testing.assert_array_equal(made.sel(place="CON")["time"].values, made["time"].values)
 
 
+def test_rows_of_a_table_are_found_by_what_they_belong_to():
+    """Rows in any order, a name without rows, values along another dimension too; what is not along rows stays."""
+    layout = Layout(
+        "parts",
+        "Places of parts.",
+        {
+            "part": Variable(("part",), "1", "name of the part", str),
+            "row": Variable(("row",), "1", "number of the row", int),
+            "row_part": Variable(("row",), "1", "number of the part", int, names="parts/part"),
+            "position": Variable(("row",), "m", "position"),
+            "time": Variable(("time",), "s", "time"),
+            "motion": Variable(("time", "row"), "m", "motion"),
+        },
+    )
+    row, owner = np.arange(5), np.array([2, 0, 2, 0, 0])
+    known = {"part": ["a/b", "", "größe"], "row": row, "row_part": owner, "time": np.array([0.0, 1.0])}
+    groups = layout.dataset({**known, "position": 0.1 * row, "motion": np.array([row, -row])}).groups("row_part")
+    assert list(groups) == ["a/b", "", "größe"]
+    for name, rows in (("a/b", [1, 3, 4]), ("", []), ("größe", [0, 2])):
+        np.testing.assert_array_equal(groups[name]["position"], 0.1 * np.array(rows))
+        np.testing.assert_array_equal(groups[name]["motion"], [rows, -np.array(rows)])
+        assert (groups[name].labels("row"), groups[name].labels("time")) == (rows, [0.0, 1.0])
+
+
 def test_a_wrong_name_is_refused_with_those_there_are():
     made = LAYOUT.dataset(values(), words())
     with pytest.raises(KeyError, match=r"no place 'tip' in motion; there are a/b, \., CON, größe"):

@@ -147,15 +147,15 @@ def solved(
     spectra: dict[tuple[str, str], Spectrum] = {}
     if everything or needed.root_mean_squares:
         spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
+    bodies = bodies_of_run(motion, evaluation) if everything else {}
     result = RunResult(
         scenario=scenario,
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=motion.contact if everything else None,
         inputs=system.inputs,
-        datasets={**datasets, "events": motion.events},
+        datasets={**datasets, "events": motion.events, **bodies},
         spectra=spectra,
-        **(bodies_of_run(motion, evaluation) if everything else {}),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,

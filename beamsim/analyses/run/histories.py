@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
-from beamsim.analyses.run.layouts import FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.layouts import BODIES, FRICTION_INTERVALS, HISTORIES
 from beamsim.analyses.run.motion import Evaluation, RunMotion
 from beamsim.analyses.run.observers import Histories
-from beamsim.analyses.run.result import ONLY_BEAM, BodyResult
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
@@ -268,17 +267,13 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
     return {name: float(share) for name, share in zip(names, shares, strict=True) if share > NOTABLE}
 
 
-def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:
-    """Results along each body that has a continuous axis, as fields of the result.
+def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Dataset]:
+    """The dataset of results along each body that has a continuous axis, by its name; none without such a body.
 
     Parameters
     ----------
     motion : of the run.
     evaluation : what is computed from the motion.
-
-    Returns
-    -------
-    By field of `RunResult`: the only body, or those that have names.
     """
     system, times = motion.system, extreme_times(motion.extremes)
     equilibrium, stresses, von_mises = system.static_equilibrium, dict[str, Floats](), dict[str, Floats]()
@@ -288,20 +283,34 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:
             stresses[part.body] = peaks[part.stations].reshape(moments[part.body], -1).max(axis=0)
     if motion.plates is not None:
         von_mises = evaluation.computed("the von Mises stress of plates", motion.plates.result, von_mises)
-    bodies = {
-        body.body: BodyResult(
-            position=body.position,
-            across=body.across,
-            peak_bending_stress=stresses.get(body.body),
-            peak_von_mises_stress=von_mises.get(body.body),
-            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
-            + system.with_supports(body.places, times),
-            extreme_times=times,
-            static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
-        )
-        for body in system.bodies
-        if body.axis.continuous
+    bodies = [body for body in system.bodies if body.axis.continuous]
+    if not bodies:
+        return {}
+    unknown = [np.full(body.position.size, np.nan) for body in bodies]
+    optional = {
+        "across": [body.across for body in bodies],
+        "peak_bending_stress": [stresses.get(body.body) for body in bodies],
+        "peak_von_mises_stress": [von_mises.get(body.body) for body in bodies],
     }
-    if len(system.scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
-        return {"only_body": bodies.get(ONLY_BEAM)}
-    return {"only_body": None, "named_bodies": bodies}
+    values = {
+        "body": [body.body for body in bodies],
+        "station": np.arange(1, sum(nan.size for nan in unknown) + 1),
+        "station_body": np.repeat(np.arange(len(bodies)), [nan.size for nan in unknown]),
+        "position": np.concatenate([body.position for body in bodies]),
+        "static_shape": np.concatenate(
+            unknown if equilibrium is None else [body.deflection @ equilibrium for body in bodies]
+        ),
+        "extreme_time": times,
+        "extreme_shape": np.hstack(
+            [
+                motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
+                + system.with_supports(body.places, times)
+                for body in bodies
+            ]
+        ),
+    }
+    for name, known in optional.items():
+        if any(of_body is not None for of_body in known):
+            parts = zip(known, unknown, strict=True)
+            values[name] = np.concatenate([nan if of_body is None else of_body for of_body, nan in parts])
+    return {"bodies": BODIES.dataset(values)}

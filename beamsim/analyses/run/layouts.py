@@ -162,6 +162,34 @@ EVENTS = Layout(
         "closing": Variable(("event",), "1", "whether the contact closes", bool, flags=("opening", "closing")),
     },
 )
+_STATION = ("station",)
+BODIES = Layout(
+    "bodies",
+    "Results along each body that has a continuous axis, the stations of one body after those of another.",
+    {
+        "body": Variable(("body",), "1", "name of the body", str),
+        "station": Variable(_STATION, "1", "number of the station", int),
+        "station_body": Variable(_STATION, "1", "number of the body, from 0", int, names="bodies/body"),
+        "position": Variable(_STATION, "m", "position along the beam, or on the plate from its left edge"),
+        "across": Variable(
+            _STATION, "m", "position on the plate from its bottom edge; NaN on a beam", optional=True
+        ),
+        "peak_bending_stress": Variable(
+            _STATION, "Pa",
+            "largest absolute bending stress at any time, of a plate of sigma_x, sigma_y and tau_xy; NaN where no "
+            "fibre of the section is known", optional=True,
+        ),
+        "peak_von_mises_stress": Variable(
+            _STATION, "Pa",
+            "largest von Mises stress at the surface of a plate, of at least 2000 samples; NaN on a beam",
+            optional=True,
+        ),
+        "static_shape": Variable(_STATION, "m", "deflection at static equilibrium; NaN where there is none"),
+        "extreme_time": Variable(("extreme_time",), "s", "times at which the first probe is lowest and highest"),
+        "extreme_shape": Variable(("extreme_time", *_STATION), "m", "deflection at these times"),
+    },
+    optional=True,
+)  # fmt: skip
 _NUMBER = ("number",)
 FRICTION_INTERVALS = Layout(
     "friction_intervals",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.layouts import EVENTS, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.layouts import BODIES, EVENTS, FRICTION_INTERVALS, HISTORIES
 from beamsim.fields import (
     ByName,
     Counter,
@@ -39,7 +39,6 @@ from beamsim.system.modes import ModeTable
 from beamsim.system.structural import ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
@@ -270,25 +269,6 @@ class Spectrum:
         whole = self.frequency_hz.size - self.frequency_hz.size % count
         frequency, level = (x[:whole].reshape(-1, count) for x in (self.frequency_hz, self.amplitude_db))
         return frequency.mean(axis=1), 10.0 * np.log10(np.mean(10.0 ** (level / 10.0), axis=1))
-
-
-@declared(kw_only=True, along=("position",))
-class BodyResult:
-    """Results along a body."""
-
-    position: Floats = axis("m", "position along the beam, or on the plate from its left edge")
-    # None where no fibre of the section is known
-    peak_bending_stress: Floats | None = dataset("Pa", "largest absolute bending stress at any time", default=None)
-    extreme_shapes: Floats = dataset(
-        "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
-    )
-    extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest", shared=True)
-    static_shape: Floats = dataset("m", "deflection at static equilibrium")  # nan: there is none
-    # of a plate only, whose bending stress is the largest of sigma_x, sigma_y and tau_xy
-    across: Floats | None = dataset("m", "position on the plate from its bottom edge", default=None)
-    peak_von_mises_stress: Floats | None = dataset(
-        "Pa", "largest von Mises stress at the surface, of at least 2000 samples", default=None
-    )
 
 
 @declared
@@ -682,13 +662,12 @@ class RunResult(Result):
     """Everything `beamsim run` computes."""
 
     KIND = "run"
-    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, FRICTION_INTERVALS)
+    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS)
 
     method: str = attribute("", "exact, or reference with its integrator")
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
         "signals", Spectrum, "signal", rows="spectra"
     )
-    only_body: BodyResult | None = group("beam", BodyResult, default=None)  # of a scenario with one beam
     modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
@@ -696,10 +675,6 @@ class RunResult(Result):
     matched: MatchedSpectrum | None = group("matched", MatchedSpectrum, default=None)  # of a matched base motion
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
-    named_bodies: dict[str, BodyResult] = members(
-        "bodies", BodyResult, "body", default_factory=dict
-    )  # those with a continuous axis
-
     impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them
     fatigue: dict[str, Fatigue] = members(
         "fatigue", Fatigue, "body", default_factory=dict
@@ -739,8 +714,3 @@ class RunResult(Result):
             units = {"change": of.value_unit, "tolerance": of.number_unit, "holds_within": of.number_unit}
             return units.get(keys[0], "1")
         return super().unit_of(entry, place, keys, record)
-
-    @property
-    def bodies(self) -> dict[str, BodyResult]:
-        """What is known along each body that has a continuous axis."""
-        return self.named_bodies if self.only_body is None else {ONLY_BEAM: self.only_body}

@@ -91,7 +91,8 @@ def _unresolved_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[
 
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
-    von_mises = [body.peak_von_mises_stress for body in result.bodies.values()]
+    bodies = result.datasets.get("bodies")
+    von_mises = None if bodies is None else bodies.get("peak_von_mises_stress")
     crushed: dict[str, dict[str, float]] = {"residual_crush_m": {}, "residual_crush_rad": {}}
     for name, left in result["histories"].by_label("snubber_residual_crush").items():
         if not np.isnan(left.item()):
@@ -99,7 +100,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     impacts, random = result.impacts, result.random
     return {
         **{entry: of or None for entry, of in crushed.items()},
-        "largest_von_mises_stress_pa": max((float(x.max()) for x in von_mises if x is not None), default=None),
+        "largest_von_mises_stress_pa": None if von_mises is None else float(np.nanmax(von_mises)),
         "inputs": {of.path: of.summary() for of in result.inputs} or None,
         "samples": result["histories"]["time"].values.size,
         "friction": friction_summary(result.datasets) or None,
