@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
@@ -23,9 +24,9 @@ from beamsim.trust.convergence import (
     Values,
     compared,
     doubtful,
+    finer,
     keeps_all,
     relative_changes,
-    solved_again,
     unchanged,
     with_convergence,
 )
@@ -222,9 +223,10 @@ def _convergence(
     modes = result.modes.kept_modes
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
-    second = solved_again(solve, result.scenario, modes)
-    if isinstance(second, Convergence):
-        return second
+    try:
+        second = solve(finer(result.scenario, modes))
+    except ScenarioError as error:
+        return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
     changes = relative_changes([own], [values(second)])

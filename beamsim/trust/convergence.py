@@ -20,7 +20,6 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.run.stepped_motion import relative_tolerance
-from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
@@ -47,7 +46,6 @@ MUST_HOLD = (
 MORE_MODES = 1.5
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
-_Solved = TypeVar("_Solved")
 
 
 def compared(summary: Mapping[str, Any]) -> Values:
@@ -78,7 +76,10 @@ def places(value: dict[str, float] | float) -> list[tuple[str, float]]:
 def named(values: Values) -> Iterator[tuple[str, float]]:
     """``entry.place`` with the number, ``entry`` where there is one number alone."""
     for name, value in values.items():
-        yield from ((f"{name}.{place}" if place else name, number) for place, number in places(value))
+        if isinstance(value, dict):
+            yield from ((f"{name}.{place}", number) for place, number in value.items())
+        else:
+            yield name, value
 
 
 def unchanged(values: Values) -> Changes:
@@ -103,16 +104,16 @@ def relative_changes(
     """
     changes: Changes = {}
     for name, value in first[0].items():
-        of_entry = list(value) if isinstance(value, dict) else [""]
-        one, other = (np.array([_row(part.get(name, {}), of_entry) for part in parts]) for parts in (first, second))
-        of_scale = (one, other)
-        if name.startswith(("min_", "max_")):  # either may be zero
-            peaks = [[_row(part[f"peak{name[3:]}"], of_entry) for part in parts] for parts in (first, second)]
-            of_scale = (np.array(peaks[0]), np.array(peaks[1]))
-        scale = np.maximum(*(np.abs(x).mean(axis=0) for x in of_scale))
+        of_entry = [place for place, _ in places(value)]
+        size_of = f"peak{name[3:]}" if name.startswith(("min_", "max_")) else name  # as either extreme may be zero
+        one, other, *sizes = (
+            np.array([[dict(places(part.get(entry, {}))).get(place, math.nan) for place in of_entry] for part in parts])
+            for entry, parts in ((name, first), (name, second), (size_of, first), (size_of, second))
+        )
+        scale = np.maximum(*(np.abs(x).mean(axis=0) for x in sizes))
         if whole is not None:
-            of_whole = whole[f"peak{name[3:]}" if name.startswith(("min_", "max_")) else name]
-            scale = np.maximum(scale, np.abs(_row(of_whole, of_entry)))
+            known = dict(places(whole[size_of]))
+            scale = np.maximum(scale, np.abs([known.get(place, math.nan) for place in of_entry]))
         if not name.endswith("_output"):  # which have units of their own
             scale = np.maximum(scale, SMALLEST_SCALE * np.nanmax(scale, initial=0.0))
         difference = one - other
@@ -123,10 +124,6 @@ def relative_changes(
         by_place = {place: float(x) for place, x in zip(of_entry, relative, strict=True) if not math.isnan(x)}
         changes[name] = by_place if isinstance(value, dict) else by_place.get("", 0.0)
     return changes
-
-
-def _row(value: dict[str, float] | float, of_entry: Sequence[str]) -> list[float]:
-    return [value.get(place, math.nan) for place in of_entry] if isinstance(value, dict) else [value]
 
 
 def larger(one: Changes, other: Changes) -> Changes:
@@ -148,13 +145,9 @@ def doubtful(changes: Changes, scatter: Changes) -> Iterator[str]:
     """
     chance = dict(named(scatter))
     for key, change in named(changes):
-        if change > ALLOWED_CHANGE + chance.get(key, 0.0) or _worthless(key, change):
+        most = ALLOWED_CHANGE + chance.get(key, 0.0)
+        if change > (min(most, WORTHLESS) if key.partition(".")[0] in MUST_HOLD else most):
             yield key
-
-
-def _worthless(key: str, change: float) -> bool:
-    """Whether it is a displacement or force that changes by so much that a result is not reliable."""
-    return key.partition(".")[0] in MUST_HOLD and change > WORTHLESS
 
 
 @dataclass(frozen=True)
@@ -172,11 +165,6 @@ class ContactEvents:
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
 
-    def of_contact(self, contact: int) -> Self:
-        """Those of one contact."""
-        these = self.contact == contact
-        return replace(self, time=self.time[these], contact=self.contact[these], phase=self.phase[these])
-
     def until(self, end: float) -> Self:
         """Those up to a time."""
         count = int(np.searchsorted(self.time, end, side="right"))
@@ -188,24 +176,21 @@ def divergence(first: ContactEvents, second: ContactEvents) -> float:
 
     Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
     """
-    end = min(first.end, second.end)
-    contacts: list[int] = np.union1d(first.contact, second.contact).tolist()
-    return min((_divergence_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
-
-
-def _divergence_of(first: ContactEvents, second: ContactEvents, end: float) -> float:
-    """The same of the events of one contact."""
-    apart = SAME_EVENT * end / max(first.time.size / 2, 1.0)
-    common = min(first.time.size, second.time.size)
-    same = first.phase[:common] == second.phase[:common]
-    same &= np.abs(first.time[:common] - second.time[:common]) <= apart
-    if not same.all():
-        k = int(np.argmin(same))
-        return float(min(first.time[k], second.time[k]))
-    rest = first if first.time.size > common else second
-    if rest.time.size > common and rest.time[common] < end - apart:
-        return float(rest.time[common])
-    return math.inf
+    end, diverged = min(first.end, second.end), math.inf
+    for contact in np.union1d(first.contact, second.contact):
+        of_first, of_second = first.contact == contact, second.contact == contact
+        one, other = first.time[of_first], second.time[of_second]
+        apart = SAME_EVENT * end / max(one.size / 2, 1.0)
+        common = min(one.size, other.size)
+        same = first.phase[of_first][:common] == second.phase[of_second][:common]
+        same &= np.abs(one[:common] - other[:common]) <= apart
+        rest = one if one.size > common else other
+        if not same.all():
+            k = int(np.argmin(same))
+            diverged = min(diverged, float(one[k]), float(other[k]))
+        elif rest.size > common and rest[common] < end - apart:
+            diverged = min(diverged, float(rest[common]))
+    return diverged
 
 
 @dataclass(frozen=True)
@@ -264,14 +249,13 @@ class Convergence:
 
     def summary(self) -> dict[str, Any]:
         """Entries of the summary."""
-
-        def finite(time: float) -> float | None:
-            return time if math.isfinite(time) else None
-
+        times = {
+            "sequences_part_s": self.diverged_s, "disturbance_parts_s": self.sensitivity.small_s,
+            "round_off_parts_s": self.sensitivity.round_off_s,
+        }  # fmt: skip
         model: dict[str, Any] = {
-            "modes": self.modes, "first_modes": self.first_modes, "sequences_part_s": finite(self.diverged_s),
-            "disturbance_parts_s": finite(self.sensitivity.small_s),
-            "round_off_parts_s": finite(self.sensitivity.round_off_s),
+            "modes": self.modes, "first_modes": self.first_modes,
+            **{name: time if math.isfinite(time) else None for name, time in times.items()},
             "processor_time_s": self.processor_time_s, "reason": self.reason,
         }  # fmt: skip
         if math.isfinite(self.compared_s):
@@ -287,27 +271,14 @@ def keeps_all(scenario: Scenario, modes: int) -> bool:
 
 
 def finer(scenario: Scenario, modes: int) -> Scenario:
-    """The case with 1.5 times so many modes and twice the elements of every mesh."""
-    return scenario.refined(math.ceil(MORE_MODES * modes))
+    """The case with 1.5 times so many modes and twice the elements of every mesh.
 
-
-def solved_again(solve: Callable[[Scenario], _Solved], scenario: Scenario, modes: int) -> _Solved | Convergence:
-    """The solution of a finer model, or why there is none.
-
-    Parameters
-    ----------
-    solve : solves a case.
-    scenario : the case whose model has so many modes.
-    modes : of that model.
-
-    Returns
-    -------
-    What ``solve`` returns; a `Convergence` with the reason where the finer model is no valid case.
+    Raises
+    ------
+    ScenarioError
+        If that is no valid case; the problems are the `Convergence.reason` why there is no comparison.
     """
-    try:
-        return solve(finer(scenario, modes))
-    except ScenarioError as error:
-        return Convergence(reason="; ".join(problem.message for problem in error.problems))
+    return scenario.refined(math.ceil(MORE_MODES * modes))
 
 
 def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
@@ -331,7 +302,12 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
             name: item | _range(name, item, (summary, values or {}), checked.changes) for name, item in margins
         }
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
-    return result.ended(_outcome(result, checked))
+    outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
+    if checked.doubtful:
+        doubts = [_doubtful(result, checked, doubts)]
+    if not doubts or not outcome.usable:
+        return result.ended(outcome.but(*doubts))
+    return result.ended(doubts[0].but(outcome) if outcome.message else doubts[0])  # what was wrong before comes last
 
 
 def _range(
@@ -363,16 +339,6 @@ def _range(
     return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}
 
 
-def _outcome(result: Result, checked: Convergence) -> Outcome:
-    """How the computation ended, with the doubts; first what was wrong before them."""
-    doubts = [_diverged(result, checked)] if checked.after else []
-    if checked.doubtful:
-        doubts = [_doubtful(result, checked, doubts)]
-    if not doubts or not result.outcome.usable:
-        return result.outcome.but(*doubts)
-    return doubts[0].but(result.outcome) if result.outcome.message else doubts[0]
-
-
 def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) -> Outcome:
     """Which values do not converge, the worst first, and what helps."""
     sizes = {key: change for key, change in named(checked.changes) if key in checked.doubtful}
@@ -382,7 +348,7 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     remedy = _remedy(result, checked)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
     sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
-    if any(_worthless(key, change) for key, change in sizes.items()):
+    if any(key.partition(".")[0] in MUST_HOLD and change > WORTHLESS for key, change in sizes.items()):
         kind, code = OutcomeKind.UNTRUSTED, "figures_worthless"
         sentence = f"{finer} displacements or forces change by more than {100 * WORTHLESS:g} %: {listed(figures)}"
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)

@@ -146,7 +146,7 @@ def _events(events: Dataset, end: float) -> ContactEvents:
 
 def _largest_time_difference(ours: ContactEvents, theirs: ContactEvents) -> float:
     """Largest difference of the times of common events, s."""
-    pairs = [(ours.of_contact(k).time, theirs.of_contact(k).time) for k in np.unique(ours.contact)]
+    pairs = [(ours.time[ours.contact == k], theirs.time[theirs.contact == k]) for k in np.unique(ours.contact)]
     common = [(a[: min(a.size, b.size)], b[: min(a.size, b.size)]) for a, b in pairs]
     return max((float(np.abs(a - b).max(initial=0.0)) for a, b in common), default=0.0)
 

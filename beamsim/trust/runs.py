@@ -34,7 +34,7 @@ from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
-from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
     deflection_size,
@@ -44,6 +44,7 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
+from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
@@ -69,12 +70,13 @@ from beamsim.trust.convergence import (
     compared,
     divergence,
     doubtful,
+    finer,
     keeps_all,
     larger,
     named,
+    places,
     relative_changes,
     sensitivity,
-    solved_again,
     unchanged,
     with_convergence,
 )
@@ -96,30 +98,25 @@ class Model:
     @property
     def settings(self) -> Run:
         """Of the run."""
-        return not_none(self.system.scenario.run)
-
-    @property
-    def system(self) -> StructuralSystem:
-        """That moves."""
-        return self.motion.system
+        return not_none(self.motion.system.scenario.run)
 
     @cached_property
     def values(self) -> Values:
         """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
-        values, modes = figures_of_motion(self.motion), self.system.kept_modes
+        values, modes = figures_of_motion(self.motion), self.motion.system.kept_modes
         return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
     def events(self) -> ContactEvents:
         """Those of its snubbers."""
-        return ContactEvents.of(self.motion.marched, len(self.system.snubbers))
+        return ContactEvents.of(self.motion.marched, len(self.motion.system.snubbers))
 
     @cached_property
     def _filtered(self) -> FilteredMotion | None:
         """Accelerations behind the filter of the run, at any time; None where there is none."""
         if self.settings.low_pass is None or self.motion.trajectory is None:
             return None
-        acceleration = Observed(self.motion.trajectory.flow, self.system.channels.of_keys(ACCELERATION)).linear
+        acceleration = Observed(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION)).linear
         return filtered(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
 
     def between(self, begin: float, end: float) -> Values:
@@ -128,7 +125,7 @@ class Model:
         Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
         between samples, and chance would decide which part has it.
         """
-        trajectory, system, behind = not_none(self.motion.trajectory), self.system, self._filtered
+        trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered
         part, channels = trajectory.between(begin, end), searched(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
         extremes = Observed(part.flow, channels).extremes(part)
@@ -152,8 +149,9 @@ class Model:
 
     def disturbed(self, share: float, end: float) -> ContactEvents:
         """Events of the motion with the stiffness changed by a share of itself, up to a time."""
-        dynamics = replace(self.system.dynamics, stiffness=(1.0 + share) * self.system.dynamics.stiffness)
-        system, settings = replace(self.system, dynamics=dynamics), self.settings.model_copy(update={"duration": end})
+        undisturbed = self.motion.system
+        dynamics = replace(undisturbed.dynamics, stiffness=(1.0 + share) * undisturbed.dynamics.stiffness)
+        system, settings = replace(undisturbed, dynamics=dynamics), self.settings.model_copy(update={"duration": end})
         most = 4 * self.motion.work.events + 1000
         motion, _ = motion_in_chunks(system, settings, most_events=most)
         for _ in motion.chunks():
@@ -205,7 +203,12 @@ def run(
     else:
         limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
         values = compared({entry: result.summary[entry] for entry in limited})
-        result = with_line_changes(with_convergence(result, checked, values), checked)
+        result, spectra = with_convergence(result, checked, values), {}
+        for key, s in result.spectra.items():
+            sizes = checked.lines.get(key, [None] * len(s.lines))
+            lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
+            spectra[key] = replace(s, lines=lines)
+        result = replace(result, spectra=spectra, summary={**result.summary, "spectral_lines": spectral_lines(spectra)})
     return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
@@ -224,24 +227,23 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
     first, derived = Model(solution.motion), DerivedValues(solution.result)
-    modes = first.system.kept_modes
-
-    def solve(case: Scenario) -> Model:
-        system = build_system(case, shared)
-        most = min(settings.max_events, 4 * first.motion.work.events + 1000)
-        again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(motion_of(system, again, output_times(case), None, never, MOTION_ALONE))
-
+    modes = first.motion.system.kept_modes
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
         checked = _disturbed_alone(Convergence(changes, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
         checked = _disturbed_alone(Convergence(reason=reason), first, derived)
-    elif isinstance(second := solved_again(solve, scenario, modes), Convergence):
-        checked = second
     else:
-        checked = _compared_models(first, second, derived)
+        most = min(settings.max_events, 4 * first.motion.work.events + 1000)
+        again = settings.model_copy(update={"max_events": most, "method": "exact"})
+        try:
+            case = finer(scenario, modes)
+            motion = motion_of(build_system(case, shared), again, output_times(case), None, never, MOTION_ALONE)
+        except ScenarioError as error:
+            checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
+        else:
+            checked = _compared_models(first, Model(motion), derived)
     return replace(checked, processor_time_s=processor_time() - begin)
 
 
@@ -263,29 +265,34 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         if times.sensitive or not exact:
             after = tuple(_after(first, early, windows, derived))
     scatter: Changes = {}
-    if first.system.scenario.lasting and early is not None and second.motion.trajectory is not None:
+    if first.motion.system.scenario.lasting and early is not None and second.motion.trajectory is not None:
         later, parts = second.windows(diverged, end), derived.parts(WINDOWS)
         before = relative_changes([early], [second.until(diverged)], whole=first.values)
         changes = larger(before, relative_changes(windows, later))
         scatter = relative_changes(windows, later, scatter=True)
-        one, other = (derived.again(m.system, m.motion.known, parts) for m in (first, second))
+        one, other = (derived.again(m, parts) for m in (first, second))
         changes |= relative_changes(one, other)
         if parts > 1:
             scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
     else:
         changes = relative_changes([first.values], [second.values])
-        again = derived.again(second.system, second.motion.known)
+        again = derived.again(second)
         changes |= relative_changes([derived.reported()], again)
-        scatter = derived.scatter()
+        # how far statistics of the response that few peaks decide differ between records by chance
+        signals = () if derived.result.random is None else derived.result.random.signals
+        errors = {f"{s.name} {s.quantity} {key}": of for s in signals for key, of in sampling_errors(s).items()}
+        scatter = {"random": errors}
     changes, lines = _with_lines(derived, changes)
     for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
         if isinstance(of_probes := changes.get(entry), dict):
-            changes[entry] = {name: x for name, x in of_probes.items() if not derived.resting(name, quantity)}
+            changes[entry] = {
+                name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
+            }
     return Convergence(
         changes,
         tuple(doubtful(changes, scatter)),
-        second.system.kept_modes,
-        first.system.kept_modes,
+        second.motion.system.kept_modes,
+        first.motion.system.kept_modes,
         diverged,
         after,
         times,
@@ -337,7 +344,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
         times = sensitivity(whole.events, compared_s, whole.disturbed)
     if not times.sensitive:
         return replace(checked, after=())
-    known = static_figures(whole.system)
+    known = static_figures(whole.motion.system)
     after = tuple(key for key, _ in named({name: x for name, x in whole.values.items() if name not in known}))
     return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
 
@@ -352,7 +359,7 @@ def _after(first: Model, early: Values | None, windows: Sequence[Values], derive
     windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
     derived : spectra and statistics.
     """
-    known = static_figures(first.system)
+    known = static_figures(first.motion.system)
     of_parts = [] if early is None else [dict(named(values)) for values in (early, *windows)]
     for key, whole in named({name: x for name, x in first.values.items() if name not in known}):
         if of_parts:
@@ -368,22 +375,29 @@ def _after(first: Model, early: Values | None, windows: Sequence[Values], derive
 
 
 def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, dict[SpectrumKey, tuple[float, ...]]]:
-    """The changes with those of lines by spectrum, and those of each line apart."""
-    apart = ("line_amplitude", "line_frequency")
-    each = {name: value for name, value in changes.items() if name in apart and isinstance(value, dict)}
-    lines, largest = line_changes(derived.spectra, each)
-    kept = {name: value for name, value in changes.items() if name not in apart}
-    return {**kept, "spectral_lines": largest}, lines
+    """The changes with the largest of the lines of each spectrum, over its strongest line, and those of each line.
 
-
-def with_line_changes(result: RunResult, checked: Convergence) -> RunResult:
-    """A result whose spectral lines have their changes."""
-    spectra = {}
-    for key, s in result.spectra.items():
-        sizes = checked.lines.get(key, [None] * len(s.lines))
-        lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
-        spectra[key] = replace(s, lines=lines)
-    return replace(result, spectra=spectra, summary={**result.summary, "spectral_lines": spectral_lines(spectra)})
+    The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
+    static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
+    other lines, which may be leakage.
+    """
+    changes = dict(changes)
+    amplitudes, frequencies = (dict(places(changes.pop(f"line_{of}", {}))) for of in ("amplitude", "frequency"))
+    of_lines: dict[SpectrumKey, tuple[float, ...]] = {}
+    largest: dict[str, float] = {}
+    for key, s in derived.spectra.items():
+        names = [f"{' '.join(key)} {k}" for k in range(len(s.lines))]
+        amplitude = [amplitudes.get(name, np.nan) for name in names]
+        both = np.maximum(amplitude, [frequencies.get(name, 0.0) for name in names])
+        physical = np.array([line.kind != "residual" for line in s.lines])
+        sizes = np.array([line.amplitude for line in s.lines]) * physical
+        if sizes.size == 0 or sizes.max() == 0:
+            continue
+        shown = physical.copy()
+        shown[0] &= sizes[0] >= WORTH_LISTING * sizes.max()
+        of_lines[key] = tuple(np.where(shown, both, np.nan).tolist())
+        largest[" ".join(key)] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
+    return {**changes, "spectral_lines": largest}, of_lines
 
 
 @dataclass(frozen=True)
@@ -402,15 +416,6 @@ class DerivedValues:
         """Those of probes, by probe and quantity."""
         return {key: s for key, s in self.result.spectra.items() if key[0] in self.result["histories"].labels("probe")}
 
-    @property
-    def random(self) -> RandomResponse | None:
-        """Statistics of the response; None where the input is neither random nor sampled."""
-        return self.result.random
-
-    def resting(self, probe: str, quantity: str) -> bool:
-        """Whether a quantity of a probe is 0 but for round-off, of which root mean squares say nothing."""
-        return resting(probe, quantity, self.result.summary)
-
     def reported(self) -> Values:
         """The figures as they are in the result."""
         reported = {
@@ -418,27 +423,22 @@ class DerivedValues:
             for key, s in self.spectra.items()
         }
         figures = _by_name({key: (*lines, rms) for key, (lines, rms) in reported.items()})
-        if self.random is not None:
+        if self.result.random is not None:
             figures["random"] = {
-                f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
+                f"{s.name} {s.quantity} {key}": getattr(s, key)
+                for s in self.result.random.signals
+                for key in STATISTICS
             }
         if self.result.srs is not None:
             figures |= _of_shock(self.result.srs)
         return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
-    def scatter(self) -> Changes:
-        """How far statistics of the response that few peaks decide differ between records by chance."""
-        signals = () if self.random is None else self.random.signals
-        errors = {f"{s.name} {s.quantity} {key}": of for s in signals for key, of in sampling_errors(s).items()}
-        return {"random": errors}
-
-    def again(self, system: StructuralSystem, motion: Trajectory | Histories, parts: int = 1) -> list[Values]:
-        """The figures of another motion.
+    def again(self, model: Model, parts: int = 1) -> list[Values]:
+        """The figures of the motion of another model.
 
         Parameters
         ----------
-        system : that moves.
-        motion : in closed form, or at its output times.
+        model : whose motion is in closed form, or known at its output times.
         parts : number of equal parts of what is analysed; 1 for histories.
 
         Returns
@@ -446,13 +446,14 @@ class DerivedValues:
         list of Values
             One for each part.
         """
+        system, motion = model.motion.system, model.motion.known
         of_parts = [
             _by_name(
                 {key: (*found_again(records[key], s), records[key].levels().rms) for key, s in self.spectra.items()}
             )
             for records in self._records(system, motion, parts)
         ]
-        if self.random is not None:
+        if self.result.random is not None:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
         if self.result.srs is not None:
@@ -493,7 +494,7 @@ class DerivedValues:
     def _statistics(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[dict[str, float]]:
-        random = not_none(self.random)
+        random = not_none(self.result.random)
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, Histories):
             times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
@@ -519,39 +520,9 @@ def _of_shock(shock: ShockResponse) -> Values:
     return values
 
 
-def line_changes(
-    spectra: Mapping[SpectrumKey, Spectrum], changes: Mapping[str, Mapping[str, float]]
-) -> tuple[dict[SpectrumKey, tuple[float, ...]], dict[str, float]]:
-    """Relative changes of the lines of each spectrum, and by spectrum the largest over its strongest line.
-
-    The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
-    static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
-    other lines, which may be leakage.
-    """
-    of_lines: dict[SpectrumKey, tuple[float, ...]] = {}
-    largest: dict[str, float] = {}
-    for key, s in spectra.items():
-        names = [_line(key, k) for k in range(len(s.lines))]
-        amplitude = [changes["line_amplitude"].get(name, np.nan) for name in names]
-        both = np.maximum(amplitude, [changes["line_frequency"].get(name, 0.0) for name in names])
-        physical = np.array([line.kind != "residual" for line in s.lines])
-        sizes = np.array([line.amplitude for line in s.lines]) * physical
-        if sizes.size == 0 or sizes.max() == 0:
-            continue
-        told = physical.copy()
-        told[0] &= sizes[0] >= WORTH_LISTING * sizes.max()
-        of_lines[key] = tuple(np.where(told, both, np.nan).tolist())
-        largest[" ".join(key)] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
-    return of_lines, largest
-
-
-def _line(key: SpectrumKey, number: int) -> str:
-    return f"{key[0]} {key[1]} {number}"
-
-
 def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Values:
     """From frequencies and amplitudes of lines and the root mean square, by spectrum."""
-    lines = [(_line(key, k), float(f), float(a)) for key, (fs, amplitudes, _) in spectra.items()
+    lines = [(f"{' '.join(key)} {k}", float(f), float(a)) for key, (fs, amplitudes, _) in spectra.items()
              for k, (f, a) in enumerate(zip(fs, amplitudes, strict=True))]  # fmt: skip
     rms = {key: value for key, (_, _, value) in spectra.items()}
     return {
