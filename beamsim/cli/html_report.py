@@ -17,9 +17,10 @@ from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import KINDS, named
 from beamsim.plots import animation
 from beamsim.plots.animation import Scene
+from beamsim.plots.bodies import stops_of
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.model import model_figure
-from beamsim.plots.sketch import Sketch, stops_of
+from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import shown_in
 from beamsim.report.contents import Printed, page_of
 from beamsim.report.page import animation_page, plotly

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from functools import partial
 
 import numpy as np
@@ -12,14 +13,27 @@ from matplotlib.ticker import MaxNLocator
 from beamsim.analyses.run.result import RunResult
 from beamsim.labelled import Dataset
 from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marked
-from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar, stops_of
+from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.modes import ModeTable
+from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats
 
 LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
+
+
+def stops_of(result: RunResult) -> dict[str, SnubberNumbers]:
+    """By name the numbers of the snubbers of a run."""
+    histories = result["histories"]
+    forces = histories.by_label("snubber_force")
+    described = [each.name for each in fields(SnubberNumbers) if each.name not in ("name", "turns")] if forces else []
+    rows = zip(*(histories[f"snubber_{each}"].values.tolist() for each in described), strict=True)
+    return {
+        name: SnubberNumbers(**dict(zip(described, row, strict=True)), name=name, turns=force.unit == "N m")
+        for (name, force), row in zip(forces.items(), rows, strict=True)
+    }
 
 
 def deflected_shapes(result: RunResult, name: str) -> Chart:

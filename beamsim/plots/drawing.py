@@ -222,8 +222,8 @@ def draw(ax: Axes, chart: Chart) -> None:
     curves, (x, y) = chart.drawn, chart.scales
     for k, curve in enumerate((*curves, *chart.marks)):
         style = {**curve_style(k), **curve.style}
-        shown = thinned(curve.x, curve.y, MOST_DRAWN) if is_history(curve) else (curve.x, curve.y)
-        ax.plot(shown[0] * x.factor, shown[1] * y.factor, label=curve.label or "_nolegend_", **style)
+        across, up = thinned(curve.x, curve.y, MOST_DRAWN)
+        ax.plot(across * x.factor, up * y.factor, label=curve.label or "_nolegend_", **style)
     largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in curves), default=0.0)
     near = [level for level in chart.levels if "y" in chart.log or abs(level.value) <= FARTHEST * largest]
     for level in near:
@@ -250,12 +250,8 @@ def draw(ax: Axes, chart: Chart) -> None:
         )  # fmt: skip
     left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
     legend(ax, left_out or chart.legend)
-    _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
-
-
-def is_history(curve: Curve) -> bool:
-    """Whether few points show a curve: its x does not decrease, unlike that of a loop."""
-    return bool(np.all(curve.x[1:] >= curve.x[:-1]))
+    if chart.names:
+        _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
 
 
 def thinned(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
@@ -263,16 +259,16 @@ def thinned(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
 
     Parameters
     ----------
-    x, y : (n,) arrays, x not decreasing; y may have holes (nan).
-    most : number of points; a curve of fewer is kept as it is.
+    x, y : (n,) arrays; y may have holes (nan).
+    most : number of points; a curve of fewer is kept as it is, and so is a loop, whose x decreases somewhere.
 
     Returns
     -------
     Arrays of equal length, in the order of the curve.
     """
-    length = -(-2 * y.size // most)
-    if y.size <= most or length < 3:
+    if y.size <= most or np.any(x[1:] < x[:-1]):
         return x, y
+    length = -(-2 * y.size // most)
     whole = y.size // length * length
     blocks = y[:whole].reshape(-1, length)
     first = np.arange(blocks.shape[0]) * length
@@ -295,18 +291,14 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax : to be finished.
     xlabel, ylabel : of its axes, with their units.
     """
+    most = max(int(ax.bbox.height / 7.5), 1)  # letters; in a longer label what is in brackets, then words, begin lines
+    if max(map(len, ylabel.split("\n"))) > most:
+        ylabel = ylabel.replace(" (", "\n(", 1)
     ax.set_xlabel(xlabel)
-    ax.set_ylabel(_wrapped(ylabel, ax.bbox.height))
+    ax.set_ylabel("\n".join(textwrap.fill(line, most, break_long_words=False) for line in ylabel.split("\n")))
     ax.grid(visible=True, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
-
-
-def _wrapped(text: str, length: float) -> str:
-    """The label of an axis of so many pixels; in a longer one what is in brackets, then words, begin new lines."""
-    most = max(int(length / 7.5), 1)
-    longer = text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) > most else text
-    return "\n".join(textwrap.fill(line, most, break_long_words=False) for line in longer.split("\n"))
 
 
 def _plain_logarithmic(axis: Any) -> None:

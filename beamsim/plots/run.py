@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -24,7 +24,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.fields import place_in_words
 from beamsim.labelled import LabelledArray
-from beamsim.plots.bodies import body_figures
+from beamsim.plots.bodies import body_figures, stops_of
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -46,7 +46,6 @@ from beamsim.plots.drawing import (
     marked,
     with_unit,
 )
-from beamsim.plots.sketch import stops_of
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
 from beamsim.signals.records import Window
@@ -97,8 +96,11 @@ def histories(
     """
     if not values:
         return []
-    time, start = result["histories"]["time"].values, _last_part(result)
+    time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
+    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    # the close-up: six periods, or an eighth of a run without excitation frequency
+    start = max(begin, end - (6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)))
     curves = [Curve(name, time, x) for name, x in values.items()]
     ends = begin, end if end > begin else begin + 1.0
     whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), of=of, x_ends=ends, note=note)
@@ -126,20 +128,6 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def _touched(result: RunResult) -> list[str]:
-    """Units of the forces of contacts that are made: N, N m of stops of hinges."""
-    forces = result["histories"].by_label("snubber_force").values()
-    return list(dict.fromkeys(force.unit for force in forces if np.any(force.values)))
-
-
-def _contact_forces(result: RunResult, unit: str) -> dict[str, Floats]:
-    """Contact forces by snubber, or moments by stop of a hinge; of many those with the largest peaks come first."""
-    forces = result["histories"].by_label("snubber_force")
-    peaks = {name: float(np.max(np.abs(x.values), initial=0.0)) for name, x in forces.items() if x.unit == unit}
-    strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
-    return {name: forces[name].values for name in sorted(peaks, key=lambda name: name not in strongest)}
-
-
 def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str = "") -> str:
     """Which values of an entry have not converged, as a note: all, or those of one quantity."""
     changes = result.summary.get("convergence", {}).get(figure, {})
@@ -162,24 +150,25 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     shown = [s for s in result.spectra.values() if s.quantity == quantity]
     if not shown:
         return Chart(("Frequency", HERTZ), (quantity, ""), [])
-    unit, end = _unit_of(shown), _end_of_spectra(shown)
+    forced = np.isfinite(shown[0].excitation_hz)
+    unit = shown[0].excitation_hz if forced else 1.0  # Hz
+    # the end of the frequencies at which there is something to see
+    top = max(float(np.max(s.amplitude_db)) for s in shown)
+    last = max(float(s.frequency_hz[s.amplitude_db > top - SPECTRUM_DB][-1]) for s in shown) / unit
+    chosen = [line.frequency_hz / unit for s in shown for line in s.lines if line.kind == "chosen"]
+    seen = max([float(np.clip(last, 4.0, 12.0)) if forced else last, *chosen])
+    end = min(1.05 * seen, float(shown[0].frequency_hz[-1]) / unit) or 1.0
     curves = [Curve(s.probe, s.frequency_hz / unit, s.amplitude_db) for s in shown]
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
     if result.scenario.excitation.stationary:
         count = max(int(np.searchsorted(curves[0].x, end)) // MOST_BANDS, 1)
         across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
         curves = [Curve(s.probe, *s.in_bands(count)) for s in shown]
-    top = max(float(np.max(s.amplitude_db)) for s in shown)
     return Chart(
         across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes",
         marks=list(_marked_lines(shown[0], unit, end)), x_ends=(0.0, end), y_ends=(top - 100.0, top + 6.0),
         note=_doubts(result, "spectral_lines", "lines", quantity),
     )  # fmt: skip
-
-
-def _unit_of(shown: Sequence[Spectrum]) -> float:
-    """Excitation frequency of spectra, Hz; 1 where there is none."""
-    return shown[0].excitation_hz if shown and np.isfinite(shown[0].excitation_hz) else 1.0
 
 
 def _marked_lines(s: Spectrum, unit: float, end: float) -> Iterator[Curve]:
@@ -196,17 +185,6 @@ def _marked_lines(s: Spectrum, unit: float, end: float) -> Iterator[Curve]:
         if lines:
             places = [(line.frequency_hz / unit, line.amplitude_db) for line in lines]
             yield marked(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
-
-
-def _end_of_spectra(shown: Sequence[Spectrum]) -> float:
-    """End of the frequencies at which there is something to see, over the excitation frequency where there is one."""
-    unit = _unit_of(shown)
-    top = max(float(np.max(s.amplitude_db)) for s in shown)
-    last = max(float(s.frequency_hz[s.amplitude_db > top - SPECTRUM_DB][-1]) for s in shown) / unit
-    if np.isfinite(shown[0].excitation_hz):
-        last = float(np.clip(last, 4.0, 12.0))
-    chosen = [line.frequency_hz / unit for s in shown for line in s.lines if line.kind == "chosen"]
-    return min(1.05 * max([last, *chosen]), float(shown[0].frequency_hz[-1]) / unit) or 1.0
 
 
 def _phases(result: RunResult, kind: str, name: str) -> tuple[LabelledArray, LabelledArray, Bools]:
@@ -229,9 +207,9 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     kind : snubber or probe.
     name : of it.
     """
-    shown, time = _end_of_run(result), result["histories"]["time"].values
     displacement, velocity, closed = _phases(result, kind, name)
-    time, w, v, closed = time[shown], displacement.values[shown], velocity.values[shown], closed[shown]
+    time = result["histories"]["time"].values[-MOST_STATES:]
+    w, v, closed = displacement.values[-MOST_STATES:], velocity.values[-MOST_STATES:], closed[-MOST_STATES:]
     early = time < min((s.start_s for s in result.spectra.values()), default=0.0)
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
@@ -283,23 +261,18 @@ def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> He
     return HeatMap(across, up, ("Share of the time (%)", ""), x, y, share, plot)
 
 
-def _end_of_run(result: RunResult) -> slice:
-    """The part of a long run that is drawn."""
-    return slice(max(result["histories"]["time"].values.size - MOST_STATES, 0), None)
-
-
 def force_deflection(result: RunResult, unit: str = "N") -> Chart:
     """Contact force over penetration of the snubbers: loops enclose the work that they lose.
 
     Only samples in contact are joined, so that stops without losses follow one line. With the unit N m it is the moment
     of the stops of hinges.
     """
-    shown, histories, loops = _end_of_run(result), result["histories"], list[Curve]()
+    histories, loops = result["histories"], list[Curve]()
     for name, force in histories.by_label("snubber_force").items():
         if force.unit == unit:
             of_snubber = (histories[f"snubber_{of}"].sel(snubber=name) for of in ("penetration", "closed"))
-            penetration, closed = (each.values[shown] for each in of_snubber)
-            in_contact = np.where(closed, force.values[shown], np.nan)
+            penetration, closed = (each.values[-MOST_STATES:] for each in of_snubber)
+            in_contact = np.where(closed, force.values[-MOST_STATES:], np.nan)
             loops.append(Curve(name, penetration, in_contact, {"linewidth": 0.8}))
     across, up = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
     return Chart(across, (up, unit), loops, of="snubbers")
@@ -337,26 +310,20 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     if result.scenario.excitation.shock and base.unit == "m/s^2" and np.any(base.values):
         panels["acceleration"] += histories(result, ("Acceleration of the base", "m/s^2"), {"": base.values})
     holds_what_it_met = any(each.item.latch for each in result.scenario.located_snubbers)
-    for picture, label, unit, limit, entry in _CONTACT:
-        if unit in _touched(result):
+    forces = result["histories"].by_label("snubber_force")
+    for picture, label, unit, limit, entry in _CONTACT:  # of many those with the largest peaks, in their order
+        of_unit = {name: force.values for name, force in forces.items() if force.unit == unit}
+        peaks = {name: float(np.max(np.abs(x), initial=0.0)) for name, x in of_unit.items()}
+        strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
+        if any(peaks.values()):
+            values = {name: of_unit[name] for name in sorted(peaks, key=lambda name: name not in strongest)}
             levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _doubts(result, entry)
-            panels[picture] = histories(
-                result, (label, unit), _contact_forces(result, unit), levels, note, of="snubbers"
-            )
+            panels[picture] = histories(result, (label, unit), values, levels, note, of="snubbers")
     for name, output in list(result["histories"].by_label("output_value").items())[:MOST_CURVES]:
         levels = limit_levels(limits, OUTPUT.limit, name, both_signs=True)
         whole, *_ = histories(result, (name, output.unit), {"": output.values}, levels)
         panels.setdefault("outputs", []).append(whole)
     return panels
-
-
-def _last_part(result: RunResult) -> float:
-    """Start of a close-up: a few excitation periods before the end."""
-    begin, end = map(float, result["histories"]["time"].values[[0, -1]])
-    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    # six periods, or an eighth of a run without excitation frequency
-    length = 6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)
-    return max(begin, end - length)
 
 
 def density(response: RandomResponse, note: str = "") -> Chart:
@@ -583,22 +550,27 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
 
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
-    random, srs, shown, of_run = result.random, result.srs, _end_of_run(result), result["histories"]
+    random, srs, of_run = result.random, result.srs, result["histories"]
     panels = _histories_of_all(result)
-    if units := _touched(result):
+    forces = of_run.by_label("snubber_force").values()
+    if units := dict.fromkeys(force.unit for force in forces if np.any(force.values)):
         panels["force_deflection"] = [force_deflection(result, unit) for unit in units]
     for unit, motion, label in _FRICTION:
         moved = {name: x for name, x in of_run.by_label("friction_displacement").items() if x.unit == unit}
-        forces = {name: of_run["friction_force"].sel(friction=name) for name in moved}
+        friction = {name: of_run["friction_force"].sel(friction=name) for name in moved}
         loops = [
-            Curve(name, x.values[shown], forces[name].values[shown], {"linewidth": 0.8}) for name, x in moved.items()
+            Curve(name, x.values[-MOST_STATES:], friction[name].values[-MOST_STATES:], {"linewidth": 0.8})
+            for name, x in moved.items()
         ]
         if loops:  # which enclose the work that is lost
             chart = Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, of="friction contacts")
             panels.setdefault("friction", []).append(chart)
     if springs := of_run.by_label("spring_force"):  # those that relax draw loops
         stretch = of_run.by_label("spring_stretch")
-        curves = [Curve(name, stretch[name].values[shown], force.values[shown]) for name, force in springs.items()]
+        curves = [
+            Curve(name, stretch[name].values[-MOST_STATES:], force.values[-MOST_STATES:])
+            for name, force in springs.items()
+        ]
         panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]
     if result.spectra:
         panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(s.quantity for s in result.spectra.values())]
@@ -630,4 +602,6 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         note = _doubts(result, "random", "values")
         panels_of_random = [density(random, note), *more, *force_densities(random)]
         figures["random"] = Picture(result.title, panels_of_random, sharex=True)
-    return figures | impact_figures(result) | body_figures(result)
+    if result.impacts is not None or result.fatigue:
+        figures |= impact_figures(result)
+    return figures | body_figures(result)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.path import Path as MarkerPath
 
-from beamsim.analyses.run.result import RunResult
 from beamsim.plots.drawing import DARK, RED
 from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
@@ -51,18 +50,6 @@ class Line:
         """(2,) where a point is drawn; ``heights`` (nx,) are those of the stations."""
         x, height = (np.interp(coordinate, self.coordinate, y) for y in (self.x, self.up + heights[self.stations]))
         return np.array([x, self.row + height])
-
-
-def stops_of(result: RunResult) -> dict[str, SnubberNumbers]:
-    """By name the numbers of the snubbers of a run."""
-    histories = result["histories"]
-    forces = histories.by_label("snubber_force")
-    described = [each.name for each in fields(SnubberNumbers) if each.name not in ("name", "turns")] if forces else []
-    rows = zip(*(histories[f"snubber_{each}"].values.tolist() for each in described), strict=True)
-    return {
-        name: SnubberNumbers(**dict(zip(described, row, strict=True)), name=name, turns=force.unit == "N m")
-        for (name, force), row in zip(forces.items(), rows, strict=True)
-    }
 
 
 class Sketch:

@@ -48,14 +48,9 @@ def shown_in(scales: Mapping[str, tuple[float, str]]) -> Iterator[None]:
         _chosen.reset(token)
 
 
-def acceleration_scale() -> Scale:
-    """Accelerations are shown in g if no other unit is chosen."""
-    return Scale(*_chosen.get().get("m/s^2", (1.0 / STANDARD_GRAVITY, "g")))
-
-
 def plain_scale(unit: str) -> Scale:
-    """A unit without prefix if no other is chosen, as axes of time and position have."""
-    return Scale(*_chosen.get().get(unit, (1.0, unit)))
+    """A unit without prefix if no other is chosen, as axes of time and position have; of an acceleration g."""
+    return Scale(*_chosen.get().get(unit, (1.0 / STANDARD_GRAVITY, "g") if unit == "m/s^2" else (1.0, unit)))
 
 
 def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
@@ -85,9 +80,9 @@ def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
         By which all of them are shown.
     """
     if unit == "m/s^2":
-        return acceleration_scale()
+        return plain_scale("m/s^2")
     if unit == "m^2/s^3":
-        factor, name = acceleration_scale()
+        factor, name = plain_scale("m/s^2")
         return Scale(factor**2, f"({name})^2/Hz" if "/" in name else f"{name}^2/Hz")
     if unit in ("", "1"):
         return Scale(1.0, "")
@@ -192,7 +187,7 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
     if unit in ("", "1"):
         return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
     if unit in ("g", "m/s^2"):
-        scale = acceleration_scale()
+        scale = plain_scale("m/s^2")
         return f"{value * (STANDARD_GRAVITY if unit == 'g' else 1.0) * scale.factor:.{digits}g} {scale.unit}"
     if abs(value) < ROUND_OFF:
         return f"0 {unit}"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
-from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, is_history, thinned, with_unit
+from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, thinned, with_unit
 from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
@@ -32,7 +32,7 @@ def interactive(picture: Picture) -> list[dict[str, Any]]:
 
 def _readable(curve: Curve) -> bool:
     """Whether few points show it: those of a loop are no extremes."""
-    return curve.x.size <= MOST_POINTS or is_history(curve)
+    return curve.x.size <= MOST_POINTS or thinned(curve.x, curve.y, MOST_POINTS)[0].size < curve.x.size
 
 
 def plot(chart: Chart) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import pytest
 import beamsim
 from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.animation import scene_of
-from beamsim.plots.sketch import Sketch, stops_of
+from beamsim.plots.bodies import stops_of
+from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
 
 MASS, THROWN, STIFF, LOADED = 2.0, 0.6, 2e5, 5e4

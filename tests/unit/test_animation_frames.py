@@ -6,7 +6,8 @@ import pytest
 import beamsim
 from beamsim.analyses.run.animation import FRAMES, frames_of_run
 from beamsim.plots.animation import scene_of
-from beamsim.plots.sketch import Sketch, stops_of
+from beamsim.plots.bodies import stops_of
+from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
 
 CASE = {

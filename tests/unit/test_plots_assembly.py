@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.plots.bodies import body_figures
+from beamsim.plots.bodies import body_figures, stops_of
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.run import run_figures
-from beamsim.plots.sketch import stops_of
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 
