@@ -161,6 +161,9 @@ class Schema(BaseModel):
     """Keys that tell it apart from the other members of a union, see `Variants`; ``section: sandwich`` where it is told
     apart by the kind of what is under the key."""
 
+    stated: ClassVar[Mapping[str, str]] = {}
+    """By key the attribute with what `plain` writes there in any case, because units said it; None for nothing."""
+
     def check(self) -> None:
         """Compare fields with each other; raises `Unfit`."""
 
@@ -175,8 +178,11 @@ class Schema(BaseModel):
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
         """Refuse a key beside one of others."""
         names, fields = self.keys(), type(self).model_fields
-        defaults = {each: fields[names[each]].get_default(call_default_factory=True) for each in (*others, key)}
-        given = [each for each, default in defaults.items() if getattr(self, names[each]) not in (None, default)]
+        given = []
+        for each in (*others, key):
+            value, default = getattr(self, names[each]), fields[names[each]].get_default(call_default_factory=True)
+            if value is not None and (default is None or value != default):
+                given.append(each)
         if key in given and given[0] != key:
             raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
 
@@ -196,10 +202,6 @@ class Schema(BaseModel):
     def attributes(cls) -> dict[str, str]:
         """Map the key as it is written in YAML to the attribute that gives its value, by default or as written."""
         return {key: key if hasattr(cls, key) else name for key, name in cls.keys().items()}
-
-    def named_in_addition(self) -> dict[str, object]:
-        """What `plain` says beside the numbers that were written, because their units said it."""
-        return {}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """The same with other values by key or name of the field, which are not checked."""
@@ -279,13 +281,14 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
 def plain(value: object) -> Any:
     """A part of a scenario as the plain data that it was read from, numbers in SI units, keys as they are written."""
     if isinstance(value, Schema):
-        written, in_addition = dict[str, Any](), value.named_in_addition()
+        written = dict[str, Any]()
         for key, name in value.keys().items():
             held = value.__dict__[name]
             given = name in value.model_fields_set or name == "kind"
-            empty = held in ((), {}) and held == type(value).model_fields[name].get_default(call_default_factory=True)
-            if key in in_addition:
-                written[key] = in_addition[key]
+            empty = isinstance(held, (tuple, dict)) and not held
+            empty = empty and held == type(value).model_fields[name].get_default(call_default_factory=True)
+            if key in value.stated and (stated := getattr(value, value.stated[key])) is not None:
+                written[key] = stated
             elif given and held is not None and not empty:
                 written[key] = plain(held)
         return written

@@ -430,12 +430,6 @@ class Supports(Schema):
         left, right = (end.kind if isinstance(end, ElasticSupport) else end for end in (self.left, self.right))
         return left, right
 
-    @property
-    def springs(self) -> tuple[ElasticSupport | None, ElasticSupport | None]:
-        """Springs and dashpots of the left and the right end."""
-        left, right = (end if isinstance(end, ElasticSupport) else None for end in (self.left, self.right))
-        return left, right
-
 
 class PointMass(Schema):
     """A lumped mass on the beam, such as an accelerometer; a node is placed there."""
@@ -504,8 +498,8 @@ class BeamBody(Body):
     @property
     def elastic_supports(self) -> tuple[tuple[float, ElasticSupport], ...]:
         """Ends on springs, with their positions, m."""
-        ends = zip((0.0, self.length), self.supports.springs, strict=True)
-        return tuple((x, springs) for x, springs in ends if springs is not None)
+        ends = (0.0, self.supports.left), (self.length, self.supports.right)
+        return tuple((x, end) for x, end in ends if isinstance(end, ElasticSupport))
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:

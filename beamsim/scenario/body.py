@@ -308,9 +308,8 @@ class PlacedForce(Sited):
     """The force, positive upwards (towards positive displacement)."""
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A support, or a point inside a plate."""
+        """A support, which does not move."""
         for body, position in scenario.points_of(self) if at[0] == "constant_forces" else ():
-            yield from body.point_force_doubts(at, position)
             if body.held(position):
                 yield f"{path_text(at)} sits on a support, which cannot deflect"
 
@@ -836,10 +835,6 @@ class Body(Schema):
         if numbers:
             remedy = "start from rest, the static equilibrium, a mode, or a released force"
             yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
-
-    def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:
-        """A sentence where a force at a point, written at ``where``, makes a result doubtful."""
-        yield from ()
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A body so large that a unit may be missing."""

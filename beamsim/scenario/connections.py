@@ -407,7 +407,7 @@ class SnubberBase(Named):
     @property
     def yields(self) -> bool:
         """Whether it loses work as it is pressed, however slowly."""
-        return self.memory in ("hardening", "unloading")
+        return self.hardening is not None or self.unloading is not None
 
     @property
     def gap(self) -> float | None:
@@ -441,9 +441,9 @@ class SnubberAtPlaces(SnubberBase):
         places: Any
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A gap that is larger than the structure deflects, and points at which a force makes a result doubtful."""
-        owner, all_bodies = scenario.body_at(at), scenario.all_bodies
-        named = [place.body or owner or scenario.default_body for place in self.places]
+        """A gap that is larger than the structure deflects."""
+        owner, all_bodies = scenario.body_at(at) or scenario.default_body, scenario.all_bodies
+        named = [place.body or owner for place in self.places]
         bodies = [all_bodies[name] for name in named if name in all_bodies]
         largest = min((min(of.largest_deflection, 10.0 * of.depth or math.inf) for of in bodies), default=math.inf)
         if self.gap is not None and abs(self.gap) > largest:
@@ -452,8 +452,6 @@ class SnubberAtPlaces(SnubberBase):
                 f"{path_text((*at, 'gap'))} = {self.gap:g} m is a large {what} for a structure of this size (more than "
                 f"{largest:.3g} m): a unit such as mm may be missing"
             )
-        for body, position in scenario.points_of(self, owner):
-            yield from body.point_force_doubts(at, position)
 
 
 _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
@@ -690,6 +688,15 @@ class Joint(Named):
             message = f"joins {names[0]} to itself: the two points would have to deflect alike"
             yield problem(at, message, "use kind: spring")
 
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Points that lie apart."""
+        for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
+            if ("joints", apart.index) == at:
+                yield (
+                    f"{path_text(at)} joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
+                    f"it place {apart.through}: it acts as if they were together; check its positions"
+                )
+
 
 class HingeMaxwell(Maxwell):
     """The same between angles."""
@@ -888,6 +895,7 @@ class HingeJoint(_Turning):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Stops at large angles."""
+        yield from super().doubts(scenario, at)
         for path, stop in self.all_stops:
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
                 yield (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
@@ -144,6 +144,8 @@ class Driven(Input):
     {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it; or
     {support: left} or {joint: hinge} for a support that moves relative to the base; {snubber: stop} for a stop that
     moves against what it is mounted on."""
+    stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
+
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
     as the unit of the level."""
@@ -170,10 +172,6 @@ class Driven(Input):
         said: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
         return next((of for of in said if of is not None), self.takes[0])
 
-    def named_in_addition(self) -> dict[str, object]:
-        """The quantity."""
-        return {"quantity": self.quantity}
-
     def check(self) -> None:
         """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
         super().check()
@@ -199,12 +197,6 @@ class Driven(Input):
         """A direction in which no body moves."""
         if self.direction is not None:
             yield from base_problems(scenario, (*at, "direction"), self.direction, f"= {self.direction}")
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A force at a point inside a plate."""
-        if self.applied_to != "base":
-            for body, position in scenario.points_of(self.applied_to):
-                yield from body.point_force_doubts((*at, "applied_to"), position)
 
     @property
     def rotates(self) -> bool:
@@ -298,6 +290,8 @@ Between = Literal["held", "log_log"]
 class _LevelAt(Schema):
     level: q.Level
     """Amplitude, zero to peak."""
+    stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
+
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity, displacement or force; as the unit of the level says."""
 
@@ -305,10 +299,6 @@ class _LevelAt(Schema):
     def quantity(self) -> str | None:
         """What the level is; None where nothing says it."""
         return self.quantity_ or q.meant(self.level)
-
-    def named_in_addition(self) -> dict[str, object]:
-        """The quantity."""
-        return {} if self.quantity is None else {"quantity": self.quantity}
 
     def check(self) -> None:
         """Refuse a negative level, and one in a unit of another quantity."""

@@ -17,6 +17,7 @@ from beamsim.scenario.body import (
     Body,
     ChainDamping,
     ModalDamping,
+    PlacedForce,
     PlatePoint,
     WrittenPosition,
     coarse_mesh,
@@ -259,17 +260,25 @@ class PlateBody(Body):
         """
         yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
-    def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:
+    def _doubts_of_forces(self, scenario: Whole) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
-        if not self.gives_stress or not isinstance(position, tuple) or self.held(position):
-            return
-        x, y = self.point(position)
-        if x in (0.0, self.length) and y in (0.0, self.width):
-            return
-        yield (
-            f"{path_text(where)} acts at a point inside a plate, where thin-plate theory has no finite bending stress: "
-            "the stress at that point grows with the number of elements; take it a thickness or more beside it"
-        )
+        forces = [(of.path, of.item.places, of.body) for of in scenario.listed("snubbers") if of.path[0] != "joints"]
+        dead_loads = enumerate(scenario.constant_forces)
+        forces += [(("constant_forces", k), each.places, "") for k, each in dead_loads if isinstance(each, PlacedForce)]
+        driven = [(path, each.applied_to) for path, each in scenario.excitation.items if each.applied_to != "base"]
+        forces += [(("excitation", *path, "applied_to"), acted_on.places, "") for path, acted_on in driven]
+        for at, places, owner in forces:
+            for place in places:
+                body = scenario.all_bodies.get(place.body or owner or scenario.default_body)
+                if body is not self or not isinstance(place.position, tuple) or self.held(place.position):
+                    continue
+                x, y = self.point(place.position)
+                if x not in (0.0, self.length) or y not in (0.0, self.width):
+                    yield (
+                        f"{path_text(at)} acts at a point inside a plate, where thin-plate theory has no finite "
+                        "bending stress: the stress at that point grows with the number of elements; take it a "
+                        "thickness or more beside it"
+                    )
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
@@ -285,6 +294,8 @@ class PlateBody(Body):
             elements, ratio = self.elements[axis], d / self.bending.mass_per_area
             size, highest_hz = self.sides[axis] / elements, scenario.excitation.highest_tone_hz
             yield from coarse_mesh((*at, "elements", axis), elements, size, ratio, highest_hz)
+        if self.gives_stress:
+            yield from self._doubts_of_forces(scenario)
 
 
 class Plate(PlateBody):

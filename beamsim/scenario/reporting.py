@@ -211,16 +211,14 @@ _OUTPUT_DIMENSIONS = {
 """By kind of output."""
 
 
-def unit_of_dimension(dimension: units.Dimension) -> str:
-    """The unit in which moments are energies, and moments per width forces."""
-    return {"N m": "J", "N m/m": "N"}.get(dimension.unit, dimension.unit)
-
+_ENERGIES_AND_FORCES = {"N m": "J", "N m/m": "N"}
+"""Units in which moments are energies, and moments per width forces."""
 
 OutputLimit = Annotated[
     float,
     q.LevelType(
-        tuple((unit_of_dimension(each), each) for each in dict.fromkeys(_OUTPUT_DIMENSIONS.values())), "200 N",
-        ("200 N", "80 MPa"), above=0.0,
+        tuple((_ENERGIES_AND_FORCES.get(of.unit, of.unit), of) for of in dict.fromkeys(_OUTPUT_DIMENSIONS.values())),
+        "200 N", ("200 N", "80 MPa"), above=0.0,
     ),
 ]  # fmt: skip
 """A limit on an output, in the unit of any kind of output, which it remembers as its SI unit."""
@@ -293,6 +291,7 @@ class Limits(Schema):
         "srs": {units.ACCELERATION.name: units.ACCELERATION}, "psd": LIMITED_DENSITIES, "response": LIMITED_RESPONSES,
     }  # fmt: skip
     """What is limited by curves, with the quantities that these may be of, the default first."""
+    stated: ClassVar[Mapping[str, str]] = {"psd": "psd_with_units", "response": "response_with_units"}
 
     def check(self) -> None:
         """Reject a section that limits nothing, and curves that are none."""
@@ -301,17 +300,28 @@ class Limits(Schema):
         for name, place, points in self.given_curves():
             check_limit_curve(points, (name, place))
 
-    def named_in_addition(self) -> dict[str, object]:
-        """Curves that may be of several quantities, with the units that say which."""
+    def _with_units(self, name: str) -> dict[str, Any] | None:
+        """Curves that may be of several quantities, with the units that say which; None where there are none."""
+        if not (curves := getattr(self, name)):
+            return None
         written: dict[str, Any] = {}
-        for name, place, points in self.given_curves():
-            if len(known := self.curves[name]) > 1 and isinstance(points, CurveFile):
-                written.setdefault(name, {})[place] = points.model_dump(exclude_none=True)
-            elif len(known) > 1:
-                units_of = [(f, x, known.get(q.meant(x) or "")) for f, x in points]
-                said = [[f, float(x) if of is None else f"{float(x)!r} {of.unit}"] for f, x, of in units_of]
-                written.setdefault(name, {})[place] = said
+        for place, points in curves.items():
+            if isinstance(points, CurveFile):
+                written[place] = points.model_dump(exclude_none=True)
+                continue
+            units_of = [(f, x, self.curves[name].get(q.meant(x) or "")) for f, x in points]
+            written[place] = [[f, float(x) if of is None else f"{float(x)!r} {of.unit}"] for f, x, of in units_of]
         return written
+
+    @property
+    def psd_with_units(self) -> dict[str, Any] | None:
+        """Curves of densities with their units."""
+        return self._with_units("psd")
+
+    @property
+    def response_with_units(self) -> dict[str, Any] | None:
+        """Curves of responses with their units."""
+        return self._with_units("response")
 
     def given_curves(self) -> Iterator[tuple[str, str, Any]]:
         """Name of the limit, place, and points or file of each curve."""
@@ -448,7 +458,7 @@ def unit_problems(at: Path, limit: float, dimension: units.Dimension | None, but
     said = q.meant(limit)
     if dimension is None and said is not None:
         yield problem(at, "has a unit, and the output has one of its own", "give a plain number in that unit")
-    elif dimension is not None and said not in (None, unit_of_dimension(dimension)):
+    elif dimension is not None and said not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
         yield problem(at, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,11 +27,9 @@ from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     Path,
-    Problems,
     Schema,
     Unfit,
     Variants,
-    Whole,
     named_twice,
     path_parts,
     path_text,
@@ -51,7 +50,6 @@ from beamsim.scenario.connections import (
     Maxwell,
     base_problems,
     has_own_law,
-    placed,
 )
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation, Sine, level_jumps
@@ -75,7 +73,7 @@ from beamsim.scenario.tree import (
     read_file,
     resolve_extends,
 )
-from beamsim.scenario.units import Dimension, units_written
+from beamsim.scenario.units import UNITS_WRITTEN, Dimension
 from beamsim.scenario.validation_errors import problems_of
 
 
@@ -328,6 +326,17 @@ class Scenario(Schema):
             raise ScenarioError(problem((), "the scenario has no structure", remedy))
         found = [each for name, body in bodies.items() for each in body.problems(self, self.body_path(name))]
         left_out = _ANALYSES if found else set()
+        for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
+            if component != 0:
+                found += base_problems(self, ("gravity", k), "xyz"[k], f"acts along {'xyz'[k]}, which")
+        keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
+        acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
+        for name, body in bodies.items():
+            acting += [((*self.body_path(name), key), getattr(body, key, ())) for key in keys]
+        of_run = () if self.run is None else self.run.outputs
+        shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
+        for lists in (acting, shown, [(("joints",), self.joints)]):
+            found += named_twice(lists)
         for at, part in walk(self):
             if not isinstance(part, Body) and not left_out.intersection(at[:1]):
                 found += part.problems(self, at)
@@ -365,23 +374,10 @@ class Scenario(Schema):
         """Name for output files: the scenario file's stem, or ``scenario``."""
         return self._source
 
-    def with_source(self, source: str, text: Any = None, warnings: tuple[str, ...] = ()) -> Scenario:
-        """The same scenario under another name.
-
-        Parameters
-        ----------
-        source : name for output files.
-        text : the tree from which it was read.
-        warnings : about what was left out when it was read.
-
-        Returns
-        -------
-        Scenario
-        """
+    def with_source(self, source: str) -> Scenario:
+        """The same scenario under another name for output files."""
         copy = self.model_copy()
-        copy._source = source
-        copy._text = text
-        copy._left_out = warnings
+        copy._source, copy._text, copy._left_out = source, None, ()
         return copy
 
     def with_solved_files(self, files: SolvedFiles) -> Scenario:
@@ -469,29 +465,6 @@ class Scenario(Schema):
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""
         return dumped(plain(self))
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
-        """Gravity that moves no point of a body, and names that are given twice."""
-        for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
-            if component != 0:
-                axis = "xyz"[k]
-                yield from base_problems(self, ("gravity", k), axis, f"acts along {axis}, which")
-        keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
-        acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
-        for name, body in self.all_bodies.items():
-            acting += [((*self.body_path(name), key), getattr(body, key, ())) for key in keys]
-        of_run = () if self.run is None else self.run.outputs
-        shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
-        for lists in (acting, shown, [(("joints",), self.joints)]):
-            yield from named_twice(lists)
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """Joints between points that lie apart."""
-        for apart in placed(self.joints, self.all_bodies, self.default_body).apart if self.joints else ():
-            yield (
-                f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
-                f"it place {apart.through}: it acts as if they were together; check its positions"
-            )
-
     @property
     def study(self) -> Vary | Optimise | None:
         """The section that asks for many cases."""
@@ -530,7 +503,8 @@ class Scenario(Schema):
         A record that is made for a spectrum has as many.
         """
         random = self._banded and highest > 0.0
-        rate = max((10.0 if random else 100.0) * highest, 50.0 * self._lowest_frequency_hz, 2000.0 / duration)
+        rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+        rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / duration)
         # 2e6: samples that are many without being asked for
         rate = min(rate, max(2e6 / duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
@@ -543,17 +517,13 @@ class Scenario(Schema):
         for a spectrum), and with 64 times a low natural frequency about ten bending modes of a beam: peak accelerations
         at a stop need that many.
         """
-        return max((10.0 if self._banded else 50.0) * highest, 64.0 * self._lowest_frequency_hz)
+        rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+        return max((10.0 if self._banded else 50.0) * highest, 64.0 * rough)
 
     @property
     def _banded(self) -> bool:
         """Whether the excitation fills a band of frequencies."""
         return self.excitation.stationary or any(each.kind == "matched" for _, each in self.excitation.items)
-
-    @property
-    def _lowest_frequency_hz(self) -> float:
-        """Order of magnitude of a low natural frequency, Hz, the highest of all bodies."""
-        return max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
 
     @property
     def all_bodies(self) -> dict[str, Body]:
@@ -803,11 +773,20 @@ def load_scenario(
     ScenarioError
         With every problem found: path, message, remedy, file and line.
     """
-    root, name = _read(source)
+    name = "scenario"
+    if isinstance(source, Scenario):
+        root, name = _tree_of(source), source.source
+    elif isinstance(source, Mapping):
+        root = resolve_extends(from_python(source), None, FilePath())
+    elif isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
+        root = resolve_extends(parse(source, "<text>"), "<text>", FilePath())
+    else:
+        path = FilePath(source)
+        root, name = resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
     if overrides:
         root = apply_overrides(root, overrides)
     try:
-        scenario = _validated(root).with_source(name, root)
+        scenario = _validated(root, name)
         for at, file in named_files(scenario):
             protect(scenario.folder_of(*at) / file)
         return scenario
@@ -829,7 +808,7 @@ def stored_scenario(text: str) -> Scenario:
     if isinstance(root, Mapping) and "extends" in root:
         raise ScenarioError(problem(("extends",), "is not accepted in a stored scenario, which is complete"))
     root = resolve_extends(root, "<text>", FilePath())
-    return _validated(root).with_source("scenario", root)
+    return _validated(root, "scenario")
 
 
 def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
@@ -840,19 +819,7 @@ def _without_unused_sections(root: WrittenMapping, name: str, command: str, erro
         raise error
     kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
     warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
-    return _validated(kept).with_source(name, kept, warnings)
-
-
-def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
-    """Return the data, `extends` resolved, and the name for output files."""
-    if isinstance(source, Scenario):
-        return _tree_of(source), source.source
-    if isinstance(source, Mapping):
-        return resolve_extends(from_python(source), None, FilePath()), "scenario"
-    if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
-        return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
-    path = FilePath(source)
-    return resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
+    return _validated(kept, name, warnings)
 
 
 def _tree_of(scenario: Scenario) -> WrittenMapping:
@@ -866,18 +833,30 @@ def _tree_of(scenario: Scenario) -> WrittenMapping:
     return root
 
 
-def _validated(root: WrittenMapping) -> Scenario:
-    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located."""
+def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -> Scenario:
+    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located.
+
+    Parameters
+    ----------
+    root : the data.
+    name : for output files.
+    warnings : about what was left out.
+    """
+    written: Counter[tuple[Dimension, str]] = Counter()
+    token = UNITS_WRITTEN.set(written)
     try:
-        with units_written() as written:
-            scenario = Scenario.model_validate(root)
+        scenario = Scenario.model_validate(root)
     except (ScenarioError, ValidationError) as error:
         problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
         unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
         raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0))) from None
+    finally:
+        UNITS_WRITTEN.reset(token)
     shown = (scenario.units or DisplayUnits()).filled(written)
-    known = any(getattr(shown, name) is not None for name in DIMENSIONS)
-    return scenario.model_copy(update={"units": shown}) if known else scenario
+    if any(getattr(shown, each) is not None for each in DIMENSIONS):
+        scenario = scenario.model_copy(update={"units": shown})
+    scenario._source, scenario._text, scenario._left_out = name, root, warnings
+    return scenario
 
 
 def template(kind: str = "beam") -> str:

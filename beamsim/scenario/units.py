@@ -13,8 +13,6 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
@@ -118,18 +116,8 @@ class UnitError(Unfit):
     """A value cannot be read as what is wanted; a message shows it as it was written."""
 
 
-_written: ContextVar[Counter[tuple[Dimension, str]] | None] = ContextVar("_written", default=None)
-
-
-@contextmanager
-def units_written() -> Iterator[Counter[tuple[Dimension, str]]]:
-    """Count what is read in which unit, while quantities of a scenario are read; bare numbers have none."""
-    counted: Counter[tuple[Dimension, str]] = Counter()
-    token = _written.set(counted)
-    try:
-        yield counted
-    finally:
-        _written.reset(token)
+UNITS_WRITTEN: ContextVar[Counter[tuple[Dimension, str]] | None] = ContextVar("units_written", default=None)
+"""How often what is read is in which unit, while quantities of a scenario are read; bare numbers have none."""
 
 
 # --- the table of units -----------------------------------------------------------------------------------------------
@@ -328,7 +316,7 @@ def read_level(
     value, any_size : as of `read_quantity`.
     dimensions : that it may have.
     """
-    remedy = _example_of(dimensions)
+    remedy = "write for example " + " or ".join(each.example for each in dimensions)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError("must be a number", remedy)
     unit, dimension, size = "", None, Unit()
@@ -344,7 +332,7 @@ def read_level(
         unit = _PLAIN_POWER.sub(r"^\1", unit)
         size, dimension = _size(unit, *dimensions)
     number = _scaled(value, size, remedy)
-    if dimension is not None and (units_counted := _written.get()) is not None:
+    if dimension is not None and (units_counted := UNITS_WRITTEN.get()) is not None:
         units_counted[dimension, unit] += 1
     if not any_size:
         in_range(number, dimensions if dimension is None else (dimension,), remedy)
@@ -403,11 +391,6 @@ def _fits(text: str, dimension: Dimension) -> bool:
         return False
 
 
-def _example_of(dimensions: tuple[Dimension, ...]) -> str:
-    """The remedy for what has none of the dimensions."""
-    return "write for example " + " or ".join(dimension.example for dimension in dimensions)
-
-
 @lru_cache(maxsize=1024)
 def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
     """How many SI units one of a unit is, and of which one of the dimensions.
@@ -440,7 +423,7 @@ def _what_to_write(text: str, dimensions: tuple[Dimension, ...]) -> str:
     """The remedy for a unit that has none of the dimensions, or is unknown."""
     if dimensions == (LENGTH,) and re.fullmatch(r"mils?", text):
         return "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
-    return _respelled(text, dimensions) or _example_of(dimensions)
+    return _respelled(text, dimensions) or "write for example " + " or ".join(each.example for each in dimensions)
 
 
 def _given(unit: Unit, text: str) -> str:

@@ -341,11 +341,10 @@ class BeamStructure(MeshedBody):
 def _end_springs(beam: BeamBody, name: str) -> tuple[Coupling, ...]:
     """Springs and dashpots between the ends and the base."""
     springs = []
-    for end, x, given in zip(("left", "right"), (0.0, beam.length), beam.supports.springs, strict=True):
-        if given is not None:
-            along, about = Place(name, x), Place(name, x, SLOPE)
-            springs.append(Coupling(end, along, given.stiffness, given.dashpot))
-            springs.append(Coupling(end, about, given.rotational_stiffness, given.rotational_dashpot))
+    for x, given in beam.elastic_supports:
+        end, along, about = "left" if x == 0.0 else "right", Place(name, x), Place(name, x, SLOPE)
+        springs.append(Coupling(end, along, given.stiffness, given.dashpot))
+        springs.append(Coupling(end, about, given.rotational_stiffness, given.rotational_dashpot))
     return tuple(each for each in springs if each.stiffness or each.dashpot)
 
 
