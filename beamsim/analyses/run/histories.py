@@ -278,9 +278,9 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
     system, times = motion.system, extreme_times(motion.extremes)
     equilibrium, stresses, von_mises = system.static_equilibrium, dict[str, Floats](), dict[str, Floats]()
     if system.stress is not None:
-        peaks, moments = largest(motion.extremes[STRESS]), {body.body: body.moments for body in system.bodies}
-        for part in system.stress.stations:
-            stresses[part.body] = peaks[part.stations].reshape(moments[part.body], -1).max(axis=0)
+        peaks, whose = largest(motion.extremes[STRESS]), np.array(system.stress.bodies)
+        for body in (body for body in system.bodies if body.body in system.stress.bodies):
+            stresses[body.body] = peaks[whose == body.body].reshape(body.moments, -1).max(axis=0)
     if motion.plates is not None:
         von_mises = evaluation.computed("the von Mises stress of plates", motion.plates.result, von_mises)
     bodies = [body for body in system.bodies if body.axis.continuous]
