@@ -24,6 +24,7 @@ import numpy as np
 
 from beamsim.fields import dataset, declared
 from beamsim.results.values import of_angles
+from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.system.structural import ContactUnits, StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
@@ -60,7 +61,7 @@ class ContactLevels(ContactUnits):
     @property
     def changing(self) -> Floats:
         """(F,) level at which contact of the linear motion changes, SI."""
-        return self.loss if self.closed_at_rest else self.onset
+        return np.fmax(self.onset, self.loss)  # of which one is nan
 
     @property
     def predicted(self) -> Floats:
@@ -106,14 +107,17 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     closed = penetration > 0
     omega = 2 * np.pi * frequency_hz
     base = np.zeros(omega.size) if system.base_acceleration is None else -1.0 / omega**2
-
-    def opening(phases: Ints) -> Complexes:
-        moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
-        return np.asarray(moved + base[:, None] * contacts.base_influence)
-
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
-    at_rest, shut = opening(resting), opening(pressed)
-    first = _leaving(system, penetration, np.abs(at_rest), np.abs(contacts.dynamic_stiffness(resting, omega)))
+    at_rest, shut = (  # openings
+        transfer(system, frequency_hz, phases) @ contacts.shape.T + base[:, None] * contacts.base_influence
+        for phases in (resting, pressed)
+    )
+    stiffness, first = np.abs(contacts.dynamic_stiffness(resting, omega)), np.full(at_rest.T.shape, np.inf)
+    for j, law in enumerate(contacts.laws):  # levels at which the linear motion takes each contact out of its phase
+        for border in law.borders(float(penetration[j])):
+            size = np.abs(at_rest[:, j]) * (stiffness[:, j] if border.of_force else 1.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                first[j] = np.minimum(first[j], border.distance / size)
     impedance = contacts.dynamic_stiffness(pressed, omega)
     receptance = _receptances(system, omega, resting, ~closed[:count])
     unknown = np.full(omega.size, np.nan)
@@ -133,25 +137,6 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
             onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone),
             np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf), turns=snubber.turns,
         )  # fmt: skip
-    return levels
-
-
-def _leaving(system: StructuralSystem, penetration: Floats, motion: Floats, stiffness: Floats) -> Floats:
-    """(m, F) levels at which the linear motion takes each contact out of its phase at rest.
-
-    Parameters
-    ----------
-    system : of the contacts.
-    penetration : (m,) at rest, m.
-    motion : (F, m) amplitudes of the penetrations for a unit of the level.
-    stiffness : (F, m) of the contacts, N/m.
-    """
-    levels = np.full(motion.T.shape, np.inf)
-    for j, law in enumerate(system.dynamics.contacts.laws):
-        for border in law.borders(float(penetration[j])):
-            size = motion[:, j] * (stiffness[:, j] if border.of_force else 1.0)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                levels[j] = np.minimum(levels[j], border.distance / size)
     return levels
 
 
@@ -199,12 +184,23 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
             "level": float(of.changing[k]),
             "frequency_hz": float(frequency_hz[k]),
             "share_of_level": float(share[k]),  # nan at level 0
-            "preload_n": _largest(together),
-            "preload_alone_n": _largest(alone),
+            "preload_n": max(together[np.isfinite(together)].tolist(), default=math.nan),
+            "preload_alone_n": max(alone[np.isfinite(alone)].tolist(), default=math.nan),
         }
     quiet = not np.isfinite(loud).any()
     before = [(of.before if quiet else of.before / loud) for of in levels.values()]
     return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
+
+
+def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
+    """The level that changes contact at the frequency of a sine; of other inputs nothing."""
+    if system.sine is None:
+        return {}
+    excitation = system.scenario.sine
+    frequency = np.array([excitation.frequency])
+    levels = contact_levels(system, frequency)
+    amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)
+    return gapping(levels, frequency, np.array([amplitude])) if levels else {}
 
 
 def gapping_ratios(snubbers: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
@@ -253,11 +249,6 @@ def in_order(snubbers: dict[str, dict[str, Any]], measure: str, before: float) -
         name: of if name in first else {key: void.get(key, of[key]) for key in of} | {"not_predicted": cause}
         for name, of in snubbers.items()
     }
-
-
-def _largest(values: Floats) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if finite.size else float("nan")
 
 
 def _receptances(system: StructuralSystem, omega: Floats, phases: Ints, snubbers: Bools) -> Complexes:

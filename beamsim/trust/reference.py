@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.run.motion import RunMotion, output_times, steps_in_time
 from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
-from beamsim.analyses.run.summary import figures_of_motion
+from beamsim.analyses.run.summary import values_of_motion
 from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, never
@@ -111,7 +111,7 @@ def _without(result: RunResult, reason: str) -> RunResult:
 
 
 def _compared(result: RunResult, motion: RunMotion) -> Against:
-    exact, stepped = result.summary, figures_of_motion(motion)
+    exact, stepped = result.summary, values_of_motion(motion)
     histories, end = not_none(motion.histories), motion.marched.end
     ours, theirs = _events(result["events"], end), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), end)

@@ -30,26 +30,24 @@ import numpy as np
 
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
-from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
-    deflection_size,
-    figures_of_motion,
-    motion_figures,
+    STATIC_ENTRIES,
     resting,
     spectral_lines,
-    static_figures,
+    values_of_motion,
+    values_of_part,
 )
 from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, never, stopped_by
-from beamsim.responses.gapping import finite, gapping_ratios
+from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
@@ -103,7 +101,7 @@ class Model:
     @cached_property
     def values(self) -> Values:
         """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
-        values, modes = figures_of_motion(self.motion), self.motion.system.kept_modes
+        values, modes = values_of_motion(self.motion), self.motion.system.kept_modes
         return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
@@ -133,9 +131,8 @@ class Model:
             extremes[ACCELERATION] = np.array(behind.extremes(begin, end))
         inside = trajectory.event_closing & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
         closings = np.bincount(trajectory.event_contact[inside], minlength=part.flow.system.contacts.count)
-        size = deflection_size(system, trajectory.states_at(np.sort(extreme_times(extremes))))
-        values = motion_figures(system, extremes, part.contact_share(), closings, size)
-        return compared({**values, **static_figures(system)})
+        states = trajectory.states_at(np.sort(extreme_times(extremes)))
+        return compared(values_of_part(system, extremes, part.contact_share(), closings, states))
 
     def windows(self, begin: float, end: float) -> list[Values]:
         """The values of equal parts of the motion."""
@@ -344,8 +341,8 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
         times = sensitivity(whole.events, compared_s, whole.disturbed)
     if not times.sensitive:
         return replace(checked, after=())
-    known = static_figures(whole.motion.system)
-    after = tuple(key for key, _ in named({name: x for name, x in whole.values.items() if name not in known}))
+    moving = {name: x for name, x in whole.values.items() if name not in STATIC_ENTRIES}
+    after = tuple(key for key, _ in named(moving))
     return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
 
 
@@ -359,9 +356,8 @@ def _after(first: Model, early: Values | None, windows: Sequence[Values], derive
     windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
     derived : spectra and statistics.
     """
-    known = static_figures(first.motion.system)
     of_parts = [] if early is None else [dict(named(values)) for values in (early, *windows)]
-    for key, whole in named({name: x for name, x in first.values.items() if name not in known}):
+    for key, whole in named({name: x for name, x in first.values.items() if name not in STATIC_ENTRIES}):
         if of_parts:
             before, *later = (values[key] for values in of_parts)
             sign = -1.0 if key.startswith("min_") else 1.0

@@ -31,7 +31,7 @@ from beamsim.analyses.run.observers import reached
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
-from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
+from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_run
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
@@ -185,7 +185,7 @@ def _warnings(motion: RunMotion) -> list[str]:
     system, scenario = motion.system, motion.system.scenario
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
     snubbers = [snubber.name for snubber in system.snubbers]
-    compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
+    compression = dict(zip(snubbers, motion.extremes[PENETRATION][2].tolist(), strict=True)) if snubbers else {}
     return [
         *scenario.warnings,
         *system.warnings,

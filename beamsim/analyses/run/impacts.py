@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -433,21 +434,23 @@ def sliding_figures(
 def _sliding_intervals(sums: Sums, times: Floats) -> tuple[FigureInterval, ...]:
     """Intervals of one contact's figures from the sums until some times; none where it slides too rarely."""
     blocks = {name: np.diff(of) for name, of in sums.items()} | {"duration": np.diff(times)}
-    return jackknife(blocks, _OF_SLIDING) if blocks["slides"].sum() >= LEAST else ()
+    figures = {figure: partial(_rate, name) for figure, name in _RATES.items()}
+    return jackknife(blocks, figures) if blocks["slides"].sum() >= LEAST else ()
 
 
-def _rate(name: str) -> Callable[[Sums], Floats]:
-    return lambda sums: sums[name] / sums["duration"]
+def _rate(name: str, sums: Sums) -> Floats:
+    return sums[name] / sums["duration"]
 
 
-_OF_SLIDING = {
-    "slides_per_second": _rate("slides"),
-    "sliding_share": _rate("time"),
-    "mean_sliding_speed_m_s": _rate("distance"),
-    "dissipated_power_w": _rate("lost"),
-    "wear_power_w": _rate("wear"),
+_RATES = {
+    "slides_per_second": "slides",
+    "sliding_share": "time",
+    "mean_sliding_speed_m_s": "distance",
+    "dissipated_power_w": "lost",
+    "wear_power_w": "wear",
 }
-"""Figures that have an interval; what happens where sliding begins belongs to the block in which it does."""
+"""Values that have an interval, by the sum over time that they are the rate of; what happens where sliding begins
+belongs to the block in which it does."""
 
 
 def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> Floats:

@@ -19,7 +19,7 @@ standard deviation of the stationary linear motion is compared with :math:`\delt
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -33,22 +33,18 @@ from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.outcomes import check_stop
 from beamsim.responses.gapping import (
-    contact_levels,
-    gapping,
     in_order,
-    in_their_units,
     pressed_phases,
     static_penetration,
     transfer,
 )
 from beamsim.responses.loads import exact_flow
 from beamsim.results.values import FORCE, PENETRATION, Extremes
-from beamsim.scenario.excitation import RandomInput, Shock
-from beamsim.scenario.quantities import acceleration_amplitude
+from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Run
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints, not_none
+from beamsim.typing import Floats, Ints
 
 NODES = 8
 NODES_OF_BINS = 3  # whose means are drawn
@@ -212,56 +208,7 @@ def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
         yield frequency[begin : begin + BLOCK], weights[begin : begin + BLOCK]
 
 
-def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> OfSnubbers:
-    """Where contact changes first, from the linear motion, for the summary.
-
-    Parameters
-    ----------
-    motion : of the run.
-    summary : with the largest gaps.
-
-    Returns
-    -------
-    By snubber; empty where there is no linear motion to compare with: beside nonlinear springs and friction that holds
-    or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion that does
-    not start at equilibrium.
-    """
-    system, contacts = motion.system, motion.system.dynamics.contacts
-    unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
-    if not system.snubbers or unknown or motion.outcome.interrupted:
-        return {}
-    scenario, excitation = system.scenario, system.scenario.excitation
-    if system.sine is not None:
-        of_snubber = gapping_of_sine(system)
-    elif isinstance(excitation, RandomInput):
-        of_snubber = _of_random(system)
-    else:
-        settings = not_none(scenario.run)
-        moved = settings.start != "static_equilibrium" or scenario.just_mounted
-        if moved or excitation.kind == "none" or motion.trajectory is None:
-            return {}
-        level = float(excitation.level) if isinstance(excitation, Shock) else None
-        of_snubber = _of_motion(settings, motion, level)
-    names = [snubber.name for snubber in system.snubbers]
-    for name, of in of_snubber.items():
-        times = motion.events["time"].values[motion.events["snubber"].values == names.index(name)]
-        of["first_change_s"] = float(times[0]) if times.size else None
-        of["largest_gap_m"] = {**summary["largest_gap_m"], **summary.get("largest_gap_rad", {})}[name]
-    return in_their_units(of_snubber, {snubber.name: snubber.gap_unit for snubber in system.snubbers})
-
-
-def gapping_of_sine(system: StructuralSystem) -> OfSnubbers:
-    """The level that changes contact at the frequency of a sine; of other inputs nothing."""
-    if system.sine is None:
-        return {}
-    excitation = system.scenario.sine
-    frequency = np.array([excitation.frequency])
-    levels = contact_levels(system, frequency)
-    amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)
-    return gapping(levels, frequency, np.array([amplitude])) if levels else {}
-
-
-def _of_motion(settings: Run, motion: RunMotion, level: float | None) -> OfSnubbers:
+def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> OfSnubbers:
     """Factors of the input at which the linear motion changes contact, from its extremes."""
     system, count = motion.system, len(motion.system.snubbers)
     contacts = system.dynamics.contacts
@@ -371,7 +318,7 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Ext
     return Observed(flow, linear.channels.of_keys(*_WATCHED)).extremes(trajectory)
 
 
-def _of_random(system: StructuralSystem) -> OfSnubbers:
+def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
     """How many standard deviations of the stationary linear motion contact withstands."""
     driven = linear_input(system)
     if driven is None:

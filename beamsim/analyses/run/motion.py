@@ -337,20 +337,14 @@ def exact_motion_of(
         has too many pieces, or the filter of the accelerations would need too many panels.
     """
     march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
-    flow, everything, kept_s, latest_s = march.flow, needed.entries is None, math.inf, math.inf
+    flow, kept_s, latest_s = march.flow, math.inf, math.inf
     if not march.one_chunk:
         _refuse_what_needs_all(system, settings)
         kept_s = settings.memory / BYTES_A_PIECE * not_none(flow.record).step  # of a motion that fits into the memory
         latest_s = min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf)
-    sampled = times if needed.derived and (everything or needed.statistics) else times[:1]
+    sampled = times if needed.derived and (needed.entries is None or needed.statistics) else times[:1]
     recorder = HistoryRecorder(flow, system.channels.without(STRESS), sampled, Overdue(stop))
-    impacts, stresses, plates = None, None, None
-    if needed.derived and settings.fatigue is not None and system.stress is not None:
-        stresses = StressObserver(system, stop)
-    if needed.derived and everything and settings.impacts is not None:
-        impacts = ImpactObserver(system, stop)
-    if needed.derived and everything and any(body.moments == len(COMPONENTS) for body in system.bodies):
-        plates = PlateStress(system, times, stop)
+    impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
     observers = [each for each in (recorder, impacts, stresses, plates) if each is not None]
     values, overdue = ChunkValues(system, settings, flow, times, needed), Overdue(stop)
     latest, states, asked, known = list[Trajectory](), [np.zeros((0, flow.size))], needed.state_times, 0
@@ -394,6 +388,18 @@ def exact_motion_of(
         memory={"memory_bytes": round(settings.memory), **dropped},
         compared_s=None if march.one_chunk else COMPARED_SHARE * kept_s,
         warnings=() if march.one_chunk else (_forgotten(march, settings, latest_s, COMPARED_SHARE * kept_s),),
+    )
+
+
+def _longer(
+    system: StructuralSystem, settings: Run, times: Floats, needed: Needed, stop: Stop
+) -> tuple[ImpactObserver | None, StressObserver | None, PlateStress | None]:
+    """What is taken of the chunks that takes longer than the values of the motion itself."""
+    everything, plates = needed.entries is None, any(body.moments == len(COMPONENTS) for body in system.bodies)
+    return (
+        ImpactObserver(system, stop) if everything and settings.impacts is not None else None,
+        StressObserver(system, stop) if settings.fatigue is not None and system.stress is not None else None,
+        PlateStress(system, times, stop) if everything and plates else None,
     )
 
 

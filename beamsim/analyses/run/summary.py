@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.run.histories import friction_summary
-from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
+from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
 from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
-from beamsim.responses.gapping import gapping_ratios
+from beamsim.responses.gapping import gapping_of_sine, gapping_ratios, in_their_units
 from beamsim.results.values import (
     ACCELERATION,
     ALWAYS,
@@ -35,25 +35,58 @@ from beamsim.results.values import (
     margins,
     values_of,
 )
+from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
 PRECISION = 1e-15  # of a deflection, that its computation is known to
 
 
-def figures_of_motion(motion: RunMotion) -> dict[str, Any]:
-    """The figures of the contacts and of the motion."""
+STATIC_ENTRIES = frozenset({
+    "static_force_n", "static_moment_n_m", "gap_m", "gap_rad", "open_frequencies_hz", "closed_frequencies_hz",
+})  # fmt: skip
+"""Entries of the summary that belong to the model, not to its motion."""
+
+
+def values_of_motion(motion: RunMotion) -> dict[str, Any]:
+    """Values of the motion of a run and of its model, see `values_of_part`."""
     system, events = motion.system, motion.events
-    closing = events["closing"].values
-    closings = np.bincount(events["snubber"].values[closing], minlength=len(system.snubbers))
+    closings = np.bincount(events["snubber"].values[events["closing"].values], minlength=len(system.snubbers))
+    return values_of_part(system, motion.extremes, motion.contact_share, closings, motion.extreme_states)
+
+
+def values_of_part(
+    system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, states: Floats
+) -> dict[str, Any]:
+    """Values of a part of a motion for the summary, with those of static equilibrium and the natural frequencies.
+
+    Parameters
+    ----------
+    system : of the channels.
+    extremes : of them.
+    contact_share : (m,) of each contact.
+    closings : (m,) number of closings of each contact.
+    states : (k, 2n or more), in which the deflection is largest.
+
+    Returns
+    -------
+    By entry, and within it by name of probe, snubber or spring.
+    """
+    snubbers, coordinates = [s.name for s in system.snubbers], states[:, : system.dynamics.size]
+    count = len(snubbers)
+    sizes = (float(np.abs(coordinates @ body.deflection.T).max(initial=0.0)) for body in system.bodies)
+    settled = _without_round_off(system, extremes, contact_share[:count], max(sizes, default=0.0))
     return {
-        **motion_figures(
-            system, motion.extremes, motion.contact_share, closings, deflection_size(system, motion.extreme_states)
-        ),
-        **static_figures(system),
+        **values_of(system.channels, settled),
+        "contact_share": dict(zip(snubbers, contact_share[:count].tolist(), strict=True)),
+        "contacts": dict(zip(snubbers, closings[:count].tolist(), strict=True)),
+        **by_units("static_force_n", system.snubbers, lambda s: s.preload),
+        **by_units("gap_m", system.snubbers, lambda s: s.gap),
+        "open_frequencies_hz": system.open_frequencies_hz.tolist(),
+        "closed_frequencies_hz": system.closed_frequencies_hz.tolist(),
     }
 
 
@@ -83,12 +116,6 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
     ]
 
 
-def _unresolved_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
-    return [
-        {"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s in spectra.values() for line in s.unresolved
-    ]
-
-
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     bodies = result.datasets.get("bodies")
@@ -98,22 +125,24 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         if not np.isnan(left.item()):
             crushed[f"residual_crush_{left.unit}"][name] = left.item()
     impacts, random = result.impacts, result.random
+    each = ((s, line) for s in result.spectra.values() for line in s.unresolved)
+    unresolved = [{"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s, line in each]
     return {
         **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": None if von_mises is None else float(np.nanmax(von_mises)),
         "inputs": {of.path: of.summary() for of in result.inputs} or None,
         "samples": result["histories"]["time"].values.size,
-        "friction": friction_summary(result.datasets) or None,
+        "friction": friction_summary(result.datasets) if result["histories"].labels("friction") else None,
         "impacts": None if impacts is None else impacts.summary(),
         "impacts_total": None if impacts is None else impacts.total(),
-        "sensitivities": result.gradients() or None,
+        "sensitivities": result.gradients() if result.sensitivities else None,
         "fatigue": {name: body.summary() for name, body in result.fatigue.items()} or None,
         "random": None if random is None else random.summary(),
         "random_linear": None if random is None else random.prediction() or None,
         "srs": None if result.srs is None else result.srs.summary(),
         "matched": None if result.matched is None else result.matched.summary(),
         "spectral_lines": spectral_lines(result.spectra),
-        "unresolved_lines": _unresolved_lines(result.spectra) or None,
+        "unresolved_lines": unresolved or None,
         **(_over_limits(result, summary) if result.scenario.limits else {}),
     }
 
@@ -155,11 +184,11 @@ def summary_of_run(
     """
     system = motion.system
     probes = [p.name for p in system.probes]
-    rms = defaultdict(lambda: math.nan, {key: spectrum.rms for key, spectrum in spectra.items()})
+    rms = defaultdict(lambda: math.nan, {key: not_none(s.rms) for key, s in spectra.items()})
     summary: dict[str, Any] = {
-        "rms_displacement_m": by_name(probes, np.array([rms[p, "displacement"] for p in probes])),
-        "rms_acceleration_g": by_name(probes, np.array([rms[p, MAIN_QUANTITY] for p in probes]) / STANDARD_GRAVITY),
-        **figures_of_motion(motion),
+        "rms_displacement_m": {p: rms[p, "displacement"] for p in probes},
+        "rms_acceleration_g": {p: rms[p, MAIN_QUANTITY] / STANDARD_GRAVITY for p in probes},
+        **values_of_motion(motion),
         "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.energy_error,
@@ -183,51 +212,53 @@ def summary_of_run(
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     predicted = needed.has("gapping_ratio") and system.snubbers
-    nothing: OfSnubbers = {}
-    of_snubbers = (
-        evaluation.computed(
-            "the level that changes contact", lambda: gapping_of_run(motion, summary), nothing, minor=True
-        )
-        if predicted
-        else nothing
-    )
-    if of_snubbers:
-        summary["gapping"] = of_snubbers
-    if predicted and system.sine is not None:
-        summary["gapping_ratio"] = gapping_ratios(of_snubbers)
+    if predicted:
+        nothing, what = dict[str, dict[str, Any]](), "the level that changes contact"
+        of_snubbers = evaluation.computed(what, lambda: gapping_of_run(motion, summary), nothing, minor=True)
+        if of_snubbers:
+            summary["gapping"] = of_snubbers
+        if system.sine is not None:
+            summary["gapping_ratio"] = gapping_ratios(of_snubbers)
     return summary
 
 
-def deflection_size(system: StructuralSystem, states: Floats) -> float:
-    """Largest deflection of the bodies in some states (k, 2n or more), m."""
-    coordinates = states[:, : system.dynamics.size]
-    return max((float(np.abs(coordinates @ b.deflection.T).max(initial=0.0)) for b in system.bodies), default=0.0)
-
-
-def motion_figures(
-    system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, size: float = 0.0
-) -> dict[str, Any]:
-    """Values of a motion for the summary.
+def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Where contact changes first, from the linear motion, for the summary.
 
     Parameters
     ----------
-    system : of the channels.
-    extremes : of them.
-    contact_share : (m,) of each contact.
-    closings : (m,) number of closings of each contact.
-    size : m, a deflection of the motion, see `deflection_size`.
+    motion : of the run.
+    summary : with the largest gaps.
 
     Returns
     -------
-    By entry, and within it by name of probe, snubber or spring.
+    By snubber; empty where there is no linear motion to compare with: beside nonlinear springs and friction that holds
+    or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion that does
+    not start at equilibrium.
     """
-    snubbers = [s.name for s in system.snubbers]
-    count = len(snubbers)
-    return {
-        **values_of(system.channels, _without_round_off(system, extremes, contact_share[:count], size)),
-        "contact_share": by_name(snubbers, contact_share[:count]),
-        "contacts": {name: int(number) for name, number in zip(snubbers, closings[:count], strict=True)},
-    }
+    system, contacts = motion.system, motion.system.dynamics.contacts
+    unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
+    if not system.snubbers or unknown or motion.outcome.interrupted:
+        return {}
+    scenario, excitation = system.scenario, system.scenario.excitation
+    if system.sine is not None:
+        of_snubber = gapping_of_sine(system)
+    elif isinstance(excitation, RandomInput):
+        of_snubber = gapping_of_random(system)
+    else:
+        settings = not_none(scenario.run)
+        moved = settings.start != "static_equilibrium" or scenario.just_mounted
+        if moved or excitation.kind == "none" or motion.trajectory is None:
+            return {}
+        level = float(excitation.level) if isinstance(excitation, Shock) else None
+        of_snubber = gapping_of_motion(settings, motion, level)
+    names = [snubber.name for snubber in system.snubbers]
+    for name, of in of_snubber.items():
+        times = motion.events["time"].values[motion.events["snubber"].values == names.index(name)]
+        of["first_change_s"] = float(times[0]) if times.size else None
+        of["largest_gap_m"] = {**summary["largest_gap_m"], **summary.get("largest_gap_rad", {})}[name]
+    units = {snubber.name: snubber.gap_unit for snubber in system.snubbers}
+    return in_their_units(of_snubber, units) if "rad" in units.values() else of_snubber
 
 
 def _without_round_off(
@@ -266,30 +297,14 @@ def _without_round_off(
 
 def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
-    probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
+    probes, forces = [probe.name for probe in system.probes], system.channels.of_keys(FORCE).channels
     when = {
-        "peak_displacement_m": by_name(probes, largest_at(extremes.get(DISPLACEMENT, NO_EXTREMES))),
-        "peak_acceleration_g": by_name(probes, largest_at(extremes.get(ACCELERATION, NO_EXTREMES))),
+        entry: dict(zip(probes, largest_at(extremes.get(key, NO_EXTREMES)).tolist(), strict=True))
+        for entry, key in (("peak_displacement_m", DISPLACEMENT), ("peak_acceleration_g", ACCELERATION))
     }
-    forces = system.channels.of_keys(FORCE).channels
-    of_contacts = by_name(snubbers, by_magnitude(forces, extremes[FORCE])[3]) if FORCE in extremes else {}
-    when |= {entry: of_contacts for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}
+    of_contacts = by_magnitude(forces, extremes[FORCE])[3].tolist() if FORCE in extremes else []
+    times = {channel.name: time for channel, time in zip(forces, of_contacts, strict=False)}
+    when |= {entry: times for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}
     return {
-        entry: {name: times[name] for name, peak in figures[entry].items() if peak > 0.0}
-        for entry, times in when.items()
+        entry: {name: of[name] for name, peak in figures[entry].items() if peak > 0.0} for entry, of in when.items()
     }
-
-
-def static_figures(system: StructuralSystem) -> dict[str, Any]:
-    """By entry of the summary the figures of the model itself: of static equilibrium, and natural frequencies."""
-    return {
-        **by_units("static_force_n", system.snubbers, lambda s: s.preload),
-        **by_units("gap_m", system.snubbers, lambda s: s.gap),
-        "open_frequencies_hz": system.open_frequencies_hz.tolist(),
-        "closed_frequencies_hz": system.closed_frequencies_hz.tolist(),
-    }
-
-
-def by_name(names: Sequence[str], values: Floats) -> dict[str, float]:
-    """Numbers by name."""
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
