@@ -116,6 +116,14 @@ class Phase:
         return float(sum(s.stiffness * s.stretch.penetration**2 for s in self.springs))
 
 
+_AXES = {  # of the arrays of a law after that of its phases
+    "touching": "", "opening": "C", "force": "C", "lost": "C", "energy": "CC", "rates": "rC", "losses": "r",
+    "coupled": "", "holds": "", "slides": "", "guards": "", "guard": "GC", "next": "G", "resets": "G",
+    "reset": "GrC", "event_loss": "P2",
+}  # fmt: skip
+_TYPES = {"touching": bool, "coupled": bool, "holds": bool, "resets": bool, "guards": np.int64, "next": np.int64}
+
+
 class LawArrays(NamedTuple):
     """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
 
@@ -139,25 +147,9 @@ class LawArrays(NamedTuple):
     @classmethod
     def zeros(cls, phases: tuple[int, ...], guards: int, states: int) -> LawArrays:
         """Arrays of zeros for P phases, the last of ``phases``, of any number of laws."""
-        columns = INTERNAL + states
-        return cls(
-            touching=np.zeros(phases, dtype=bool),
-            opening=np.zeros((*phases, columns)),
-            force=np.zeros((*phases, columns)),
-            lost=np.zeros((*phases, columns)),
-            energy=np.zeros((*phases, columns, columns)),
-            rates=np.zeros((*phases, states, columns)),
-            losses=np.zeros((*phases, states)),
-            coupled=np.zeros(phases, dtype=bool),
-            holds=np.zeros(phases, dtype=bool),
-            slides=np.zeros(phases),
-            guards=np.zeros(phases, dtype=np.int64),
-            guard=np.zeros((*phases, guards, columns)),
-            next=np.zeros((*phases, guards), dtype=np.int64),
-            resets=np.zeros((*phases, guards), dtype=bool),
-            reset=np.zeros((*phases, guards, states, columns)),
-            event_loss=np.zeros((*phases, phases[-1], 2)),
-        )
+        size = {"C": INTERNAL + states, "r": states, "G": guards, "P": phases[-1], "2": 2}
+        shapes = {name: (*phases, *(size[axis] for axis in axes)) for name, axes in _AXES.items()}
+        return cls(**{name: np.zeros(shape, _TYPES.get(name, float)) for name, shape in shapes.items()})
 
 
 @dataclass(frozen=True)

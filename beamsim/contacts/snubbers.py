@@ -266,9 +266,20 @@ def build_contacts(
 
 
 def _law(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    """That of a snubber: a spring and a dashpot, unless it says more."""
     snubber = located.item
     if snubber.latch:
         return latch(stiffness, dashpot)
+    plastic = snubber.hardening is not None or snubber.unloading is not None
+    relaxes = any(branch.stiffness > 0.0 for branch in snubber.maxwell)
+    if plastic or relaxes or (curve is not None and curve.slopes.size > 1):
+        return _law_with_memory(located, stiffness, curve, dashpot)
+    return LAWS[snubber.law](stiffness, dashpot)
+
+
+def _law_with_memory(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    """That of a snubber which yields or relaxes, or whose force bends."""
+    snubber = located.item
     if snubber.hardening is not None:
         return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
     if snubber.unloading is not None:
@@ -281,13 +292,9 @@ def _law(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: 
             at, remedy = f"{path_text(located.path)}.unloading", "compare both curves, and the units"
             raise ScenarioError(Problem(at, str(error), remedy)) from None
     maxwell = [branch for branch in snubber.maxwell if branch.stiffness > 0.0]
-    branches = _branches(maxwell)
-    if not branches and (curve is None or curve.slopes.size == 1):
-        return LAWS[snubber.law](stiffness, dashpot)
-    if curve is None:
-        curve = ForceCurve.line(stiffness)
-    if snubber.law == "no_tension" and (dashpot > 0.0 or branches):
-        return _mounted(recovering_law(curve, dashpot, branches), maxwell, (1.0,))
+    curve = ForceCurve.line(stiffness) if curve is None else curve
+    if snubber.law == "no_tension" and (dashpot > 0.0 or maxwell):
+        return _mounted(recovering_law(curve, dashpot, _branches(maxwell)), maxwell, (1.0,))
     return table_law(curve, dashpot)
 
 

@@ -13,8 +13,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
 from beamsim.outcomes import check_stop
-from beamsim.system.equations import ChannelSet, Key, Sizes
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import ChannelSet, Key, RowsOf, Sizes
 from beamsim.typing import Complexes, Floats, Ints
 
 Exponentials = tuple[tuple[int, float], ...]

@@ -29,8 +29,7 @@ from beamsim.flow.invariant_blocks import (
 )
 from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.sources import Sources
-from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.system.state_equations import StateEquations
+from beamsim.system.equations import PiecewiseLinearSystem, StateEquations
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 GROWN = 3.0  # logarithm of the largest growth within a segment

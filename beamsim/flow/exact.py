@@ -18,8 +18,7 @@ from beamsim.flow.invariant_blocks import LEAST_COORDINATES
 from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import ORDERS, Sources, compile_sources, sources_of_pieces
 from beamsim.inputs.signal import CubicRecord, Signal, common_record
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.system.state_equations import Equations, RowsOf, StateEquations
+from beamsim.system.equations import Equations, Forcing, PiecewiseLinearSystem, RowsOf, StateEquations
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
@@ -476,7 +475,7 @@ class ExactFlow:
     def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
         """Derivatives of the inputs at times, from order 0 on, and beside them those of their slopes.
 
-        After a state (N,) they make up the columns z of `beamsim.system.state_equations`.
+        After a state (N,) they make up the columns z of `beamsim.system.equations`.
 
         Parameters
         ----------

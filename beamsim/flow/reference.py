@@ -34,7 +34,7 @@ from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never, tell
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:

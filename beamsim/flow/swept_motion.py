@@ -29,8 +29,7 @@ from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
 from beamsim.outcomes import Outcome, never, tell
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Floats, Ints
 
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad

@@ -22,7 +22,7 @@ from beamsim.flow.moments import (
     weighted_moments,
 )
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit

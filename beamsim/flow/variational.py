@@ -47,8 +47,7 @@ from beamsim.flow.periodic_flow import (
 from beamsim.flow.sensitivity_kernels import Factors, Instant, Kept, differentiate
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion
-from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)

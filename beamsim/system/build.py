@@ -554,26 +554,33 @@ def initial_state(
     ScenarioError
         Where the start needs a static shape that does not exist, or a mode that the reduction does not keep.
     """
-    n = parts.basis.size
-    q, v = np.zeros(n), np.zeros(n)
     warnings: list[str] = []
     start = None if parts.scenario.run is None else parts.scenario.run.start
-    if start is None:
-        q = q if equilibrium.q is None else equilibrium.q
-    elif start == "static_equilibrium":
+    q = v = np.zeros(parts.basis.size)
+    if start == "static_equilibrium":
         remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
         q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
+    elif start is None:
+        q = q if equilibrium.q is None else equilibrium.q
     elif isinstance(start, ReleasedForceStart):
         q = _held_shape(parts, start, contacts, loads, cubic)
-    elif isinstance(start, ModeStart):
-        q = _mode_shape(parts, start.mode, start.amplitude)
-    elif isinstance(start, PolynomialStart | BodiesStart):
-        given = {parts.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
-        q, v = (_given_field(parts, given, name, warnings) for name in ("displacement", "velocity"))
-    elif isinstance(start, OrbitStart):
+    elif not isinstance(start, str):  # from rest
+        q, v = _moving_start(parts, start, warnings)
+    return np.concatenate([q, v]), warnings
+
+
+def _moving_start(
+    parts: Parts, start: ModeStart | PolynomialStart | BodiesStart | OrbitStart, warnings: list[str]
+) -> tuple[Floats, Floats]:
+    """q and q', (n,) each, of a start that a scenario gives as a mode or by fields; warnings are added."""
+    if isinstance(start, OrbitStart):
         remedy = "leave run.start out, or `beamsim run`"
         raise ScenarioError(Problem("run.start.orbit", "starts a run, and no other command", remedy))
-    return np.concatenate([q, v]), warnings
+    if isinstance(start, ModeStart):
+        return _mode_shape(parts, start.mode, start.amplitude), np.zeros(parts.basis.size)
+    given = {parts.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
+    displacement, velocity = (_given_field(parts, given, name, warnings) for name in ("displacement", "velocity"))
+    return displacement, velocity
 
 
 def _held_shape(

@@ -1,4 +1,4 @@
-r"""Equations of motion of a system, as arrays in mass-normalised coordinates, and its channels.
+r"""Equations of motion of a system in mass-normalised coordinates, contact state by contact state, and its channels.
 
 With every contact in one phase of its law, the system is linear,
 
@@ -6,6 +6,23 @@ With every contact in one phase of its law, the system is linear,
 
 where :math:`M = I` and the open structure's stiffness is diagonal. Nothing here knows files, units
 or what the coordinates stand for.
+
+While every contact stays in its phase, every quantity of the motion is a row times
+
+.. math:: z = (y, u, u'), \qquad y = (q, q', p),
+
+the state y of N entries (coordinates, their rates, internal states of the contacts), the F inputs u and their slopes
+u'; u[0] is 1. Rates of the state, contact forces, event functions, internal states after an event and channels are
+arrays (k, V) of such rows, V = N + 2F.
+
+What the law of contact j depends on is ``law[j]``, one row for each column of `beamsim.contacts.laws.LawRow.array`:
+penetration, its rate, 1, the force of the contact that presses it, that force's rate, its own reaction, its internal
+states. A linear function in a law, times ``law[j]``, is a row on z.
+
+Contacts that stick rigidly: in such a phase the force is whatever keeps the penetration at its value. With the rows W
+of the penetrations of these contacts for a unit of each coordinate, and the generalised force f of all else, the
+reactions are those :math:`\lambda` for which :math:`W (f - W^T\lambda) = 0`. Where several do, since contacts hold one
+motion together, they are those of the smallest sum of squares.
 
 A channel is an observable, a linear row on the motion and on what acts on it,
 
@@ -21,14 +38,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import PRESSING
+from beamsim.contacts.laws import CONSTANT, INTERNAL, PENETRATION, PRESSING, PRESSING_RATE, RATE, REACTION
 from beamsim.inputs.signal import Signal
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
+
+SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
+ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
+
+RowsOf = Callable[[Ints], Floats]  # rows (k, V) in given phases of the contacts (m,)
 
 
 @dataclass(frozen=True)
@@ -98,6 +120,267 @@ class SineLoads:
     def at(self, omega: Floats) -> Complexes:
         """(F, L) multiples at angular frequencies (F,), rad/s."""
         return np.asarray(self.coefficient * (1j * omega[:, None]) ** self.power)
+
+
+class Equations:
+    """The equations of a system under F inputs, for all phases of its contacts.
+
+    Parameters
+    ----------
+    system : the structure and its contacts.
+    load : (L, n) generalised forces for a unit of each of the first L channels; by default none.
+    influence : (channels, m) displacement of each contact's mounting by a unit of each channel, m; by default none.
+    channel : (F,) of each input; -1 for the constant one, which is the first and by default the only one.
+    """
+
+    def __init__(
+        self, system: PiecewiseLinearSystem, load: Floats | None = None, influence: Floats | None = None,
+        channel: Ints | None = None,
+    ) -> None:  # fmt: skip
+        c = system.contacts
+        load = np.zeros((0, system.size)) if load is None else load
+        influence = np.zeros((0, c.count)) if influence is None else influence
+        channel = np.full(1, -1) if channel is None else channel
+        n, r, F = system.size, c.internal_states, channel.size
+        self.system, self.contacts, self.channel = system, c, channel
+        self.states, self.width = 2 * n + r, 2 * n + r + 2 * F  # N, V
+        self.coordinates, self.velocities, self.internal = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + r)
+        self.inputs, self.slopes = slice(2 * n + r, 2 * n + r + F), slice(2 * n + r + F, self.width)
+        of_inputs = (np.arange(influence.shape[0])[:, None] == channel).astype(float)
+        self._load = load.T @ of_inputs[: load.shape[0]]
+        self._load[:, 0] += system.constant_load
+        self._mounting = c.sign[:, None] * (influence.T @ of_inputs)
+        self.penetrations = -c.sign[:, None] * c.shape  # (m, n) for a unit of each coordinate
+        self.unit = np.eye(self.width)  # (V, V) z for a unit of each of its entries
+        self.state = self.unit[: self.states]  # (N, V) the state itself
+        self.law, self.free = self.given(self.unit)
+        self.penetration, self.penetration_rate = self.law[:, PENETRATION], self.law[:, RATE]  # (m, V) m and m/s
+
+    def given(self, z: Any) -> tuple[Any, Any]:
+        """What does not depend on the phases.
+
+        Parameters
+        ----------
+        z : (V, k) columns.
+
+        Returns
+        -------
+        law : (m, C, k) what the laws depend on, pressing forces and reactions apart.
+        free : (n, k) generalised forces on the structure, those of contacts apart.
+        """
+        c, q, v, u = self.contacts, z[self.coordinates], z[self.velocities], z[self.inputs]
+        law = np.zeros((c.count, INTERNAL + int(c.states.max(initial=0)), z.shape[1]), dtype=z.dtype)
+        law[:, PENETRATION] = self.penetrations @ q - self._mounting @ u - np.outer(c.gap, u[0])
+        law[:, RATE] = self.penetrations @ v - self._mounting @ z[self.slopes]
+        law[:, CONSTANT] = u[0]
+        law[c.owner, c.column] = z[self.internal]
+        return law, self._load @ u - self.system.stiffness[:, None] * q - self.system.damping @ v
+
+    def rows(self, count: int, **parts: Floats | float) -> Floats:
+        """Rows of which some parts are given, the others being zero.
+
+        Parameters
+        ----------
+        count : k.
+        parts : by name of the part of z (``coordinates``, ``velocities``, ``internal``, ``inputs``, ``slopes``), arrays
+            of its width, or what broadcasts to it.
+
+        Returns
+        -------
+        (k, V) array
+        """
+        rows = np.zeros((count, self.width))
+        for name, values in parts.items():
+            rows[:, getattr(self, name)] = values
+        return rows
+
+    def constant(self, values: Floats) -> Floats:
+        """(k, V) quantities (k,) that do not change."""
+        rows = self.rows(values.size)
+        rows[:, self.inputs.start] = values
+        return rows
+
+    def signals(self, channels: Ints) -> Floats:
+        """(k, V) signals of channels (k,)."""
+        return self.rows(channels.size, inputs=channels[:, None] == self.channel)
+
+    def signal_rates(self, channels: Ints) -> Floats:
+        """(k, V) time derivatives of the signals of channels (k,)."""
+        return self.rows(channels.size, slopes=channels[:, None] == self.channel)
+
+
+@dataclass(frozen=True)
+class EventFunctions:
+    """What ends a contact state: g functions that are positive until then."""
+
+    count: int  # g
+    contact: Ints  # (g,) contact that changes its phase
+    next: Ints  # (g,) its phase afterwards
+    rows: Floats  # (w, V) the g functions, then the internal states after events that set them anew
+    guards: Floats  # (g, V) the functions alone
+    reset: Ints  # (g,) first of the rows that give the contact's internal states after the event; -1: they go on
+    joining: int  # how many, the first ones, are of contacts that join others at rest: where one acts, no other does
+
+    def of_change(self, contact: int, after: int) -> int:
+        """Number of the function whose event takes a contact to a phase."""
+        return int(np.flatnonzero((self.contact == contact) & (self.next == after))[0])
+
+
+class StateEquations:
+    """The equations with the contacts in given phases: arrays of rows on z, or their values for given z.
+
+    Parameters
+    ----------
+    equations : of the system under its inputs.
+    phases : (m,) of the contacts.
+    z : (V, k) columns, whose values take the place of rows; by default a unit of each entry. Each contact force then
+        acts along the contact's own shape, its terms added before: where both sides of a stiff contact move together,
+        or follow the base, the round-off of a product with the rates would be a load of slow motions.
+    """
+
+    factors: Floats  # (m, C) of ``law`` in the contact forces, reactions apart
+    law: Floats  # (m, C, V) what the laws depend on
+    force: Floats  # (m, V) contact forces, reactions included, N
+    pressing: Floats  # (p, V) of each contact that another one presses the force of that one, N
+    held: Floats  # (n, h) orthonormal directions that rigidly sticking contacts keep at rest
+    internal_factors: Floats  # (r,) of each internal state in the force of its own contact, N per unit
+    internal_drive: Floats  # (r, C) factors of what the law of its contact depends on in the rate of each
+    internal_rates: Floats  # (r, V) time derivatives of the internal states of all contacts
+    rates: Floats  # (N, V) time derivative of the state
+
+    def __init__(self, equations: Equations, phases: Ints, z: Any = None) -> None:
+        e, c, every = equations, equations.contacts, np.arange(equations.contacts.count)
+        self.equations, self.phases = equations, phases
+        law, free = (e.law, e.free) if z is None else e.given(z)
+        velocities = e.unit[e.velocities] if z is None else z[e.velocities]
+        if c.jointly_acting:
+            law = law.copy()
+        self.law, self.factors, drive = law, c.arrays.force[every, phases], c.arrays.rates[every, phases]
+        if c.pressed.size:
+            self._press(drive)
+        self.pressing = law[c.pressed, PRESSING]
+        self.force = _products(self.factors, law)
+        applied = free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
+        self.held, acceleration = np.zeros((e.system.size, 0)), applied
+        sticking = np.flatnonzero(c.arrays.holds[every, phases])
+        if sticking.size:
+            acceleration = self._held_back(sticking, applied)
+        self.internal_factors = self.factors[c.owner, c.column]
+        self.internal_drive = drive[c.owner, c.column - INTERNAL]
+        self.internal_rates = (drive @ law)[c.owner, c.column - INTERNAL]
+        self.rates = np.vstack([velocities, acceleration, self.internal_rates])
+
+    def _press(self, drive: Floats) -> None:
+        """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
+        c, law = self.equations.contacts, self.law
+        i, factors = c.pressing, self.factors[c.pressing]
+        law[c.pressed, PRESSING] = _products(factors, law[i])
+        of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
+        law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
+
+    def _held_back(self, sticking: Ints, applied: Any) -> Any:
+        """(n, V) accelerations under generalised forces with the reactions of contacts that stick, which are entered.
+
+        What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
+        """
+        left, size, right = np.linalg.svd(self.equations.penetrations[sticking], full_matrices=False)
+        rank = int(np.sum(size > SMALLEST * size.max()))
+        self.held, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
+        self.law[sticking, REACTION] = share @ applied
+        self.force[sticking] += self.law[sticking, REACTION]
+        acceleration = applied - self.held @ (self.held.T @ applied)
+        balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
+        return np.where(balanced, 0.0, acceleration)
+
+    @property
+    def push(self) -> Floats:
+        """(m, n) generalised force for a unit of each contact's own force, friction that it presses included."""
+        c, push = self.equations.contacts, -self.equations.penetrations
+        np.add.at(push, c.pressing, self.factors[c.pressed, PRESSING, None] * push[c.pressed])
+        return np.asarray(push)
+
+    @property
+    def openings(self) -> Floats:
+        """(m, V) distances of the contacts to their faces as these are now, m; 0 of what touches or is held."""
+        c = self.equations.contacts
+        return np.asarray(_products(c.arrays.opening[np.arange(c.count), self.phases], self.law))
+
+    @cached_property
+    def events(self) -> EventFunctions:
+        """What ends this contact state."""
+        c, a, phases = self.equations.contacts, self.equations.contacts.arrays, self.phases
+        every, joining = np.arange(c.count), 0
+        contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
+        if self.held.shape[1]:
+            joins = self._resting[contact] & (a.guard[contact, phases[contact], place, RATE] != 0.0)
+            order, joining = np.argsort(~joins, kind="stable"), int(joins.sum())
+            contact, place = contact[order], place[order]
+        rows, after = (a.guard[every, phases] @ self.law)[contact, place], a.next[contact, phases[contact], place]
+        for g in range(joining):
+            rows[g] = self._joining(int(contact[g]), int(after[g]))
+        reset, fresh, count = np.full(contact.size, -1), [], contact.size
+        for g in np.flatnonzero(a.resets[contact, phases[contact], place]).tolist():
+            j = contact[g]
+            fresh.append(a.reset[j, phases[j], place[g], : c.states[j]] @ self.law[j])
+            reset[g], count = count, count + int(c.states[j])
+        all_rows = np.concatenate([rows, *fresh])
+        return EventFunctions(contact.size, contact, after, all_rows, all_rows[: contact.size], reset, joining)
+
+    @property
+    def _resting(self) -> Bools:
+        """(m,) contacts whose motion others hold: those at the same place, for example."""
+        shape = self.equations.contacts.shape
+        left = np.linalg.norm(shape - (shape @ self.held) @ self.held.T, axis=1)
+        return np.asarray(left <= SMALLEST * np.linalg.norm(shape, axis=1))
+
+    def _joining(self, contact: int, stuck: int) -> Floats:
+        """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.
+
+        It sticks where that takes less than its limit: until then this is by how much the limit is exceeded, N.
+        """
+        c = self.equations.contacts
+        limit = next(g.row for g in c.laws[contact].phases[stuck].guards if g.next == self.phases[contact])
+        law = StateEquations(self.equations, c.after(self.phases, contact, stuck)).law[contact]
+        return np.asarray(-limit.reaction * law[REACTION] - limit.constant * law[CONSTANT])
+
+    def state_after(self, event: int) -> Floats:
+        """(N, V) the state after an event, by the number of its function."""
+        e, c, state = self.equations, self.equations.contacts, self.equations.state.copy()
+        if self.events.reset[event] >= 0:
+            j = int(self.events.contact[event])
+            first, row, count = e.internal.start + int(c.first[j]), int(self.events.reset[event]), int(c.states[j])
+            state[first : first + count] = self.events.rows[row : row + count]
+        return state
+
+    @property
+    def lost_by_rate(self) -> Floats:
+        """(m + r,) dissipated power per squared rate, of penetrations and of internal states, N s/m."""
+        c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
+        of_states = c.arrays.losses[c.owner, self.phases[c.owner], c.column - INTERNAL]
+        return np.concatenate([c.arrays.lost[every, self.phases, RATE], of_states])
+
+    @cached_property
+    def dissipation(self) -> tuple[Floats, Floats]:
+        """(m + r, V) dissipative forces in the contacts, N, and the rates on which they act, m/s; what events lose
+        comes on top."""
+        c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
+        moved = self.law[:, RATE].copy()
+        if c.pressed.size:  # the spring of a slider gives way
+            moved[c.pressed] -= c.pressing_stretches(self.phases)[:, None] * self.law[c.pressed, PRESSING_RATE]
+        forces = _products(c.arrays.lost[every, self.phases], self.law)
+        of_states = self.lost_by_rate[c.count :, None] * self.internal_rates
+        return np.vstack([forces, of_states]), np.vstack([moved, self.internal_rates])
+
+    @property
+    def sliding_speeds(self) -> Floats:
+        """(m, V) speeds at which the contacts slide, m/s; 0 of those that do not."""
+        c = self.equations.contacts
+        return np.asarray(c.slides(self.phases)[:, None] * self.dissipation[1][: c.count])
+
+
+def _products(rows: Floats, law: Any) -> Any:
+    """(k, V) of rows (k, C), each with what its own law depends on, (k, C, V)."""
+    return (rows[:, None, :] @ law)[:, 0]
 
 
 Key = tuple[str, str]  # section and quantity

@@ -28,9 +28,8 @@ from beamsim.structures.modes import closed_modes
 from beamsim.structures.reduction import receptance_bound
 from beamsim.structures.stations import Stations
 from beamsim.structures.structure import ReducedBasis, Structure
-from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.equations import Equations, PiecewiseLinearSystem, StateEquations
 from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads
-from beamsim.system.state_equations import Equations, StateEquations
 from beamsim.typing import Floats, Ints
 
 DIFFERENT = 1.3  # factor between damping ratios that are told apart

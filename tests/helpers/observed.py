@@ -7,8 +7,7 @@ import numpy as np
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.results.values import ACCELERATION
-from beamsim.system.equations import Sizes
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf, Sizes
 from beamsim.system.structural import StructuralSystem
 
 

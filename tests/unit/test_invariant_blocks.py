@@ -12,7 +12,7 @@ from beamsim.flow.sources import compile_sources
 from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
-from beamsim.system.state_equations import Equations
+from beamsim.system.equations import Equations
 
 pytestmark = pytest.mark.quick
 

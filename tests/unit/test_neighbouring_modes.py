@@ -11,8 +11,7 @@ from beamsim.contacts.pads import no_tension
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
 from beamsim.inputs.signal import Signal
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.system.state_equations import StateEquations
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem, StateEquations
 
 N, M = 40, 6
 

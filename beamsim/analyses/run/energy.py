@@ -14,8 +14,7 @@ import numpy as np
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import NOT_FINITE, Trajectory, not_finite
 from beamsim.outcomes import Outcome, OutcomeKind
-from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Floats, Ints
 
 PowerFactors = tuple[RowsOf, RowsOf, Floats]  # left and right factors of powers, and weights of their products

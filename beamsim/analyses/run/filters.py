@@ -46,7 +46,7 @@ from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints, not_none
 

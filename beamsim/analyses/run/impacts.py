@@ -31,7 +31,7 @@ from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.outcomes import Stop
 from beamsim.scenario.connections import FrictionBase, OfHinge
 from beamsim.signals.rainflow import distinct_cycles, reversals
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf
 from beamsim.system.structural import SnubberInfo, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none
 

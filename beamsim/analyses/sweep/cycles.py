@@ -15,7 +15,7 @@ from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.outcomes import Outcome, OutcomeKind, Where, together
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out

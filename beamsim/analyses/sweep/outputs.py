@@ -28,8 +28,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
-from beamsim.system.equations import Channel, ChannelSet, Key
-from beamsim.system.state_equations import RowsOf, StateEquations
+from beamsim.system.equations import Channel, ChannelSet, Key, RowsOf, StateEquations
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 

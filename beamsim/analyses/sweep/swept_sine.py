@@ -38,8 +38,7 @@ from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quan
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
 from beamsim.signals.aliasing import between_samples, share_above_half_rate
-from beamsim.system.equations import Forcing
-from beamsim.system.state_equations import RowsOf
+from beamsim.system.equations import Forcing, RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
