@@ -322,17 +322,33 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     if together.size or general:
         some = _UndampedModes(omega2[together], psi[:, together], stretch[:, together], d[np.ix_(together, together)])
         modes = modes.joined(_coupled_modes(equations, acting, some, window, across if general else None))
-    if across is not None and not general:  # at rest, whatever their values
-        # a unit of them leaves the others in equilibrium
-        pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
-        compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
-        moved = (psi * compliance) @ (psi.T @ pushed)
-        about, rest = np.eye(N), np.eye(N, n) @ across
-        about[:n, :n] += moved @ across.T
-        right, left = np.eye(N, n) @ (across - moved), rest.T
-        at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(across.shape[1], complex))
-        modes = modes.placed(np.eye(N), about).joined(BlockForm(at_rest, []))
-    return modes
+    if across is None or general:
+        return modes
+    return _joined_with_rest(modes, equations, acting, (omega2, psi), across)
+
+
+def _joined_with_rest(
+    modes: BlockForm, equations: StateEquations, acting: _Acting, undamped: tuple[Floats, Floats], across: Floats
+) -> BlockForm:
+    """Modes, joined by those of motions that contacts hold at rest, whatever the values of these.
+
+    Parameters
+    ----------
+    modes : of the other motions.
+    equations, acting : of the contact state, and its contacts.
+    undamped : squared frequencies (e,) and shapes (n, e) of the other motions.
+    across : (n, c) motions that are held; a unit of them leaves the others in equilibrium.
+    """
+    system, (omega2, psi) = equations.equations.system, undamped
+    n, N = system.size, equations.equations.states
+    pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
+    compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
+    moved = (psi * compliance) @ (psi.T @ pushed)
+    about, rest = np.eye(N), np.eye(N, n) @ across
+    about[:n, :n] += moved @ across.T
+    right, left = np.eye(N, n) @ (across - moved), rest.T
+    at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(across.shape[1], complex))
+    return modes.placed(np.eye(N), about).joined(BlockForm(at_rest, []))
 
 
 def _coupled_modes(

@@ -189,18 +189,23 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     Xi = np.empty((lam.size, 2 * n), dtype=complex)
     Xi[:, :n] = -other[:, None] * shapes[:, mode].T
     Xi[:, n:] = shapes[:, mode].T
-    blocks = []
-    for i in np.flatnonzero(~separate):
-        unit = max(float(scale[i]), 1.0 / window) if np.isfinite(window) else float(scale[i]) or 1.0
-        right = np.zeros((2 * n, 2), dtype=complex)
-        right[:n, 0] = shapes[:, i] / unit
-        right[n:, 1] = shapes[:, i]
-        left = np.zeros((2, 2 * n), dtype=complex)
-        left[0, :n] = shapes[:, i] * unit
-        left[1, n:] = shapes[:, i]
-        matrix = np.array([[0.0, unit], [-omega_squared[i] / unit, -damping[i]]], dtype=complex)
-        blocks.append(Block(right, left, matrix, complex(-half[i]), 1.0))
+    blocks = [
+        _second_order_block(
+            shapes[:, i], float(omega_squared[i]), float(damping[i]), max(float(scale[i]), 1.0 / window)
+        )
+        for i in np.flatnonzero(~separate)
+    ]
     return BlockForm(SimpleModes(X, Xi, lam), blocks)
+
+
+def _second_order_block(shape: Floats, omega_squared: float, damping: float, rate: float) -> Block:
+    """The block of a mode (n,) whose two eigenvalues are not separate; rate is its own, 1/s, 0 where it has none."""
+    n, unit = shape.size, rate or 1.0
+    right, left = np.zeros((2 * n, 2), dtype=complex), np.zeros((2, 2 * n), dtype=complex)
+    right[:n, 0], right[n:, 1] = shape / unit, shape
+    left[0, :n], left[1, n:] = shape * unit, shape
+    matrix = np.array([[0.0, unit], [-omega_squared / unit, -damping]], dtype=complex)
+    return Block(right, left, matrix, complex(-0.5 * damping), 1.0)
 
 
 def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], Floats] | None = None) -> BlockForm:
