@@ -30,9 +30,13 @@ from beamsim.store.results import kind_of, stored_result
 def identify(given: Given) -> None:
     """Find stiffness and damping of stops from tests."""
     scenario, target = prepared("identify-stiffness", given)
+    settings = scenario.identify_stiffness
+    has_tests = settings is not None and settings.nonlinear is not None
     concluded(
         "identify-stiffness", target, given,
-        lambda progress, stop: identify_stiffness(scenario, read_tests(scenario, given.case.parent), progress, stop),
+        lambda progress, stop: identify_stiffness(
+            scenario, read_tests(scenario, given.case.parent) if has_tests else (), progress, stop
+        ),
         f"identifying {given.case.name}",
     )  # fmt: skip
 

@@ -26,12 +26,13 @@ from beamsim.scenario.base import (
     unknown,
 )
 from beamsim.scenario.body import Ratios
+from beamsim.scenario.connections import HingeStop
 from beamsim.scenario.excitation import Excitation, FrequencyRange, Harmonic, level_problems, not_harmonic
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.parameters import choices_at, each_once, find_parameters, in_metres, read_as, side_at, value_at
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import Start
-from beamsim.scenario.sweep import no_stop_of_hinge, stops_of_hinges
+from beamsim.scenario.sweep import no_stop_of_hinge
 
 Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]
 
@@ -442,10 +443,10 @@ class IdentifyStiffness(Schema):
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A snubber and numbers that there are not, bounds that make no sense, levels in a unit of something else."""
-        snubbers = (snubber.name for snubber in scenario.all_snubbers)
+        snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
         where = (*at, "snubber")
         yield from unknown(where, self.snubber, "snubber", snubbers, "give the snubber in snubbers")
-        if self.snubber in stops_of_hinges(scenario):
+        if isinstance(snubbers.get(self.snubber), HingeStop):
             yield from no_stop_of_hinge(where, self.snubber)
         if self.parameter_uncertainty:
             uncertain = (*at, "parameter_uncertainty")

@@ -69,7 +69,7 @@ def value_at(scenario: Whole, place: Path) -> Any:
     value: Any = scenario
     for part in place:
         value = _inside(value, part)
-    return in_metres(scenario, place, value)
+    return in_metres(scenario, place, value) if isinstance(value, Share) else value
 
 
 def in_metres(scenario: Whole, place: Path, value: Any) -> Any:
@@ -139,25 +139,34 @@ def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
     ScenarioError
         If a field does not accept its value.
     """
-    return replaced(scenario, {place: _as_read(scenario, place, value) for place, value in values.items()})
+    read: dict[Path, object] = {}
+    for place, value in values.items():
+        read[place] = value
+        if isinstance(value, Schema) or field_type_at(scenario, place) is None:
+            continue  # parts, words and plain flags as they are
+        try:
+            read[place] = number = read_as(scenario, place, value)
+        except Unfit as error:
+            raise ScenarioError(error.problem(place)) from None
+        if isinstance(number, LevelValue):
+            read[place] = LevelValue(number, meant(number) or meant(value_at(scenario, place)))
+    return replaced(scenario, read)
 
 
 def replaced(part: Part, values: Mapping[Path, object]) -> Part:
     """The same scenario, or part, with other values at these places, which may be a little outside of their bounds."""
     for place, value in values.items():
-        part = _replaced(part, place, value)
+        owners: list[Any] = [part]
+        for key in place[:-1]:
+            owners.append(_inside(owners[-1], key))
+        inner: Any = value
+        for owner, key in zip(reversed(owners), reversed(place), strict=True):
+            if isinstance(owner, tuple):
+                inner = tuple(inner if index == key else item for index, item in enumerate(owner))
+            else:
+                inner = {**owner, key: inner} if isinstance(owner, dict) else owner.model_copy(update={str(key): inner})
+        part = inner
     return part
-
-
-def _as_read(scenario: Whole, place: Path, value: object) -> object:
-    """A value as the field at a place reads it; parts, words and plain flags as they are."""
-    if isinstance(value, Schema) or field_type_at(scenario, place) is None:
-        return value
-    try:
-        read = read_as(scenario, place, value)
-    except Unfit as error:
-        raise ScenarioError(error.problem(place)) from None
-    return LevelValue(read, meant(read) or meant(value_at(scenario, place))) if isinstance(read, LevelValue) else read
 
 
 def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
@@ -199,12 +208,9 @@ def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
     if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
         return ()
-    words = words_of(_field(value_at(scenario, place[:-1]), place[-1]).annotation)
+    owner = type(value_at(scenario, place[:-1]))
+    words = words_of(owner.model_fields[owner.keys()[place[-1]]].annotation)
     return words if len(words) > 1 else ()
-
-
-def _field(owner: Schema, key: str) -> Any:
-    return type(owner).model_fields[type(owner).keys()[key]]
 
 
 def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
@@ -218,7 +224,7 @@ def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
 
 def field_type(owner: Schema, key: str, indices: Path = ()) -> FieldType | None:
     """What reads the value of a key of a section, or the number at these indices of it."""
-    field = _field(owner, key)
+    field = type(owner).model_fields[type(owner).keys()[key]]
     return next(_types(field.annotation, field.metadata, indices), None)
 
 
@@ -260,16 +266,6 @@ def _keys_below(value: Any) -> str:
     if isinstance(value, Schema):
         return f"continue with one of {', '.join(type(value).keys())}"
     return ""
-
-
-def _replaced(owner: Any, place: Path, value: object) -> Any:
-    part, rest = place[0], place[1:]
-    inner = _replaced(_inside(owner, part), rest, value) if rest else value
-    if isinstance(owner, tuple):
-        return tuple(inner if index == part else item for index, item in enumerate(owner))
-    if isinstance(owner, dict):
-        return {**owner, part: inner}
-    return owner.model_copy(update={part: inner})
 
 
 def dimension_at(scenario: Whole, place: Path) -> Dimension | None:

@@ -15,7 +15,7 @@ import copy
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -405,23 +405,8 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
     named, where = root.pop("extends", None), root.marks.pop("extends", NOWHERE)
-    return root if named is None else _extended(root, named, where, folder, chain)
-
-
-def _without_keys(root: Any, file: str | None) -> Problem:
-    """That a document is empty, a list or a single value."""
-    if root is None:
-        message = "is empty" if file else "the scenario is empty"
-        return problem((), message, "beamsim new writes a template", (file, None))
-    what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
-    line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
-    return problem((), f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", (file, line))
-
-
-def _extended(
-    root: WrittenMapping, named: object, where: Mark, folder: FilePath, chain: tuple[FilePath, ...]
-) -> WrittenMapping:
-    """A document merged into the one that ``extends`` names, at a place of a file; the others see `resolve_extends`."""
+    if named is None:
+        return root
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
         raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", where))
@@ -442,6 +427,16 @@ def _extended(
     merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
     assert isinstance(merged, WrittenMapping)
     return merged
+
+
+def _without_keys(root: Any, file: str | None) -> Problem:
+    """That a document is empty, a list or a single value."""
+    if root is None:
+        message = "is empty" if file else "the scenario is empty"
+        return problem((), message, "beamsim new writes a template", (file, None))
+    what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
+    line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
+    return problem((), f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", (file, line))
 
 
 class _Inside(WrittenMapping):
@@ -477,17 +472,13 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
         merged[name] = merge(merged[name], item, name) if name in merged else item
         if item is None and name in base:
             del merged[name]
-    _drop_alternatives(merged, {name for name, item in over.items() if item is not None}, over.keys())
-    return merged
-
-
-def _drop_alternatives(keys: WrittenMapping, given: Collection[str], kept: Collection[str]) -> None:
-    """Take the inherited alternatives of given keys out of a mapping, apart from those to keep."""
-    for either in ALTERNATIVES:
-        chosen = [names for names in either if names & set(given)]
+    given = {name for name, item in over.items() if item is not None}
+    for either in ALTERNATIVES:  # those inherited make room for those given
+        chosen = [names for names in either if names & given]
         for names in either if chosen else ():
-            for name in names - set(kept) if names not in chosen else ():
-                keys.pop(name, None)
+            for name in names - over.keys() if names not in chosen else ():
+                merged.pop(name, None)
+    return merged
 
 
 _EXAMPLE = "write for example beam.thickness=4 mm, snubbers.tip.gap=0.1 mm or snubbers[0].gap=0.1 mm"
