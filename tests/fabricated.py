@@ -18,7 +18,7 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.structures.stations import ALONG, MASSES, Recovery, Stations
+from beamsim.structures.places import ALONG, MASSES, Recovery, Stations
 
 YAML = """\
 title: Fabricated, 65 Hz

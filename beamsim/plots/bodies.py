@@ -99,7 +99,7 @@ def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> None:
     number : of the mode, from 1.
     """
     stations = modes.stations
-    on = next(part for part in stations if part.body == body or len(stations.parts) == 1).stations
+    on = next(part for part in stations.parts if part.body == body or len(stations.parts) == 1).stations
     assert stations.across is not None
     title = f"mode {number}, {modes.open_frequencies_hz[number - 1]:.4g} Hz"
     plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)

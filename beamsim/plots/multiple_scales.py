@@ -14,7 +14,7 @@ from beamsim.plots.branches import UNSTABLE, BranchLine, branch_curves
 from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, legend
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import level_text
-from beamsim.structures.stations import Stations
+from beamsim.structures.places import Stations
 from beamsim.typing import Floats
 
 ROUND_OFF = 1e-14  # differences below it are not drawn

@@ -13,7 +13,7 @@ from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import HERTZ, RED, Chart, Curve, Picture, curve_style, marked
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
-from beamsim.structures.stations import Stations
+from beamsim.structures.places import Stations
 
 
 def _level_scale(result: PhaseResonanceResult) -> Scale:

@@ -16,8 +16,7 @@ from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import placed
 from beamsim.structures.assembly import site_in, snubber_site
-from beamsim.structures.places import Link, Place, Site, ends_of
-from beamsim.structures.stations import StationPart, Stations
+from beamsim.structures.places import Link, Place, Site, StationPart, Stations, ends_of
 from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats, Ints
 
@@ -65,13 +64,13 @@ class Sketch:
         self.scenario, self.stations, self.stops = scenario, stations, stops
         at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
         self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
-        rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations))
+        rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations.parts))
         for site in self.sites.values():  # the first of two places lies below the second
             low, high = ([at.group.get(place.body, place.body) for place in ends_of(site)] * 2)[:2]
             if low in rows and high in rows and rows.index(low) > rows.index(high):
                 rows.remove(low)
                 rows.insert(rows.index(high), low)
-        lengths = [float(np.ptp(self._across(part))) for part in stations if self._in_metres(part)]
+        lengths = [float(np.ptp(self._across(part))) for part in stations.parts if self._in_metres(part)]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
         self.rest = np.zeros(stations.position.size)
@@ -79,7 +78,7 @@ class Sketch:
             part.body: self._lines_of(
                 part, rows.index(at.group.get(part.body, part.body)), at.origin.get(part.body, 0.0)
             )
-            for part in stations
+            for part in stations.parts
         }
 
     def _in_metres(self, part: StationPart) -> bool:

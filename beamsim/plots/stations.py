@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from beamsim.plots.drawing import curve_style, finish, legend, with_unit
 from beamsim.plots.style import scale_for
-from beamsim.structures.stations import IN_PLANE, StationPart, Stations
+from beamsim.structures.places import IN_PLANE, StationPart, Stations
 from beamsim.typing import Floats
 
 
@@ -23,13 +23,13 @@ def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[
     scale = scale_for("m", *(shape for _, shape, _ in shapes))
     for k, (label, shape, style) in enumerate(shapes):
         drawn = {**curve_style(k), "markersize": 4, **style}
-        for part in stations:
+        for part in stations.parts:
             for name, x, y in _lines(stations, part, shape * scale.factor):
                 ax.plot(x, y, label=label, **({"marker": "" if part.axis.continuous else "o"} | drawn))
                 ax.annotate(name, (x[-1], y[-1]), fontsize="x-small", color="0.4")
                 label = "_nolegend_"
     names = []
-    for part in stations:
+    for part in stations.parts:
         x = stations.position[part.stations]
         unit = f" ({scale_for(part.axis.unit, x).unit})" if part.axis.continuous else ""
         names.append(part.axis.label + unit)

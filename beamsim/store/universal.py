@@ -29,8 +29,7 @@ from beamsim.files import replacing
 from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
-from beamsim.structures.places import DEFLECTION
-from beamsim.structures.stations import NODES, Stations
+from beamsim.structures.places import DEFLECTION, NODES, Stations
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats, Ints
 
@@ -89,7 +88,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     if not records:
         return []
     number = first + len(nodes) + np.arange(stations.position.size)
-    for part in stations:
+    for part in stations.parts:
         number[part.stations] = own.get(part.body, number[part.stations])
     points = np.concatenate([np.array([*nodes.values()], dtype=float).reshape(-1, 3), placed])
     numbers = np.concatenate([first + np.arange(len(nodes)), number])
@@ -106,7 +105,7 @@ def bodies_without_places(result: Any) -> list[str]:
     """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
     stations = _stations(result)
     placed = _placed(stations, _heights(stations))
-    lacking = [part.body for part in stations if not np.all(np.isfinite(placed[part.stations]))]
+    lacking = [part.body for part in stations.parts if not np.all(np.isfinite(placed[part.stations]))]
     return lacking if len(stations.parts) > 1 else list(result.scenario.all_bodies)[: len(lacking)]
 
 
@@ -118,19 +117,19 @@ def _stations(result: Any) -> Stations:
 
 def _heights(stations: Stations) -> dict[str, float]:
     """By body the z of its nodes, m; of imported bodies what is added to it."""
-    on_axes = [stations.position[part.stations] for part in stations if part.axis.continuous]
+    on_axes = [stations.position[part.stations] for part in stations.parts if part.axis.continuous]
     lengths = [np.ptp(x) for x in on_axes if x.size]
     if stations.points is not None:
         lengths += [np.ptp(of[np.isfinite(of)]) for of in stations.points.T if np.any(np.isfinite(of))]
     # 0.1: distance between bodies, of the longest
-    return {part.body: 0.1 * max(lengths, default=1.0) * k for k, part in enumerate(stations)}
+    return {part.body: 0.1 * max(lengths, default=1.0) * k for k, part in enumerate(stations.parts)}
 
 
 def _placed(stations: Stations, heights: dict[str, float]) -> Floats:
     """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
     y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
     placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
-    for part in stations:
+    for part in stations.parts:
         if part.axis is NODES:
             placed[part.stations] = np.nan if stations.points is None else stations.points[part.stations]
         placed[part.stations, 2] += heights[part.body]
@@ -149,7 +148,7 @@ def _nodes(
         part.body if several else "": dict(
             zip(stations.position[part.stations].astype(int).tolist(), placed[part.stations].tolist(), strict=True)
         )
-        for part in stations
+        for part in stations.parts
         if part.axis is NODES
     }
     located: list[tuple[str, Any, str]] = [("probe", p, scenario.default_body) for p in scenario.effective_probes]
@@ -173,7 +172,7 @@ def _nodes(
 def _own_numbers(stations: Stations) -> dict[str, Ints]:
     """By imported body the numbers of its nodes; raised by a power of ten where another has the same."""
     own: dict[str, Ints] = {}
-    for k, part in enumerate(part for part in stations if part.axis is NODES):
+    for k, part in enumerate(part for part in stations.parts if part.axis is NODES):
         numbers = stations.position[part.stations].astype(np.int64)
         if any(np.any(np.isin(numbers, other)) for other in own.values()):
             numbers = numbers + k * 10 ** len(str(int(max(np.max(stations.position), 1))))
@@ -186,7 +185,7 @@ def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> l
     modes: ModeTable = result.modes
     stations, several = modes.stations, len(modes.stations.parts) > 1
     lines = []
-    for k, part in enumerate(stations, 1):
+    for k, part in enumerate(stations.parts, 1):
         nodes = number[part.stations]
         # what joins the nodes of imported bodies is unknown: their line says only which body they are on
         through = [nodes[[i]] for i in range(nodes.size)] if part.axis is NODES else []
@@ -194,8 +193,8 @@ def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> l
             through = _lines(nodes, *placed[part.stations, :2].T)
         if several or part.axis is not NODES:
             lines.append(trace_lines(k, part.body, through))
-    along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations]
-    sizes = [part.stations.stop - part.stations.start for part in stations]
+    along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.parts]
+    sizes = [part.stations.stop - part.stations.start for part in stations.parts]
     direction = np.repeat(along, sizes).tolist()
     each = zip(modes.open_frequencies_hz, modes.damping_ratios, modes.shapes, strict=True)
     records = [

@@ -34,12 +34,12 @@ from beamsim.structures.places import (
     Link,
     LoadSite,
     Place,
+    Recovery,
     Site,
     ends_of,
     load_site_of,
     site_of,
 )
-from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, ReducedBasis, Structure
 from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats

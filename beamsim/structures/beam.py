@@ -27,9 +27,8 @@ from beamsim.structures.mesh import (
     shape_functions,
 )
 from beamsim.structures.named_matrices import DofTable, NamedDofs
-from beamsim.structures.places import DEFLECTION, SLOPE, BaseDirection, Distributed, Place, Site
+from beamsim.structures.places import ALONG, DEFLECTION, SLOPE, BaseDirection, Distributed, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.stations import ALONG, Recovery
 from beamsim.structures.structure import (
     Coupling,
     GivenField,

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, eye_array
 
 from beamsim.scenario.chain import Chain
-from beamsim.structures.places import DEFLECTION, BaseDirection, Distributed, Place, Site
-from beamsim.structures.stations import MASSES, Recovery
+from beamsim.structures.places import DEFLECTION, MASSES, BaseDirection, Distributed, Place, Recovery, Site
 from beamsim.structures.structure import (
     BodyStructure,
     Coupling,

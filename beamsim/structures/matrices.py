@@ -33,9 +33,8 @@ from beamsim.structures.named_matrices import (
     moves_freely,
     size_and_mass,
 )
-from beamsim.structures.places import UPWARDS, BaseDirection, Distributed, Place, Site
+from beamsim.structures.places import NODES, UPWARDS, BaseDirection, Distributed, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, Hold, MemberBody, ReducedBasis
 from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues
 from beamsim.typing import Floats, Ints

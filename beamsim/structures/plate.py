@@ -29,9 +29,8 @@ from beamsim.scenario.plate import PlateBody, Stiffener
 from beamsim.structures.beam import HELD
 from beamsim.structures.mesh import Mesh, MeshedBody, PlateMesh, graded_mesh, on_supports
 from beamsim.structures.named_matrices import DofTable, NamedDofs
-from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, BaseDirection, Place, Site
+from beamsim.structures.places import DEFLECTION, IN_PLANE, SLOPE, UPWARDS, BaseDirection, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.stations import IN_PLANE, Recovery
 from beamsim.structures.structure import Hold, MemberBody, ReducedBasis, UnitMotion
 from beamsim.typing import Bools, Floats
 

@@ -1,4 +1,4 @@
-r"""Modal reduction with residual-flexibility vectors, and the bound of its error.
+r"""Modal reduction with residual-flexibility vectors, the bound of its error, and damping in reduced coordinates.
 
 The basis has the lowest modes and, for each load pattern, the part of its static deflection that the kept modes
 do not represent. If the structure has rigid-body modes, this is the deflection of the free-flying structure in steady
@@ -17,21 +17,30 @@ receptance between two places is :math:`r_a^T (A - \omega^2)^{-1} r_b`, and ther
 \omega^2 / \Omega^2)` with :math:`N = \sqrt{r^T A^{-1} r}`; at one place it is at least :math:`N^2`. N is the norm of a
 strain, computed from a difference of static deflections and not from differences of sums.
 
-What damping adds is in docs/theory.md, section 4.
+What damping adds is in docs/theory.md, section 4. Damping of the open structure is the same in every contact state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
+from scipy.sparse.linalg import eigsh
 
-from beamsim.structures.damping import StatedDamping, stated_damping
 from beamsim.structures.modes import Modes, natural_modes, orient
 from beamsim.structures.places import BaseDirection, Place
-from beamsim.structures.structure import LoadPattern, Part, ReducedBasis, Structure, UnitMotion
+from beamsim.structures.structure import (
+    BodyStructure,
+    LoadPattern,
+    MemberBody,
+    Part,
+    ReducedBasis,
+    Structure,
+    UnitMotion,
+)
 from beamsim.structures.symmetric_lu import DENSE_COUNT, negative_eigenvalues
 from beamsim.typing import Complexes, Floats
 
@@ -482,3 +491,132 @@ def places_needed(
     defect = np.where(full > 0, (full - reduced) / np.where(full > 0, full, 1.0), 0.0)
     worst = int(np.argmax(defect))
     return [] if defect[worst] <= ACCURATE or places[worst] in known else [places[worst]]
+
+
+@dataclass(frozen=True)
+class StatedDamping:
+    """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
+
+    known: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
+    lowest: float  # modal ratio of the modes that a reduction leaves out: bounds
+    highest: float
+    on_coordinates: bool  # modal damping is defined for the reduced coordinates alone (composite modal damping)
+
+    def share_of(self, model: Structure, omega: float) -> float:
+        """A number c with C <= c K for the known damping C in all motion of frequencies beyond ``omega``, scaled.
+
+        Certified by a Sturm count; nan where round-off leaves that open.
+        """
+        norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
+        start = np.linspace(1.0, 2.0, model.size)
+        share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])
+        for _ in range(6):
+            if share <= 0 or negative_eigenvalues(share * norm - self.known) == 0:
+                return 2 * max(share, 0.0)  # K + omega^2 M <= 2 K in that motion
+            share *= 2
+        return np.nan
+
+
+def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
+    """What damps the full model, of which a basis keeps ``basis.modes`` modes."""
+    known: Any = None if model.damping is None else model.damping / (model.mass_scale * model.frequency_scale)
+    ratios = [_modal_ratios(member.body.stated_damping, model.size, model.size) for member in model.members]
+    for member in model.members:
+        if member.body.stated_damping is not None and member.body.stated_damping.kind == "rayleigh":
+            matrix = _rayleigh_damping(member)
+            known = matrix if known is None else known + matrix
+    left_out = np.concatenate([ratio[min(basis.modes, ratio.size - 1) :] for ratio in ratios])
+    equal = all(np.array_equal(ratio, ratios[0]) for ratio in ratios)
+    springs = any(coupling.stiffness for coupling in model.couplings)
+    composite = bool(np.any(ratios)) and (not equal or springs)
+    return StatedDamping(known, float(left_out.min()), float(left_out.max()), composite)
+
+
+def _rayleigh_damping(member: MemberBody) -> Any:
+    """(N, N) sparse scaled damping matrix of one body in its structure."""
+    body, frequency = member.body, member.whole.frequency_scale
+    of_mass, of_stiffness = body.stated_damping.factors
+    mass, stiffness = body.mass * member.mass_ratio, body.factor.T @ body.factor
+    matrix = mass * (of_mass / frequency) + stiffness * (member.stiffness_ratio * of_stiffness * frequency)
+    return member.expansion.T @ matrix @ member.expansion
+
+
+def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+    r"""(n, n) symmetric C, 1/s, of the reduced model of an open structure.
+
+    Parameters
+    ----------
+    structure, basis : the full model (stated damping, dashpots and viscous damping) and the reduced basis.
+    omega : (n,) physical angular frequencies of the coordinates, rad/s.
+
+    Returns
+    -------
+    (n, n) array
+        Block by block where nothing linear couples the parts.
+
+    Notes
+    -----
+    Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, counting rigid-body
+    modes (which are not damped); higher modes and static vectors have the last ratio. Of bodies that are joined the
+    ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates (their
+    sum with that of the joints' springs is diag(omega^2)),
+
+    .. math:: C_{ij} = \sum_b 2 \sqrt{\xi_{b,i} \xi_{b,j}}\, (E_b)_{ij} / \sqrt{\omega_i \omega_j},
+
+    so that a mode has the mean of its bodies' ratios, weighted by the share of its strain energy in each (composite
+    modal damping), and equal ratios give that ratio. The sum is positive semidefinite. Ratio i of a list belongs to
+    mode i of the joined structure. Springs of joints are not damped but by their dashpots. Rayleigh damping is that of
+    the body's own matrices, of one alone alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the
+    physical matrix.
+    """
+    if structure.parts:
+        whole = np.zeros((omega.size, omega.size))
+        for part, (reduced, columns) in zip(structure.parts, basis.blocks, strict=True):
+            whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
+        return whole
+    if isinstance(structure, BodyStructure):
+        stated = structure.stated_damping
+        c = np.diag(2 * _modal_ratios(stated, omega.size, basis.modes) * omega)
+        if stated is not None and stated.kind == "rayleigh":
+            of_mass, of_stiffness = stated.factors
+            c += np.diag(of_mass + of_stiffness * omega**2)
+    else:
+        c = _damping_of_joined_bodies(structure, basis, omega)
+    if structure.damping is not None:
+        c += basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
+    return np.asarray((c + c.T) / 2)
+
+
+def _damping_of_joined_bodies(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+    """(n, n) composite modal damping and Rayleigh damping of bodies, 1/s; see `reduced_damping`."""
+    root = np.sqrt(omega)
+    inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
+    ratios = [_modal_ratios(m.body.stated_damping, omega.size, basis.modes) for m in structure.members]
+    # The first body's ratio for everything, then the others' differences: equal ratios leave exact zeros.
+    common = np.sqrt(ratios[0])
+    c = np.diag(2 * ratios[0] * omega)
+    in_springs = np.diag(omega**2)
+    for member, ratio in zip(structure.members, ratios, strict=True):
+        fields = member.expansion @ basis.vectors
+        bent = np.asarray(member.body.factor @ fields)
+        moving = member.mass_ratio * (fields.T @ (member.body.mass @ fields))
+        energy = (bent.T @ bent) * (member.stiffness_ratio * structure.frequency_scale**2)
+        in_springs -= energy
+        weight = np.outer(np.sqrt(ratio), np.sqrt(ratio)) - np.outer(common, common)
+        c += 2 * weight * energy * np.outer(inverse, inverse)
+        stated = member.body.stated_damping
+        if stated is not None and stated.kind == "rayleigh":
+            of_mass, of_stiffness = stated.factors
+            c += of_mass * moving + of_stiffness * energy
+    if any(coupling.stiffness for coupling in structure.couplings):
+        c -= 2 * np.outer(common, common) * in_springs * np.outer(inverse, inverse)
+    return np.asarray(c)
+
+
+def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
+    """(size,) ratios of the coordinates, the first ``modes`` of which are modes; zeros without modal damping."""
+    if damping is None or damping.kind != "modal":
+        return np.zeros(size)
+    given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+    count = min(given.size, modes)
+    return np.pad(given[:count], (0, size - count), constant_values=given[-1])

@@ -24,11 +24,11 @@ from beamsim.structures.places import (
     Link,
     LoadSite,
     Place,
+    Recovery,
     Site,
     ends_of,
     signed_ends,
 )
-from beamsim.structures.stations import Recovery
 from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
 from beamsim.typing import Floats, Ints
 

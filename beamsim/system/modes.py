@@ -25,8 +25,8 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.body import Located
 from beamsim.structures.modes import closed_modes
+from beamsim.structures.places import Stations
 from beamsim.structures.reduction import receptance_bound
-from beamsim.structures.stations import Stations
 from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.system.equations import Equations, PiecewiseLinearSystem, StateEquations
 from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads

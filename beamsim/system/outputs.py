@@ -13,8 +13,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, problem
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Site
-from beamsim.structures.stations import Recovery
+from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Recovery, Site
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.parts import (

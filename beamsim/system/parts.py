@@ -27,7 +27,6 @@ from beamsim.scenario.body import MovedStop, MovedSupport, OnSupport
 from beamsim.scenario.excitation import One
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
-from beamsim.structures.damping import reduced_damping
 from beamsim.structures.places import (
     DEFLECTION,
     SLOPE,
@@ -37,11 +36,11 @@ from beamsim.structures.places import (
     Link,
     LoadSite,
     Place,
+    Recovery,
     Site,
     ends_of,
 )
-from beamsim.structures.reduction import reduce_model
-from beamsim.structures.stations import Recovery
+from beamsim.structures.reduction import reduce_model, reduced_damping
 from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats

@@ -17,8 +17,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputStatement
 from beamsim.scenario import Scenario
 from beamsim.structures.named_matrices import FileSummary
-from beamsim.structures.places import Place
-from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
+from beamsim.structures.places import Place, Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, SineLoads, Sizes
 from beamsim.system.modes import ModeTable, doubts, mode_table, undamped_modes
 from beamsim.system.parts import Parts

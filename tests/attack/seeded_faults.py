@@ -84,7 +84,7 @@ OF_PLACES = {
     "y is a share of the length": (BODY, "self.metres(position[1], 1)", "self.metres(position[1], 0)"),
     "nothing is beyond its body": (BODY, "        if x > side:\n", "        if x > 2.0 * side:\n"),
     "ends are where round-off puts them": (BODY, "return side if same_position(x, side) else x", "return x"),
-    "places are on the first body": (PLACES, "named_body = place.body or body", "named_body = next(iter(sections))"),
+    "places are on the first body": (PLACES, "name = place.body or body", "name = next(iter(sections))"),
     "parts that are loaded are of the first body": (
         PLACES,
         "(sections[body].point(end) for end in ends)",

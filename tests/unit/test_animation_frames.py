@@ -134,5 +134,5 @@ def test_a_contact_is_drawn_with_the_supports_where_they_are():
             "probes": [{"name": "middle", "at": {"body": "pipe", "position": 0.45}}], "run": PIPE["run"]}  # fmt: skip
     result = beamsim.run(load_scenario(case))
     shape = result.contact.deflection(result.modes)
-    part = next(each.stations for each in result.modes.stations if each.body == "pipe")
+    part = next(each.stations for each in result.modes.stations.parts if each.body == "pipe")
     assert shape[part][[0, -1]] == pytest.approx(ends_of_pipe(np.array(result.contact.time)), abs=1e-9)

@@ -30,7 +30,7 @@ from beamsim.fields import (
 from beamsim.outcomes import Outcome
 from beamsim.results.branch import ModeBranch, OrbitMotion
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
-from beamsim.structures.stations import Stations
+from beamsim.structures.places import Stations
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 

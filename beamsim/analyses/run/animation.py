@@ -23,8 +23,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.signals.aliasing import between_samples
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import Place, Site, ends_of
-from beamsim.structures.stations import IN_PLANE, StationPart, Stations
+from beamsim.structures.places import IN_PLANE, Place, Site, StationPart, Stations, ends_of
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
@@ -133,7 +132,7 @@ def frames_at(
     Frames
     """
     (times, slow), scenario, parts = instants, system.scenario, system.parts
-    lines = tuple(line for part in system.stations for line in _lines_of(system.stations, part, scenario))
+    lines = tuple(line for part in system.stations.parts for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     of_lines = [parts.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
     at_stops = parts.shapes([end for site in sites.values() for end in ends_of(site)])
@@ -197,7 +196,7 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: OrbitMo
         return np.array([np.interp(times, motion.time, column) for column in values.T]).T
 
     lines, columns = [], []
-    for part in stations:
+    for part in stations.parts:
         numbers = np.arange(part.stations.start, part.stations.stop)
         across = None if part.axis is not IN_PLANE or stations.across is None else stations.across[part.stations]
         rows = [numbers[across == y] for y in np.unique(across)] if across is not None else [numbers]

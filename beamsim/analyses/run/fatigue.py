@@ -21,7 +21,7 @@ from beamsim.outcomes import Interrupted, Stop
 from beamsim.results.values import STRESS, Extreme
 from beamsim.scenario.run import StressLife
 from beamsim.signals.rainflow import damage, distinct_cycles, equivalent_range, reversals
-from beamsim.structures.stations import COMPONENTS
+from beamsim.structures.places import COMPONENTS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
@@ -48,7 +48,7 @@ class PlateStress(ChunkObserver):
         self._parts = dict[str, slice]()
         if stress is not None:
             alone = len(stress.stations.parts) == 1
-            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations}
+            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations.parts}
             self._parts = {name: stations for name, stations in named.items() if name in plates}
         self._squares = {
             name: np.zeros((part.stop - part.start) // len(COMPONENTS)) for name, part in self._parts.items()

@@ -50,7 +50,7 @@ from beamsim.results.values import (
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
-from beamsim.structures.stations import COMPONENTS
+from beamsim.structures.places import COMPONENTS
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
