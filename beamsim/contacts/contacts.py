@@ -285,8 +285,6 @@ class Contacts:
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:
         """The phases from which the search starts, with ``start`` (m,) of the contacts that a touching one presses."""
-        if not self.pressed.size:
-            return phases
         phases, touches = phases.copy(), self.touching(phases)
         for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
             released = self.laws[j].phases[start[j]].otherwise

@@ -113,20 +113,29 @@ def find_equilibrium(
     shape[:, :rigid][nodes[:, :rigid]] = 0.0
     load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)
-    q, force = np.zeros(stiffness.size), np.zeros(springs.stiffness.size)
+    found = np.zeros(stiffness.size), np.zeros(springs.stiffness.size)
+    nothing = np.full(springs.stiffness.size, np.nan)
     if load.any() or np.any(springs.gap < 0.0):  # else it stays where it is drawn
-        bounded, nothing = not energy.softens and not cubic.count, np.full(force.size, np.nan)
-        if bounded and rigid and not _balanced(energy.normal[:, :rigid], load[:rigid]):
+        reached = _reached(energy, rigid)
+        if reached is None:
             return Equilibrium(None, nothing, UNBALANCED)
-        q = _minimum(energy)
-        if not energy.is_least(q):
-            if bounded:
-                raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
-            return Equilibrium(None, nothing, UNBALANCED)
-        q, force = _refined(energy, q)
-    if (rigid or energy.softens) and not _unique(energy, q, force):  # else every motion meets a stiffness
-        return Equilibrium(None, np.full(force.size, np.nan), FLOATS, q)
-    return Equilibrium(q, force)
+        found = reached
+    if (rigid or energy.softens) and not _unique(energy, *found):  # else every motion meets a stiffness
+        return Equilibrium(None, nothing, FLOATS, found[0])
+    return Equilibrium(*found)
+
+
+def _reached(energy: _Energy, rigid: int) -> tuple[Floats, Floats] | None:
+    """Coordinates (n,) and forces of springs (m,) at the minimum of an energy; None where it has none."""
+    bounded = not energy.softens and not energy.cubic.count
+    if bounded and rigid and not _balanced(energy.normal[:, :rigid], energy.load[:rigid]):
+        return None
+    q = _minimum(energy)
+    if energy.is_least(q):
+        return _refined(energy, q)
+    if bounded:
+        raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
+    return None
 
 
 def _minimum(energy: _Energy) -> Floats:

@@ -430,22 +430,11 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     >>> [phase.name for phase in kelvin_voigt(1e5, 10.0).phases]
     ['open', 'closed']
     """
-    return ContactLaw(
-        (
-            Phase("open", (Guard(1, LawRow(penetration=-1.0)),), touching=False),
-            Phase(
-                "closed",
-                (Guard(0, DEPTH),),
-                touching=True,
-                springs=(LawSpring(stiffness, DEPTH),),
-                lost=LawRow(rate=dashpot),
-            ),
-        ),
-        parts=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
-        stiffness=stiffness,
-        dashpot=dashpot,
-        family=kelvin_voigt,
-    )
+    spring, lost = LawSpring(stiffness, DEPTH), LawRow(rate=dashpot)
+    opened = Phase("open", (Guard(1, LawRow(penetration=-1.0)),), touching=False)
+    closed = Phase("closed", (Guard(0, DEPTH),), touching=True, springs=(spring,), lost=lost)
+    parts = (OneSidedSpring(1.0, stiffness, dashpot, 0.0),)
+    return ContactLaw((opened, closed), parts=parts, stiffness=stiffness, dashpot=dashpot, family=kelvin_voigt)
 
 
 @lru_cache(maxsize=1024)

@@ -394,7 +394,7 @@ class ExactFlow:
         contacts, n, every = self.system.contacts, self.system.size, np.arange(self.system.contacts.count)
         rate = self.equations.penetrations
         start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
-        phases, before = contacts.pressed_at_start(start, start), None
+        phases, before = contacts.pressed_at_start(start, start) if contacts.pressed.size else start, None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
         inputs = (given * self.sources.derivatives_at_start[:2]).real.ravel()

@@ -186,14 +186,12 @@ class StructuralSystem:
 def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     channels = []
     for probe, base_influence in zip(system.probes, system.base_influence, strict=True):
+        acceleration = sizes.rows(1, acceleration=probe.shape, base_acceleration=base_influence)
         channels += [
             Channel("probes", probe.name, "displacement", "m", sizes.rows(1, displacement=probe.shape)),
             Channel("probes", probe.name, "velocity", "m/s", sizes.rows(1, velocity=probe.shape)),
-            Channel(
-                "probes", probe.name, "absolute_acceleration", "m/s^2",
-                sizes.rows(1, acceleration=probe.shape, base_acceleration=base_influence),
-            ),
-        ]  # fmt: skip
+            Channel("probes", probe.name, "absolute_acceleration", "m/s^2", acceleration),
+        ]
     return channels
 
 

@@ -12,7 +12,7 @@ from beamsim.flow.sources import compile_sources
 from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
-from beamsim.system.equations import Equations
+from beamsim.system.equations import Equations, StateEquations
 
 pytestmark = pytest.mark.quick
 
@@ -171,7 +171,8 @@ def test_low_frequencies_do_not_take_the_round_off_of_high_ones(make_system, no_
     """Continuation in a contact's numbers needs motions that are smooth in them to its tolerance of 1e-11."""
     omega, shape, k = np.geomspace(1.0, 1e4, 15), np.random.default_rng(1).normal(size=15), 3.0
     system = make_system(omega, 1e-3 * np.ones(15), shape=shape[None], stiffness=k, gap=0.0, sign=1.0)
-    modes = ContactState.of(Equations.unloaded(system).at(np.array([1])), compile_sources(()), 60.0).modes
+    closed = StateEquations(Equations(system), np.array([1]))
+    modes = ContactState.of(closed, compile_sources(()), 60.0).modes
     # the largest eigenvalue of the compliance (Sherman and Morrison) has all digits
     compliance = np.diag(omega**-2) - np.outer(shape / omega**2, shape / omega**2) * k / (1 + k * shape**2 @ omega**-2)
     expected = np.linalg.eigvalsh(compliance)[-1] ** -0.5
