@@ -9,6 +9,7 @@ summaries of all kinds; `motions`, `branches`, `studies` and `measured` have the
 from __future__ import annotations
 
 import gc
+import io
 import logging
 import os
 import signal
@@ -32,7 +33,7 @@ def main() -> None:
         os.environ.setdefault(library, "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
     os.environ["MPLBACKEND"] = "agg"  # nothing is shown on a screen, and an unknown backend would stop the import
-    open_closed_streams()
+    prepare_streams()
     if obstacle := unusable_surroundings():
         print(f"beamsim: {obstacle}", file=sys.stderr)
         sys.exit(2)
@@ -41,25 +42,13 @@ def main() -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed
 
     signal.signal(signal.SIGTERM, stop)
-    show_notices()
     warnings.showwarning = show_warning
-    print_any_text(sys.stdout, sys.stderr)
     try:
         from beamsim.cli.app import app
 
         app(prog_name="beamsim")
     except KeyboardInterrupt:
         sys.exit(130)
-
-
-def show_notices() -> None:
-    """Print on standard error what the package logs, one line each."""
-    logger = logging.getLogger("beamsim")
-    if not logger.handlers:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("beamsim: %(message)s"))
-        logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
 
 
 def show_warning(
@@ -84,17 +73,12 @@ def show_warning(
     )
 
 
-def print_any_text(*streams: Any) -> None:
-    """Let streams escape characters that their encoding lacks; on Windows, use UTF-8, not the default there."""
-    for stream in streams:
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8" if sys.platform == "win32" else None, errors="backslashreplace")
+def prepare_streams() -> None:
+    """Make the standard streams ready for any text, and print on standard error what the package logs, a line each.
 
-
-def open_closed_streams() -> None:
-    """Open standard streams that the caller closed (``2>&-``) on the null device.
-
-    The next files that are opened would take their descriptors, and messages would be written into results.
+    Streams that the caller closed (``2>&-``) are opened on the null device: the next files that are opened would take
+    their descriptors, and messages would be written into results. Characters that an encoding lacks are escaped; on
+    Windows it is UTF-8, which is not the default there.
     """
     for descriptor in range(3):
         try:
@@ -104,6 +88,14 @@ def open_closed_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the end
+        if isinstance(stream := getattr(sys, name), io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8" if sys.platform == "win32" else None, errors="backslashreplace")
+    logger = logging.getLogger("beamsim")
+    if not logger.handlers:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("beamsim: %(message)s"))
+        logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
 
 
 def unusable_surroundings() -> str:

@@ -169,23 +169,25 @@ def with_exit_code(*, debug: bool) -> Iterator[None]:
             sys.stdout.flush()  # here, where a full disk can be reported
     except typer.Exit:
         raise
-    except SystemExit as end:
-        if end.code == ExitCode.TERMINATED:
+    except (Exception, KeyboardInterrupt, SystemExit) as raised:
+        raise _ended_by(raised, debug=debug) from None
+
+
+def _ended_by(raised: BaseException, *, debug: bool) -> BaseException:
+    """Say why a command ends, and return what ends it with its exit code."""
+    error = raised if isinstance(raised, SystemExit) else interruption_behind(raised) or raised
+    if isinstance(error, SystemExit):
+        if error is not raised or error.code == ExitCode.TERMINATED:
             say(NOTHING_INCOMPLETE)
-        raise
-    except (Exception, KeyboardInterrupt) as raised:
-        error = interruption_behind(raised) or raised
-        if isinstance(error, SystemExit):
-            say(NOTHING_INCOMPLETE)
-            raise error from None
-        if broken_pipe(error):
-            discard_output()
-            raise typer.Exit(ExitCode.BROKEN_PIPE) from None
-        if debug:
-            traceback.print_exception(error)
-        code, message = verdict(error)
-        say(message)
-        raise typer.Exit(code) from None
+        return error
+    if broken_pipe(error):
+        discard_output()
+        return typer.Exit(ExitCode.BROKEN_PIPE)
+    if debug:
+        traceback.print_exception(error)
+    code, message = verdict(error)
+    say(message)
+    return typer.Exit(code)
 
 
 STOPPING = "beamsim: stopping, and saving what was found; press again to stop at once without saving"

@@ -181,29 +181,47 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
 def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
     figures: dict[str, Picture] = {}
-    count = min(MOST_PANELS, result.modes.shapes.shape[0])
     bodies = result["bodies"].groups("station_body") if "bodies" in result.datasets else {}
     plates = {name: body for name, body in bodies.items() if "across" in body and np.isfinite(body["across"]).all()}
     if beams := [name for name in bodies if name not in plates]:
         figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
     for name, plate in plates.items():
-        suffix = "" if len(bodies) == 1 else f"_{name}"
-        least = 1e-9 * float(np.nanmax(np.abs(plate["extreme_shape"]), initial=0.0))  # less is round-off
-        shapes = [
-            partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
-            for shape, title in _shapes(result, plate)
-            if np.abs(shape).max() > least
-        ]
-        if shapes:
-            figures[f"plate_deflections{suffix}"] = Picture(result.title, shapes, columns=2, legend_below=True)
-        modes = [partial(plot_plate_mode, result.modes, body=name, number=k + 1) for k in range(count)]
-        figures[f"plate_modes{suffix}"] = Picture(result.title, modes, columns=2)
+        of_plate = plate_figures(result, name, plate)
+        figures |= {what if len(bodies) == 1 else f"{what}_{name}": picture for what, picture in of_plate.items()}
     if len(result.modes.stations.parts) > 1:
-        rows = _sketch(result).count
-        drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
-        size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
-        figures["assembly_modes"] = Picture(result.title, drawn, columns=2, size=size, legend_below=True)
-        if result.contact is not None:
-            plots, size = [partial(plot_assembly_contact, result)], (8.0, 1.6 + 1.4 * rows)
-            figures["assembly_contact"] = Picture(result.title, plots, size=size, legend_below=True)
+        figures |= assembly_figures(result)
+    return figures
+
+
+def plate_figures(result: RunResult, name: str, plate: Dataset) -> dict[str, Picture]:
+    """Deflections of a plate, where it has any, and its mode shapes.
+
+    Parameters
+    ----------
+    result : of the run.
+    name, plate : of the body, and its dataset.
+    """
+    figures: dict[str, Picture] = {}
+    least = 1e-9 * float(np.nanmax(np.abs(plate["extreme_shape"]), initial=0.0))  # less is round-off
+    shapes = [
+        partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
+        for shape, title in _shapes(result, plate)
+        if np.abs(shape).max() > least
+    ]
+    if shapes:
+        figures["plate_deflections"] = Picture(result.title, shapes, columns=2, legend_below=True)
+    count = min(MOST_PANELS, result.modes.shapes.shape[0])
+    modes = [partial(plot_plate_mode, result.modes, body=name, number=k + 1) for k in range(count)]
+    return figures | {"plate_modes": Picture(result.title, modes, columns=2)}
+
+
+def assembly_figures(result: RunResult) -> dict[str, Picture]:
+    """Mode shapes of several bodies, and their deflection at the largest contact force."""
+    rows, count = _sketch(result).count, min(MOST_PANELS, result.modes.shapes.shape[0])
+    drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
+    size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
+    figures = {"assembly_modes": Picture(result.title, drawn, columns=2, size=size, legend_below=True)}
+    if result.contact is not None:
+        plots, size = [partial(plot_assembly_contact, result)], (8.0, 1.6 + 1.4 * rows)
+        figures["assembly_contact"] = Picture(result.title, plots, size=size, legend_below=True)
     return figures

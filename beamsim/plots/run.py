@@ -15,6 +15,7 @@ from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
     Fatigue,
     Impacts,
+    MatchedSpectrum,
     Rainflow,
     RandomResponse,
     RunResult,
@@ -294,6 +295,46 @@ def shock_response(response: ShockResponse, note: str) -> Chart:
     return chart._replace(marks=limit_curves(drawn, f), y_ends=(low if squeezes else None, None))
 
 
+def matched_spectrum(matched: MatchedSpectrum) -> Chart:
+    """The shock response spectrum of a record that was made, over the one that was asked for."""
+    misfit, pale = matched.summary(), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
+    curves = [Curve("record", matched.frequency_hz, matched.reached)]
+    curve = Curve("curve asked for", matched.frequency_hz, matched.target, pale)
+    title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
+    up = (f"Peak acceleration, Q = {matched.quality:g}", "m/s^2")
+    across = ("Natural frequency of the oscillator", "Hz")
+    return Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)
+
+
+def friction_loops(result: RunResult, moved: Mapping[str, LabelledArray]) -> list[Chart]:
+    """Friction forces over displacements along the faces, and moments over angles: loops enclose the work lost.
+
+    Parameters
+    ----------
+    result : of the run.
+    moved : displacements by friction contact.
+    """
+    forces, charts = result["histories"].by_label("friction_force"), []
+    for unit, motion, label in _FRICTION:
+        loops = [
+            Curve(name, x.values[-MOST_STATES:], forces[name].values[-MOST_STATES:], {"linewidth": 0.8})
+            for name, x in moved.items()
+            if x.unit == unit
+        ]
+        if loops:
+            charts.append(Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, of="friction contacts"))
+    return charts
+
+
+def spring_forces(result: RunResult, forces: Mapping[str, LabelledArray]) -> Chart:
+    """Forces of springs, by name, over their stretch: those that relax draw loops."""
+    stretch = result["histories"].by_label("spring_stretch")
+    curves = [
+        Curve(name, stretch[name].values[-MOST_STATES:], force.values[-MOST_STATES:]) for name, force in forces.items()
+    ]
+    return Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")
+
+
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     """Histories of probes, snubbers and outputs, by picture."""
     limits, filtered = result.scenario.limits, result.low_pass_hz is not None
@@ -395,6 +436,13 @@ def transmissibility(response: RandomResponse) -> Chart:
     ]
     up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
     return Chart(_FREQUENCY, up, curves, log="xy", of="probes")
+
+
+def random_picture(result: RunResult, response: RandomResponse) -> Picture:
+    """Spectral densities and transmissibilities of the response to a random input."""
+    more = [transmissibility(response)] if has_transmissibility(response) else []
+    of_input = density(response, _doubts(result, "random", "values"))
+    return Picture(result.title, [of_input, *more, *force_densities(response)], sharex=True)
 
 
 def crossings(response: RandomResponse) -> Chart:
@@ -555,37 +603,18 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     forces = of_run.by_label("snubber_force").values()
     if units := dict.fromkeys(force.unit for force in forces if np.any(force.values)):
         panels["force_deflection"] = [force_deflection(result, unit) for unit in units]
-    for unit, motion, label in _FRICTION:
-        moved = {name: x for name, x in of_run.by_label("friction_displacement").items() if x.unit == unit}
-        friction = {name: of_run["friction_force"].sel(friction=name) for name in moved}
-        loops = [
-            Curve(name, x.values[-MOST_STATES:], friction[name].values[-MOST_STATES:], {"linewidth": 0.8})
-            for name, x in moved.items()
-        ]
-        if loops:  # which enclose the work that is lost
-            chart = Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, of="friction contacts")
-            panels.setdefault("friction", []).append(chart)
-    if springs := of_run.by_label("spring_force"):  # those that relax draw loops
-        stretch = of_run.by_label("spring_stretch")
-        curves = [
-            Curve(name, stretch[name].values[-MOST_STATES:], force.values[-MOST_STATES:])
-            for name, force in springs.items()
-        ]
-        panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]
+    if moved := of_run.by_label("friction_displacement"):
+        panels["friction"] = friction_loops(result, moved)
+    if springs := of_run.by_label("spring_force"):
+        panels["spring_force"] = [spring_forces(result, springs)]
     if result.spectra:
         panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(s.quantity for s in result.spectra.values())]
     if random is not None and random.level is not None:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:
         panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
-    if (matched := result.matched) is not None:
-        misfit, pale = matched.summary(), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
-        curves = [Curve("record", matched.frequency_hz, matched.reached)]
-        curve = Curve("curve asked for", matched.frequency_hz, matched.target, pale)
-        title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
-        up = (f"Peak acceleration, Q = {matched.quality:g}", "m/s^2")
-        across = ("Natural frequency of the oscillator", "Hz")
-        panels["matched_spectrum"] = [Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)]
+    if result.matched is not None:
+        panels["matched_spectrum"] = [matched_spectrum(result.matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
     if told := [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]:
         tornados = [partial(plot_tornado, result, response=name) for name in told]
@@ -598,10 +627,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if portraits:
         figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
     if random is not None:
-        more = [transmissibility(random)] if has_transmissibility(random) else []
-        note = _doubts(result, "random", "values")
-        panels_of_random = [density(random, note), *more, *force_densities(random)]
-        figures["random"] = Picture(result.title, panels_of_random, sharex=True)
+        figures["random"] = random_picture(result, random)
     if result.impacts is not None or result.fatigue:
         figures |= impact_figures(result)
     return figures | body_figures(result)

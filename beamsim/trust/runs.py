@@ -54,6 +54,7 @@ from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
+from beamsim.system.equations import ChannelSet
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
@@ -253,32 +254,15 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
     derived : spectra and statistics of the first.
     """
     diverged, end = divergence(first.events, second.events), min(first.events.end, second.events.end)
-    exact = first.motion.trajectory is not None
-    early, windows, times, after = None, list[Values](), DivergenceTimes(), tuple[str, ...]()
+    times, after, statistical = DivergenceTimes(), tuple[str, ...](), None
     if diverged < end:
-        if exact:
-            early, windows = first.until(diverged), first.windows(diverged, end)
-            times = sensitivity(first.events, diverged, first.disturbed)
-        if times.sensitive or not exact:
-            after = tuple(_after(first, early, windows, derived))
-    scatter: Changes = {}
-    if first.motion.system.scenario.lasting and early is not None and second.motion.trajectory is not None:
-        later, parts = second.windows(diverged, end), derived.parts(WINDOWS)
-        before = relative_changes([early], [second.until(diverged)], whole=first.values)
-        changes = larger(before, relative_changes(windows, later))
-        scatter = relative_changes(windows, later, scatter=True)
-        one, other = (derived.again(m, parts) for m in (first, second))
-        changes |= relative_changes(one, other)
-        if parts > 1:
-            scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
+        times, after, statistical = _compared_after_divergence(first, second, derived, (diverged, end))
+    if statistical is not None:
+        changes, scatter = statistical
     else:
         changes = relative_changes([first.values], [second.values])
-        again = derived.again(second)
-        changes |= relative_changes([derived.reported()], again)
-        # how far statistics of the response that few peaks decide differ between records by chance
-        signals = () if derived.result.random is None else derived.result.random.signals
-        errors = {f"{s.name} {s.quantity} {key}": of for s in signals for key, of in sampling_errors(s).items()}
-        scatter = {"random": errors}
+        changes |= relative_changes([derived.reported()], derived.again(second))
+        scatter = {} if derived.result.random is None else derived.scatter()
     changes, lines = _with_lines(derived, changes)
     for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
         if isinstance(of_probes := changes.get(entry), dict):
@@ -295,6 +279,39 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         times,
         lines=lines,
     )
+
+
+def _compared_after_divergence(
+    first: Model, second: Model, derived: DerivedValues, rest: tuple[float, float]
+) -> tuple[DivergenceTimes, tuple[str, ...], tuple[Changes, Changes] | None]:
+    """What is known of two motions whose contact sequences diverge.
+
+    Parameters
+    ----------
+    first, second, derived : as of `_compared_models`.
+    rest : s, from where they diverge to the end of the shorter one.
+
+    Returns
+    -------
+    times, after : when disturbances diverge, and ``entry.place`` of what depends on the motion after that.
+    changes, scatter : of the values before, and of means of those after; None where nothing is stationary.
+    """
+    if first.motion.trajectory is None:
+        return DivergenceTimes(), tuple(_after(first, None, (), derived)), None
+    early, windows = first.until(rest[0]), first.windows(*rest)
+    times = sensitivity(first.events, rest[0], first.disturbed)
+    after = tuple(_after(first, early, windows, derived)) if times.sensitive else ()
+    if not first.motion.system.scenario.lasting or second.motion.trajectory is None:
+        return times, after, None
+    later, parts = second.windows(*rest), derived.parts(WINDOWS)
+    before = relative_changes([early], [second.until(rest[0])], whole=first.values)
+    changes = larger(before, relative_changes(windows, later))
+    scatter = relative_changes(windows, later, scatter=True)
+    one, other = (derived.again(model, parts) for model in (first, second))
+    changes |= relative_changes(one, other)
+    if parts > 1:
+        scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
+    return times, after, (changes, scatter)
 
 
 def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues) -> Convergence:
@@ -429,6 +446,11 @@ class DerivedValues:
             figures |= _of_shock(self.result.srs)
         return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
+    def scatter(self) -> Changes:
+        """How far statistics of the response that few peaks decide differ between records by chance."""
+        signals = not_none(self.result.random).signals
+        return {"random": {f"{s.name} {s.quantity} {key}": x for s in signals for key, x in sampling_errors(s).items()}}
+
     def again(self, model: Model, parts: int = 1) -> list[Values]:
         """The figures of the motion of another model.
 
@@ -474,10 +496,7 @@ class DerivedValues:
         s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         keys = [(channel.name, channel.quantity) for channel in channels.channels]
         if isinstance(motion, Histories):
-            inside = motion.time >= s.start_s * (1 - 1e-12)
-            rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
-            samples = np.hstack([motion.of(key)[inside] for key in channels.places])
-            yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
+            yield dict(zip(keys, _sampled(motion, s.start_s, channels), strict=True))
             return
         span = s.start_s, min(s.start_s + s.duration_s, motion.end)
         listed = max((line.frequency_hz for of in self.spectra.values() for line in of.lines), default=0.0)
@@ -506,6 +525,14 @@ class DerivedValues:
         for k in range(parts):
             statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
             yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
+
+
+def _sampled(motion: Histories, start_s: float, channels: ChannelSet) -> list[SampledRecord]:
+    """The records of channels from a time on, s."""
+    inside = motion.time >= start_s * (1 - 1e-12)
+    rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
+    samples = np.hstack([motion.of(key)[inside] for key in channels.places])
+    return [SampledRecord(motion.time[inside], x, rate) for x in samples.T]
 
 
 def _of_shock(shock: ShockResponse) -> Values:

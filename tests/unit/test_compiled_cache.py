@@ -54,8 +54,8 @@ def python(site, code, **environment):
 
 CALL = """
 import warnings
-from beamsim.cli import show_notices, show_warning
-show_notices()
+from beamsim.cli import prepare_streams, show_warning
+prepare_streams()
 warnings.showwarning = show_warning
 from beamsim.flow.two_kernels import f, g
 print(g(10), sum(g.stats.cache_hits.values()))

@@ -11,7 +11,7 @@ import pytest
 
 from beamsim import files
 from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.cli import print_any_text
+from beamsim.cli import prepare_streams
 from beamsim.cli.session import broken_pipe, discard_output, interruptible
 from beamsim.errors import ResultFileError
 from beamsim.parallel import default_workers
@@ -123,9 +123,11 @@ def test_a_signal_that_another_language_handles_is_left_alone(monkeypatch):
     assert not changed
 
 
-def test_streams_hold_every_character():
+def test_streams_hold_every_character(monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
-    print_any_text(stream, io.StringIO(), None)
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    prepare_streams()
     print("k ≥ 1 ∕ s, Größe, \ud800", file=stream, flush=True)
     written = stream.buffer.getvalue().decode(stream.encoding)
     assert r"\ud800" in written
