@@ -161,16 +161,20 @@ def _resolved(path: Path | str) -> Path:
                 part.stat()
         target.exists()
         return target
-    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other; later an OSError
-        raise ResultFileError(
-            f"cannot write {path}: its links lead back to each other; choose another path with -o"
-        ) from error
-    except ValueError as error:  # a NUL in it, or a character that the file system's encoding lacks
-        raise ResultFileError(
-            f"cannot write {str(path)!a}: no file can have this name; choose another path with -o"
-        ) from error
-    except OSError as error:
-        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+    except (RuntimeError, ValueError, OSError) as error:
+        raise _without_target(path, error) from error
+
+
+def _without_target(path: Path | str, error: Exception) -> ResultFileError:
+    """Why no file can be written to a path that cannot be followed."""
+    name, reason = str(path), str(error)
+    if isinstance(error, OSError):
+        reason = error.strerror or reason
+    elif isinstance(error, ValueError):  # a NUL in it, or a character that the file system's encoding lacks
+        name, reason = ascii(name), "no file can have this name"
+    else:  # RuntimeError of Python before 3.13; later it is an OSError
+        reason = "its links lead back to each other"
+    return ResultFileError(f"cannot write {name}: {reason}; choose another path with -o")
 
 
 # --- Writing ---------------------------------------------------------------------------------------------------------

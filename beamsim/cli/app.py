@@ -142,6 +142,16 @@ DecimalOption = Annotated[
 ]
 
 
+AgainstOption = Annotated[
+    str | None,
+    typer.Option(
+        "--against",
+        metavar="reference[:RTOL]",
+        help="Compare with the reference integrator, at a relative tolerance of 1e-8 or as given.",
+    ),
+]
+
+
 class ComparedMethod(StrEnum):
     """Methods of ``beamsim nnm --compare``."""
 
@@ -150,17 +160,7 @@ class ComparedMethod(StrEnum):
 
 
 @partial(command, file=Case, options=(*COMPUTING, "check"))
-def run(
-    given: Given,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            "--against",
-            metavar="reference[:RTOL]",
-            help="Compare with the reference integrator, at a relative tolerance of 1e-8 or as given.",
-        ),
-    ] = None,
-) -> None:
+def run(given: Given, against: AgainstOption = None) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli.conclusion import analysed
 
@@ -230,9 +230,7 @@ def nnm(
 
 
 @partial(command, file=Case, options=COMPUTING)
-def identify_stiffness(
-    given: Given,
-) -> None:
+def identify_stiffness(given: Given) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.comparisons import identify
 
@@ -489,10 +487,11 @@ def _version(show: bool) -> None:
         raise typer.Exit
 
 
+VersionOption = Annotated[
+    bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+]
+
+
 @app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
-    ] = False,
-) -> None:
+def _options(version: VersionOption = False) -> None:
     pass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
@@ -118,14 +118,19 @@ def conclude(
         signal = interrupted.signal if left_out else 0
         checked = result.summary.get("margins", {}) if given.check else {}
         code = exit_code(result.outcome, [item["verdict"] for item in checked.values()], signal)
-        if signal:
-            what = "partial" if result.outcome.interrupted else "whole"
-            text = f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
-            raise VerdictError(text, code)
-        if code:
-            what = "partial result" if result.outcome.cut_short else "result"
-            ended = [] if result.complete else [f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"]
-            raise VerdictError("; ".join([*ended, *limits_not_met(result.scenario, checked)]), code)
+        if signal or code:
+            unmet = [] if signal else limits_not_met(result.scenario, checked)
+            raise VerdictError("; ".join([*_ended(result, target, interrupted=bool(signal)), *unmet]), code)
+
+
+def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
+    """How the computation of a result ended, and where it is; nothing of a complete one."""
+    if interrupted:
+        what = "partial" if result.outcome.interrupted else "whole"
+        yield f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
+    elif not result.complete:
+        what = "partial result" if result.outcome.cut_short else "result"
+        yield f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"
 
 
 def analysed(

@@ -204,6 +204,19 @@ class Interruption:
         """Whether one was received."""
         return self.signal != 0
 
+    def request(self, number: int, _frame: FrameType | None) -> None:
+        """Take note of a signal.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If it is the second one.
+        """
+        self.at_once, self.signal = self.signal != 0, number
+        if self.at_once:
+            raise KeyboardInterrupt
+        say(STOPPING)
+
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
@@ -218,16 +231,9 @@ def interruptible() -> Iterator[Interruption]:
         if callable(handler := signal.getsignal(number)) or handler == signal.SIG_DFL
     }
 
-    def request(number: int, frame: FrameType | None) -> None:
-        interruption.at_once = interruption.signal != 0
-        interruption.signal = number
-        if interruption.at_once:
-            raise KeyboardInterrupt
-        say(STOPPING)
-
     try:
         for number in before:
-            signal.signal(number, request)
+            signal.signal(number, interruption.request)
         yield interruption
     except VerdictError:  # what was found is kept
         raise

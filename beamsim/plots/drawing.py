@@ -242,16 +242,21 @@ def draw(ax: Axes, chart: Chart) -> None:
         _plain_logarithmic(axis)
     finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
     ax.set_title(chart.title, fontsize="small", loc="left")
-    if chart.note:  # wrapped, as text wider than the panel would leave no room for the curves
-        ax.text(
-            0.99, 0.97, textwrap.fill(chart.note, 100),
-            transform=ax.transAxes, ha="right", va="top", fontsize="small", color="#a3263d",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-        )  # fmt: skip
+    if chart.note:
+        _write_note(ax, chart.note)
     left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
     legend(ax, left_out or chart.legend)
     if chart.names:
         _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
+
+
+def _write_note(ax: Axes, note: str) -> None:
+    """A doubt in the corner; wrapped, as text wider than the panel would leave no room for the curves."""
+    ax.text(
+        0.99, 0.97, textwrap.fill(note, 100),
+        transform=ax.transAxes, ha="right", va="top", fontsize="small", color="#a3263d",
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    )  # fmt: skip
 
 
 def thinned(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
@@ -333,17 +338,14 @@ def legend(ax: Axes, title: str = "") -> None:
     """
     labels = ax.get_legend_handles_labels()[1]
     if labels:
+        letters = max(map(len, labels)) + 6  # each 6 pixels wide; the mark before a label is as wide as 6 of them
+        columns = max(1, min(len(labels), int(ax.bbox.width / (6.0 * letters))))
         ax.legend(
             title=title or None, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small",
-            title_fontsize="small", borderaxespad=0.1, handlelength=2.6, ncols=_columns(labels, ax.bbox.width),
+            title_fontsize="small", borderaxespad=0.1, handlelength=2.6, ncols=columns,
         )  # fmt: skip
     elif title:
         ax.set_title(title, loc="right", fontsize="small")
-
-
-def _columns(labels: Sequence[str], width: float) -> int:
-    """Of a legend: letters are 6 pixels wide, and the mark before each label as 6 of them."""
-    return max(1, min(len(labels), int(width / (6.0 * (max(map(len, labels)) + 6)))))
 
 
 def _legend_below(figure: Figure) -> None:
@@ -355,9 +357,11 @@ def _legend_below(figure: Figure) -> None:
         if isinstance(mark, Line2D) and mark.get_marker() in _CARETS:
             mark.set_marker(_CARETS[mark.get_marker()])
     if shown:
+        letters = max(map(len, shown)) + 6  # as in `legend`
+        columns = max(1, min(len(shown), int(figure.bbox.width / (6.0 * letters))))
         figure.legend(
             list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",
-            ncols=_columns(list(shown), figure.bbox.width),
+            ncols=columns,
         )  # fmt: skip
 
 

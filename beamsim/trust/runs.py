@@ -224,7 +224,9 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     """
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
-    first, derived = Model(solution.motion), DerivedValues(solution.result)
+    probes = solution.result["histories"].labels("probe")
+    of_probes = {key: s for key, s in solution.result.spectra.items() if key[0] in probes}
+    first, derived = Model(solution.motion), DerivedValues(solution.result, of_probes)
     modes = first.motion.system.kept_modes
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -420,14 +422,11 @@ class DerivedValues:
     Parameters
     ----------
     result : of the run.
+    spectra : those of its probes, by probe and quantity.
     """
 
     result: RunResult
-
-    @cached_property
-    def spectra(self) -> dict[SpectrumKey, Spectrum]:
-        """Those of probes, by probe and quantity."""
-        return {key: s for key, s in self.result.spectra.items() if key[0] in self.result["histories"].labels("probe")}
+    spectra: Mapping[SpectrumKey, Spectrum]
 
     def reported(self) -> Values:
         """The figures as they are in the result."""
