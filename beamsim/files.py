@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cache
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -212,7 +211,8 @@ def temporary_file(path: Path | str) -> Iterator[Path]:
     folder = temporary.parent
     if sys.platform != "win32":  # which has no harmless way to ask for a process
         with suppress(OSError):  # what processes of this machine left that were killed
-            for abandoned in folder.glob(f".beamsim-{_machine()}-*-*.tmp"):
+            machine = temporary.name.split("-")[1]
+            for abandoned in folder.glob(f".beamsim-{machine}-*-*.tmp"):
                 process = abandoned.name.split("-")[2]
                 if process.isdecimal() and not _runs(int(process)):
                     _remove(abandoned)
@@ -306,15 +306,6 @@ def _with_second_name(path: Path) -> Path:
     raise AssertionError("numbers end")  # pragma: no cover
 
 
-@cache
-def _machine() -> str:
-    """An identifier of this machine, or this container, among those that write to the same folder."""
-    name = platform.node()
-    with suppress(OSError):  # process numbers are those of a container
-        name = f"{name} {os.readlink('/proc/self/ns/pid')}"
-    return sha256(name.encode()).hexdigest()[:12]
-
-
 def _runs(process: int) -> bool:
     """Whether a process of this machine exists."""
     try:
@@ -350,7 +341,11 @@ def check_writable(path: Path | str) -> Path:
         folder = folder.parent
     if not folder.is_dir():
         raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another path with -o")
-    probe = folder / f".beamsim-{_machine()}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
+    machine = platform.node()
+    with suppress(OSError):  # process numbers are those of a container
+        machine = f"{machine} {os.readlink('/proc/self/ns/pid')}"
+    name = sha256(machine.encode()).hexdigest()[:12]
+    probe = folder / f".beamsim-{name}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:

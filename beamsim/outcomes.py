@@ -16,7 +16,7 @@ returns what it has. What a kind of outcome comes to, a limit, and the exit code
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass, field, replace
 from enum import IntEnum, StrEnum
@@ -50,13 +50,13 @@ _REQUESTS = ContextVar("requests", default=_NOBODY)
 
 
 @contextmanager
-def asked_by(stop: Stop, *, at_once: bool = False) -> Iterator[None]:
+def asked_by(stop: Stop = never, *, at_once: bool = False) -> Iterator[None]:
     """Let ``stop`` ask what the block computes to end, besides those who ask the blocks around it.
 
     Parameters
     ----------
     stop : true once it is time.
-    at_once : whether `check_stop` may end the block; else only what polls `asked_to_stop` does.
+    at_once : whether `check_stop` may end the block, on any request; else only what polls `asked_to_stop` does.
     """
     around = _REQUESTS.get()
     outer = _REQUESTS.set(_Requests((*around.stops, stop), around.at_once or at_once))
@@ -64,11 +64,6 @@ def asked_by(stop: Stop, *, at_once: bool = False) -> Iterator[None]:
         yield
     finally:
         _REQUESTS.reset(outer)
-
-
-def stopped_by(stop: Stop = never) -> AbstractContextManager[None]:
-    """Let `check_stop` end the block, wherever it is called, as soon as ``stop`` or that of a block around is true."""
-    return asked_by(stop, at_once=True)
 
 
 def asked_to_stop() -> bool:
@@ -87,16 +82,17 @@ def check_stop() -> None:
     Raises
     ------
     Interrupted
-        If it is, within a block of `stopped_by`.
+        If it is, within a block of `asked_by` that may end at once.
 
-    >>> with stopped_by(never):
+    >>> with asked_by(never, at_once=True):
     ...     check_stop()
-    >>> with stopped_by(lambda: True):
+    >>> with asked_by(lambda: True, at_once=True):
     ...     check_stop()
     Traceback (most recent call last):
     beamsim.outcomes.Interrupted
     """
-    if _REQUESTS.get().at_once and asked_to_stop():
+    requests = _REQUESTS.get()
+    if requests.at_once and any(stop() for stop in requests.stops):
         raise Interrupted
 
 

@@ -97,20 +97,25 @@ def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
     first = _FIRST_UNIT.match(unit)
     if largest == 0.0 or first is None or first[0].partition("^")[0] not in _WITH_PREFIX:
         return Scale(1.0, unit)
-    if unit.startswith("kg"):  # not mkg but g
-        if largest >= 1.0:
-            return Scale(1.0, unit)
-        grams = scale_for(unit[1:], 1e3 * largest, digits=digits)
-        return Scale(1e3 * grams.factor, grams.unit)
-    if unit == "s":
-        for name, size, least in _LONG_TIMES:
-            if largest >= least * size:
-                return Scale(1.0 / size, name)
+    if unit == "s" or unit.startswith("kg"):
+        scale = _of_times_and_masses(unit, largest, digits)
+        if scale is not None:
+            return scale
     metres, power = unit.startswith("m"), int(first[1] or 1)
     allowed = [(prefix, size) for prefix, size in _PREFIXES if not (metres and size > 1.0)]
     smallest = 0.1 if metres else 1.0
     prefix, size = next((p for p in allowed if largest >= smallest * p[1] ** power), allowed[-1])
     return Scale(1.0 / size**power, prefix + unit)
+
+
+def _of_times_and_masses(unit: str, largest: float, digits: int) -> Scale | None:
+    """The scale of long times and of masses below 1 kg, which are grams; None of others, whose prefix is that of SI."""
+    if unit == "s":
+        return next((Scale(1.0 / size, name) for name, size, least in _LONG_TIMES if largest >= least * size), None)
+    if largest >= 1.0:
+        return Scale(1.0, unit)
+    grams = scale_for(unit[1:], 1e3 * largest, digits=digits)
+    return Scale(1e3 * grams.factor, grams.unit)
 
 
 def percent(share: float, digits: int = 3) -> str:

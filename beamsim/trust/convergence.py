@@ -54,18 +54,13 @@ def compared(summary: Mapping[str, Any]) -> Values:
     for name, value in summary.items():
         if isinstance(value, Sequence):
             values[name] = {str(k): float(x) for k, x in enumerate(value[:FREQUENCIES], 1)}
+        elif isinstance(value, Mapping):  # by place, of several curves by curve and place
+            curves = {curve: of for curve, of in value.items() if isinstance(of, Mapping)}
+            of_curves = {f"{curve} {place}": x for curve, of in curves.items() for place, x in of.items()}
+            values[name] = of_curves if curves else dict(value)
         else:
-            values[name] = dict(by_place(value)) if isinstance(value, Mapping) else float(value)
+            values[name] = float(value)
     return values
-
-
-def by_place(value: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Values by place; of several curves by curve and place."""
-    for name, each in value.items():
-        if isinstance(each, Mapping):
-            yield from by_place(each, f"{before}{name} ")
-        else:
-            yield f"{before}{name}", each
 
 
 def places(value: dict[str, float] | float) -> list[tuple[str, float]]:

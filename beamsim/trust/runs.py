@@ -46,7 +46,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, never, stopped_by
+from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, never
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.scenario import Scenario
@@ -193,7 +193,7 @@ def run(
         return result
     compare = convergence_of if solution.motion.compared_s is None else _of_first_part
     checked: Convergence | None = None
-    with suppress(Interrupted), stopped_by(stop):
+    with suppress(Interrupted), asked_by(stop, at_once=True):
         check_stop()
         checked = compare(solution, shared)
     if checked is None:

@@ -122,12 +122,16 @@ def test_a_long_motion_interrupted_anywhere_keeps_a_part_that_is_right(
 
 
 def test_blocks_end_on_request():
-    from beamsim.outcomes import Interrupted, check_stop, never, stopped_by
+    from beamsim.outcomes import Interrupted, asked_by, check_stop, never
 
     check_stop()  # nobody asks
-    with stopped_by(lambda: True), pytest.raises(Interrupted):
+    with asked_by(lambda: True, at_once=True), pytest.raises(Interrupted):
         check_stop()
-    with stopped_by(lambda: True), stopped_by(never), pytest.raises(Interrupted):  # of a block around
+    with (
+        asked_by(lambda: True, at_once=True),
+        asked_by(never, at_once=True),
+        pytest.raises(Interrupted),
+    ):  # of a block around
         check_stop()
     check_stop()
 
@@ -181,7 +185,6 @@ def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
         asked_by,
         asked_to_stop,
         check_stop,
-        stopped_by,
         until_asked,
     )
 
@@ -191,7 +194,7 @@ def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
         check_stop()
         assert list(until_asked("abc")) == ["a"]
         around = copy_context()
-        with stopped_by(), pytest.raises(Interrupted):
+        with asked_by(at_once=True), pytest.raises(Interrupted):
             check_stop()
     assert around.run(asked_to_stop)
     assert not asked_to_stop()

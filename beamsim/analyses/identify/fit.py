@@ -17,7 +17,7 @@ import numpy as np
 
 from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import Interrupted, asked_to_stop, stopped_by
+from beamsim.outcomes import Interrupted, asked_by, asked_to_stop
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import SoughtParameter, bounds_of
@@ -212,7 +212,7 @@ class Fit:
             If it is asked to stop before anything was evaluated.
         """
         try:
-            with stopped_by():
+            with asked_by(at_once=True):
                 return self._searched(start, held, tolerance)
         except Interrupted:
             if self._least is None:

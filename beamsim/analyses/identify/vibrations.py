@@ -55,10 +55,10 @@ from beamsim.outcomes import (
     Outcome,
     OutcomeKind,
     Progress,
+    asked_by,
     asked_to_stop,
     check_stop,
     interruption,
-    stopped_by,
     tell,
     together,
 )
@@ -498,7 +498,7 @@ class _Vibrations:
         fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
         there = self.last, self.compared
         try:
-            with stopped_by():
+            with asked_by(at_once=True):
                 check_stop()
                 jacobian = fit.jacobian(x)
                 self.residuals(x)

@@ -30,7 +30,7 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, never, stopped_by
+from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never
 from beamsim.responses.loads import exact_flow
 from beamsim.results.values import (
     ACCELERATION,
@@ -157,7 +157,7 @@ class Evaluation:
         compute, instead : the result.
         minor : whether it is noted only where nothing before it is left out.
         """
-        with suppress(Interrupted), stopped_by(self.stop):
+        with suppress(Interrupted), asked_by(self.stop, at_once=True):
             if not self.left_out:
                 check_stop()
                 return compute()
@@ -352,7 +352,7 @@ def exact_motion_of(
         for chunk in march.chunks():
             part = chunk
             try:
-                with stopped_by(overdue):
+                with asked_by(overdue, at_once=True):
                     found = values.computed(chunk)
             except Interrupted:
                 part, found = values.computed_of_beginning(chunk)

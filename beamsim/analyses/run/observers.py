@@ -14,7 +14,7 @@ from beamsim.analyses.run.energy import EnergyHistory, sampled_stored_energy, wo
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Stop, check_stop, stopped_by
+from beamsim.outcomes import Interrupted, Stop, asked_by, check_stop
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats
 
@@ -40,7 +40,7 @@ class ChunkObserver(ABC):
     def add(self, chunk: Trajectory) -> None:
         """Take the next chunk."""
         try:
-            with stopped_by(self._stop):
+            with asked_by(self._stop, at_once=True):
                 self.finish()
         except Interrupted:
             self._interrupted = True
@@ -122,7 +122,7 @@ class HistoryRecorder:
         if not self._ended:
             last = reached(chunk.end, self._times).size
             try:
-                with stopped_by(self._overdue):
+                with asked_by(self._overdue, at_once=True):
                     self.record(chunk, last)
             except Interrupted:
                 self._ended = True
