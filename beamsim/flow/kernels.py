@@ -260,12 +260,6 @@ class SearchWork(NamedTuple):
 
 
 @kernel
-def _make_search(guards):
-    """Work for the search among a number of guards."""
-    return SearchWork(np.empty((4, guards)), np.empty(guards), np.empty(guards))
-
-
-@kernel
 def _first_event(guards, work, H, begins, most):
     """The first event on [0, H].
 
@@ -323,44 +317,6 @@ def _noise(guards, out, j):
 
 
 @kernel
-def _tolerance(guards, out, floors, j):
-    """How far below zero a guard has an event: its noise, or its floor.
-
-    Parameters
-    ----------
-    guards, out, j : as for `_noise`.
-    floors : (g,) floors.
-
-    Returns
-    -------
-    float
-        In units of the guard.
-    """
-    return max(_noise(guards, out, j), floors[j])
-
-
-@kernel
-def _reach(guards, tau, H):
-    """As far as bounds on the curvature are to hold, s: a high power is bounded by its value at the far end.
-
-    After a first look as far as H, that is no further than twice tau.
-
-    Parameters
-    ----------
-    guards, tau, H : as for `_evaluate`.
-
-    Returns
-    -------
-    float
-    """
-    if tau > 0.0:
-        for b in range(guards.basis):
-            if guards.power[b] > 2:
-                return min(H, max(2.0 * tau, H / 64.0))
-    return H
-
-
-@kernel
 def _evaluate(guards, tau, H, out):
     """Value, slope, bound on the curvature over [tau, reach] and round-off of the guards into ``out``; returns reach.
 
@@ -382,7 +338,10 @@ def _evaluate(guards, tau, H, out):
     for j in range(count):
         values[j], slopes[j], bounds[j], noises[j] = 0.0, 0.0, 0.0, 0.0
     first_value, first_slope, first_bound, first_noise = 0.0, 0.0, 0.0, 0.0
-    reach = _reach(guards, tau, H)
+    reach = H  # a high power is bounded by its value at the far end: after the first look no further than twice tau
+    for b in range(guards.basis):
+        if tau > 0.0 and guards.power[b] > 2:
+            reach = min(H, max(2.0 * tau, H / 64.0))
     for b in range(guards.basis):
         lam, p = guards.exponent[b], guards.power[b]
         e = _exp(lam.real, lam.imag, tau)
@@ -471,7 +430,7 @@ def _next_step(guards, out, floors, tau, reach, longer):
     for j in range(guards.count):
         if j == guards.joining and put_below:
             break
-        tolerance = _tolerance(guards, out, floors, j)
+        tolerance = max(_noise(guards, out, j), floors[j])
         lifted = out[0, j] + 2.0 * tolerance
         if lifted < tolerance:
             low = lifted < -BELOW * tolerance
@@ -721,7 +680,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     position : Position of the motion.
     end : s.
     y : (N,) state, updated in place.
-    log : takes segments and events (see `beamsim.flow.transient.Log`), unless its size is zero.
+    log : takes segments and events (see `beamsim.flow.transient.Log`).
     most_evaluations : of the guards.
 
     Returns
@@ -738,13 +697,13 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     gamma, size, least = np.empty((B, most), dtype=np.complex128), np.empty((B, most)), np.empty(most)
-    basis, search = np.empty(B, dtype=np.complex128), _make_search(most)
-    logging, status = log.time.size > 0, DONE
-    n_seg, n_ev, n_eval = 0, 0, 0
+    basis = np.empty(B, dtype=np.complex128)
+    search = SearchWork(np.empty((4, most)), np.empty(most), np.empty(most))
+    status, n_seg, n_ev, n_eval = DONE, 0, 0, 0
     while waits or t < end:
         if not waits:
             piece, stop = _piece_at(inputs, piece, t, end)
-            if logging and (n_seg == log.time.size or n_ev == log.event_time.size):
+            if n_seg == log.time.size or n_ev == log.event_time.size:
                 status = FULL
                 break
             if n_eval > most_evaluations:
@@ -753,8 +712,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
             H = min(stop - t, tables.horizon[state])
             whole = stop - t <= H
             _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
-            if logging:
-                _log_segment(log, n_seg, t, state, piece, y)
+            _log_segment(log, n_seg, t, state, piece, y)
             nb, exponent, power = tables.n_basis[state], tables.exponent[state], tables.power[state]
             tau, hit = H, NO_EVENT
             if tables.n_guards[state] > 0:
@@ -769,8 +727,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
                     break
             _fill_basis(exponent, power, nb, tau, basis)
             _state_at(tables, state, zeta, basis, y)
-            if logging:
-                log.length[n_seg] = tau
+            log.length[n_seg] = tau
             n_seg += 1
             guard = hit
             if hit < 0:
@@ -783,8 +740,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
         if waits:
             status = NEED_STATE
             break
-        if logging:
-            _log_event(tables, log, n_ev, t, state, guard)
+        _log_event(tables, log, n_ev, t, state, guard)
         n_ev += 1
         state = following
     return status, t, piece, state, guard, n_seg, n_ev, n_eval

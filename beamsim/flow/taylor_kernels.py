@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel
-from beamsim.flow.kernels import EPS, NO_STEP, Guards, _first_event, _make_search
+from beamsim.flow.kernels import EPS, NO_STEP, Guards, SearchWork, _first_event
 
 ORDER = 26
 MOST_LOOKS = 1000  # of the search in a step, which is cut there
@@ -370,7 +370,7 @@ def carry_smooth(s, t, t_end, begins, motion, log):
     powers, exponents = np.arange(ORDER + 1), np.zeros(ORDER + 1, dtype=np.complex128)
     coefficient, size = np.zeros((ORDER + 1, m), dtype=np.complex128), np.zeros((ORDER + 1, m))
     guards = Guards(ORDER + 1, m, 0, exponents, powers, coefficient, size, np.zeros(m))
-    search = _make_search(m)
+    search = SearchWork(np.empty((4, m)), np.empty(m), np.empty(m))
     steps, events, stalled = 0, 0, 0
     while t < t_end:
         if steps == log.time.size or events == log.event_time.size:

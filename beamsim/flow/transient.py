@@ -36,7 +36,7 @@ class Log(NamedTuple):
 
     @classmethod
     def sized(cls, segments: int, size: int, most_events: int | None = None) -> Log:
-        """An empty log; with a size of zero nothing is kept.
+        """An empty log.
 
         Parameters
         ----------
