@@ -12,7 +12,7 @@ from beamsim.contacts.pads import ForceCurve
 from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
-from beamsim.scenario.scenario import large_deflections
+from beamsim.scenario.base import path_text
 from beamsim.system.force_tables import curves_of
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats
@@ -62,11 +62,18 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
     """
     if np.isnan(modes.damping_ratios).any():
         return []
-    peaks: dict[str, float] = {}
+    body_of = {probe.name: probe.place.body for probe in scenario.probes}
+    largest: dict[str, tuple[float, str]] = {}  # by body, with the probe
     for motion in motions:
         for probe, values in motion.items():
-            peaks[probe] = max(peaks.get(probe, 0.0), float(np.nanmax(values, initial=0.0)))
-    return large_deflections(scenario, peaks)
+            body, peak = body_of.get(probe) or scenario.default_body, float(np.nanmax(values, initial=0.0))
+            largest[body] = max(largest.get(body, (0.0, "")), (peak, probe))
+    return [
+        f"the largest displacement at {probe} = {peak:.3g} m is not small for {path_text(scenario.body_path(name))} "
+        f"(more than {allowed:.3g} m), and the theory does not hold: a unit such as mm or g may be wrong"
+        for name, (peak, probe) in largest.items()
+        if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
+    ]
 
 
 def line_warnings(inputs: Iterable[InputStatement], modes: ModeTable) -> list[str]:

@@ -206,11 +206,6 @@ class Driven(Input):
         return self.direction is not None and self.direction.startswith("r")
 
     @property
-    def axis_point(self) -> tuple[float, float, float]:
-        """A point on the axis of a rotation, m."""
-        return point_of(self.about)
-
-    @property
     def on_base(self) -> bool:
         """Whether the base moves (otherwise a force acts)."""
         return self.applied_to == "base"

@@ -16,7 +16,6 @@ from beamsim.scenario.excitation import (
     AtLeastTwo,
     ShockCurve,
     check_limit_curve,
-    point_of,
     sine_problems,
 )
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
@@ -107,11 +106,6 @@ class ReactionOutput(Output):
     about: About | None = None
     """Of the moment of the base, a point on its axis, m: a position along a beam, [x, y] of a plate, [x, y, z] of
     imported matrices; their origin by default."""
-
-    @property
-    def axis_point(self) -> tuple[float, float, float]:
-        """The point, m."""
-        return point_of(self.about)
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """What does not fit the base or a support; which supports a body has is known to its model."""

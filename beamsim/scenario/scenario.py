@@ -238,26 +238,6 @@ def profile_jumps(scenario: Scenario) -> Iterator[str]:
         yield from level_jumps(scenario, (key,), getattr(scenario, key))
 
 
-def large_deflections(scenario: Scenario, peaks: Mapping[str, float]) -> list[str]:
-    """A warning for each body whose computed deflection is beyond the theory of small ones.
-
-    Parameters
-    ----------
-    peaks : m, by probe, of a structure that cannot move as a rigid body.
-    """
-    bodies = {probe.name: probe.place.body for probe in scenario.probes}
-    largest: dict[str, tuple[float, str]] = {}
-    for probe, peak in peaks.items():
-        body = bodies.get(probe) or scenario.default_body
-        largest[body] = max(largest.get(body, (0.0, "")), (peak, probe))
-    return [
-        f"the largest displacement at {probe} = {peak:.3g} m is not small for {path_text(scenario.body_path(name))} "
-        f"(more than {allowed:.3g} m), and the theory does not hold: a unit such as mm or g may be wrong"
-        for name, (peak, probe) in largest.items()
-        if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
-    ]
-
-
 class Scenario(Schema):
     """A structure with its one-sided stops, its excitation and the requested analyses."""
 

@@ -227,37 +227,32 @@ def _unit(text: str, gravity: bool) -> Unit:
     if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
         raise UnitError("is not a number, or a number with a unit", "")
     plain = re.sub("[²³⁴¹⁻]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text)
-    for sign, meaning in (("°", " deg "), ("·", "*"), ("⋅", "*"), ("**", "^")):
-        plain = plain.replace(sign, meaning)
-    unit, rest = _product(plain.strip(), gravity)
-    if unit is None or rest:
+    for spelling, meaning in (("°", " deg "), ("·", "*"), ("⋅", "*"), ("**", "^")):
+        plain = plain.replace(spelling, meaning)
+    unit: Unit | None = Unit()
+    outside: list[tuple[Unit, int]] = []  # by open bracket the product before it, and the sign of its power
+    rest, first = plain.strip(), True  # first in the text, or in a bracket
+    while rest and unit is not None:
+        if outside and not first and (closing := _CLOSING.match(rest)) is not None:
+            inner = _to_power(unit, int((closing[1] or "1").strip("()")))
+            before, sign = outside.pop()
+            unit, rest = None if inner is None else before.times(inner, sign), rest[closing.end() :].lstrip()
+            continue
+        factor = _FACTOR.match(rest)
+        if factor is None or (factor[1] and first):
+            unit = None
+            break
+        sign, rest = -1 if factor[1] == "/" else 1, rest[factor.end() :].lstrip()
+        if factor[2]:
+            outside.append((unit, sign))
+            unit, first = Unit(), True
+            continue
+        inner = _named(factor[4], gravity) if factor[4] else Unit()
+        power = sign * int((factor[5] or "1").strip("()"))
+        unit, first = None if inner is None else unit.times(inner, power), False
+    if unit is None or outside or first:
         raise UnitError(f"has the unit {text!r}, which is not known", "")
     return unit
-
-
-def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
-    """A product up to the end of the text or a closing bracket, and what is left; None if there is an unknown unit."""
-    unit, first = Unit(), True
-    while text.strip() and not text.lstrip().startswith(")"):
-        match = _FACTOR.match(text)
-        if match is None or (match[1] and first):
-            return None, text
-        text = text[match.end() :]
-        inner: Unit | None = Unit()
-        if match[2]:
-            inner, text = _product(text, gravity)
-            closing = _CLOSING.match(text)
-            if inner is None or closing is None:
-                return None, text
-            text = text[closing.end() :]
-            inner = _to_power(inner, int((closing[1] or "1").strip("()")))
-        elif match[4]:
-            inner = _named(match[4], gravity)
-        if inner is None:
-            return None, text
-        power = int((match[5] or "1").strip("()"))
-        unit, first = unit.times(inner, -power if match[1] == "/" else power), False
-    return (None if first else unit), text.lstrip() if text.strip() else ""
 
 
 def _to_power(unit: Unit, power: int) -> Unit | None:

@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, problem
+from beamsim.scenario.excitation import point_of
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Recovery, Site
 from beamsim.structures.support_forces import Support, supports_of
@@ -195,7 +196,7 @@ class _Asked:
         base = output_direction(self.parts.scenario, output)
         supports = self.supports if base == UPWARDS else supports_of(structure, base)
         holding = [(each.base_motion, each) for each in supports if each.on_base and each.base_motion]
-        about = f"base about {output.axis_point[:2]} m" if base.direction in ROTATIONS else "base"
+        about = f"base about {point_of(output.about)[:2]} m" if base.direction in ROTATIONS else "base"
         channel = self._summed(output, about, holding)
         levers = [
             0.0 if ground or not isinstance(site, Place) else structure.base_motion_at(site, base)

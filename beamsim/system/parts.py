@@ -24,7 +24,7 @@ from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import MovedStop, MovedSupport, OnSupport
-from beamsim.scenario.excitation import One
+from beamsim.scenario.excitation import One, point_of
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.places import (
@@ -397,13 +397,13 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
 def base_direction(scenario: Scenario) -> BaseDirection | None:
     """How the excitation moves the base; None where the base is at rest."""
     moving = Acting.of(scenario).base
-    return None if moving is None else _named(scenario, moving[1].direction or "", moving[1].axis_point)
+    return None if moving is None else _named(scenario, moving[1].direction or "", point_of(moving[1].about))
 
 
 def output_direction(scenario: Scenario, output: Any) -> BaseDirection:
     """The motion of the base that the force or moment of the whole base, an output, works along."""
     rotates = output.kind == "reaction_moment"
-    return _named(scenario, output.direction or ("ry" if rotates else ""), output.axis_point)
+    return _named(scenario, output.direction or ("ry" if rotates else ""), point_of(output.about))
 
 
 def _named(scenario: Scenario, direction: str, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> BaseDirection:
