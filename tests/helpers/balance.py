@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance, EnergyHistory, energies_of_segments, sampled_energies
+from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments, sampled_energies
 
 
 class Balance(NamedTuple):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.energy import power_factors
 from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
+from beamsim.responses.energies import power_factors
 from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run

@@ -6,11 +6,11 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.flow import contact_state
 from beamsim.outcomes import exit_code
+from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
 

@@ -24,7 +24,6 @@ from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case
 from beamsim.analyses.designs.plan import Case
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import probability
-from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.periodic_flow import PeriodicFlow
@@ -35,6 +34,7 @@ from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, together
 from beamsim.parallel import Cluster, Computation, working
+from beamsim.responses.orbit_energies import balanced, largest_error
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ResponseBranch

@@ -16,7 +16,6 @@ import numpy as np
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
-from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import ScenarioError
@@ -48,6 +47,7 @@ from beamsim.outcomes import (
     interruption,
     part_of,
 )
+from beamsim.responses.orbit_energies import balanced, largest_error
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.results.branch import (

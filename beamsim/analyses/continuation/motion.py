@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.orbit_energy import balance_error, energy_error
-from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
@@ -23,6 +21,8 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.responses.loads import harmonic_loads, sine_of
+from beamsim.responses.orbit_energies import balance_error, energy_error
+from beamsim.responses.stepped_channels import SteppedChannels
 from beamsim.results.values import DISPLACEMENT, LIMITED
 from beamsim.scenario.excitation import Sine
 from beamsim.signals.records import RECTANGULAR

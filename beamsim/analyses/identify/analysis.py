@@ -36,13 +36,12 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Progress, Stop, asked_by, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
+from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes, Pad
 from beamsim.scenario.parameters import choices_at, value_at, with_values
 from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
-from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 _HZ = 2 * np.pi
@@ -91,7 +90,9 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
     point = snubber_point(current, section.snubber, count)
     rigid = int(np.sum(point.omega == 0))
     count += rigid
-    _enough_modes(point, section, rigid)
+    for key in ("measured_without", "measured_with"):
+        if (measured := len(getattr(section, key))) > point.omega.size - rigid:
+            raise ScenarioError(_too_few_modes(key, measured, point.omega.size - rigid))
     without = FrequencyTable.of(point.omega[:count] / _HZ, section.measured_without, rigid)
     mac = None if section.shapes_without is None else _mac(current, section, section.shapes_without, warnings)
     warnings += _structure_warnings(without) if update is None else update.warnings
@@ -123,7 +124,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
         update=update,
         mac=mac,
         nonlinear=nonlinear,
-        pad_modulus=_pad_modulus(section, estimate),
+        pad_modulus=np.nan if section.pad is None or estimate is None else _pad_modulus(section.pad, estimate),
         pad=pad,
         warnings=tuple(warnings),
         processor_time_s=processor_time() - processor,
@@ -145,14 +146,8 @@ def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
         )
 
 
-def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
-    """Refuse more measured frequencies than the model has modes."""
-    for key in ("measured_without", "measured_with"):
-        if len(getattr(section, key)) > point.omega.size - rigid:
-            raise ScenarioError(_too_few_modes(key, len(getattr(section, key)), point.omega.size - rigid))
-
-
 def _too_few_modes(key: str, measured: int, modes: int) -> Problem:
+    """More frequencies were measured than the model has modes."""
     return Problem(
         f"identify_stiffness.{key}",
         f"has {measured} frequencies, but the model has only {modes} modes",
@@ -210,11 +205,11 @@ def _structure_warnings(table: FrequencyTable) -> list[str]:
     ]
 
 
-def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:
-    """E_r = k h / b, Pa (thesis, section 1.3.3)."""
-    if section.pad is None or estimate is None or section.pad.height is None or section.pad.area is None:
+def _pad_modulus(pad: Pad, estimate: StiffnessEstimate) -> float:
+    """E_r = k h / b, Pa (thesis, section 1.3.3); nan of a pad without dimensions."""
+    if pad.height is None or pad.area is None:
         return float("nan")
-    return estimate.stiffness * section.pad.height / section.pad.area
+    return estimate.stiffness * pad.height / pad.area
 
 
 def _summary(result: IdentificationResult) -> dict[str, Any]:

@@ -144,24 +144,27 @@ def _check_reach(modes: FittedModes, without_hz: tuple[float, ...] = ()) -> tupl
         if mode > modes.point.omega.size:
             message = f"is mode {mode}, but the model has only {modes.point.omega.size} modes"
             problems.append(Problem(at, message, "leave it out of fit_to"))
-        elif said := _out_of_reach(modes.point, mode, omega, without_hz):
-            problems.append(Problem(at, *said))
+            continue
+        low, high = modes.point.reach(mode)
+        fixed = modes.point.on_node(mode) or (np.isfinite(high) and high - low <= 1e-9 * high)
+        if fixed or not low < omega < high:
+            problems.append(Problem(at, *_out_of_reach(modes.point, mode, omega, without_hz, fixed=fixed)))
     if problems and (len(problems) == len(modes.mode) or any("node" in p.message for p in problems)):
         raise ScenarioError(problems)
     return tuple(f"{problem}" for problem in problems)
 
 
-def _out_of_reach(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> tuple[str, str] | None:
-    """What is wrong with the frequency of a mode, and its remedy."""
+def _out_of_reach(
+    point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], *, fixed: bool
+) -> tuple[str, str]:
+    """What is wrong with the frequency of a mode, which may be fixed whatever the stiffness, and its remedy."""
     low, high = point.reach(mode)
-    if point.on_node(mode) or (np.isfinite(high) and high - low <= 1e-9 * high):
+    if fixed:
         return (
             f"= {omega / _HZ:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
             f"structure does not move, so that the frequency is {low / _HZ:.6g} Hz for every stiffness",
             f"leave mode {mode} out of fit_to and use one with motion at the snubber",
         )
-    if low < omega < high:
-        return None
     limit = (
         f"not above the frequency without the snubber, {low / _HZ:.6g} Hz"
         if omega <= low
@@ -443,8 +446,9 @@ def permanent_contact(
         unconstrained,
     )
     warnings = list(_check_reach(measured, section.measured_without))
-    measured, remarks = _widened(section, measured)
-    warnings += remarks
+    if len(measured.mode) > 1 and section.method != "thesis" and measured.sigma.all():
+        measured, remarks = _widened(measured)
+        warnings += remarks
     estimate = _estimate(section, measured)
     stiffness = estimate.stiffness
     known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
@@ -471,11 +475,9 @@ def permanent_contact(
     return fields, found, warnings
 
 
-def _widened(section: IdentifyStiffness, measured: FittedModes) -> tuple[FittedModes, list[str]]:
-    """The modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
+def _widened(measured: FittedModes) -> tuple[FittedModes, list[str]]:
+    """Several modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
     freedom = len(measured.mode) - 1
-    if section.method == "thesis" or freedom < 1 or not measured.sigma.all():
-        return measured, []
     largest = float(measured.misfit(fit_stiffness(measured)))
     wider = widening(largest, freedom)
     if wider == 1.0:

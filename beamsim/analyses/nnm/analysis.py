@@ -27,7 +27,6 @@ from beamsim.analyses.nnm.result import (
     RelaxedComparison,
     nnm_summary,
 )
-from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
@@ -43,6 +42,7 @@ from beamsim.outcomes import (
     combined,
     interruption,
 )
+from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ModeBranch, SpecialPointResult
 from beamsim.results.validity import forces_beyond_tables, reduction_checked

@@ -9,13 +9,13 @@ import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
-from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
 from beamsim.outcomes import asked_to_stop
+from beamsim.responses.orbit_energies import energy_error
 from beamsim.results.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
 from beamsim.signals.records import RECTANGULAR
 from beamsim.system.structural import StructuralSystem

@@ -24,8 +24,6 @@ from beamsim.analyses.nnm.result import (
     ResonantMotion,
     ResponseAboutResonance,
 )
-from beamsim.analyses.run.energy import LARGEST_ERROR
-from beamsim.analyses.run.orbit_energy import unbalanced
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
@@ -50,7 +48,9 @@ from beamsim.outcomes import (
     tell,
     together,
 )
+from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
+from beamsim.responses.orbit_energies import unbalanced
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
 from beamsim.signals.records import RECTANGULAR

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.fields import (
     Counter,
     Entry,
@@ -28,6 +27,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import Outcome
+from beamsim.responses.orbit_energies import largest_error
 from beamsim.results.branch import ModeBranch, OrbitMotion
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.structures.places import Stations

@@ -13,7 +13,6 @@ from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance, EnergyHistory, energies_of_segments
 from beamsim.analyses.run.fatigue import PlateStress, StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
@@ -31,6 +30,7 @@ from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never
+from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
 from beamsim.responses.loads import exact_flow
 from beamsim.results.values import (
     ACCELERATION,
@@ -345,7 +345,6 @@ def exact_motion_of(
     sampled = times if needed.derived and (needed.entries is None or needed.statistics) else times[:1]
     recorder = HistoryRecorder(flow, system.channels.without(STRESS), sampled, Overdue(stop))
     impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
-    observers = [each for each in (recorder, impacts, stresses, plates) if each is not None]
     values, overdue = ChunkValues(system, settings, flow, times, needed), Overdue(stop)
     latest, states, asked, known = list[Trajectory](), [np.zeros((0, flow.size))], needed.state_times, 0
     with locating({"duration": "run.duration"}):
@@ -358,8 +357,9 @@ def exact_motion_of(
                 part, found = values.computed_of_beginning(chunk)
                 march.end_with(part)
             values.include(part, *found)
-            for observer in observers:
-                observer.add(part)
+            for observer in (recorder, impacts, stresses, plates):
+                if observer is not None:
+                    observer.add(part)
             latest = [each for each in (*latest, part) if each.end > part.end - latest_s] or [part]
             if asked[known:].size:
                 first, known = known, reached(part.end, asked).size
@@ -367,7 +367,6 @@ def exact_motion_of(
     trajectory = Trajectory.joined(latest)
     if trajectory.end - latest_s > trajectory.time[0]:
         trajectory = trajectory.within(trajectory.end - latest_s, trajectory.end)
-    dropped = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
     return RunMotion(
         system=system,
         method="exact",
@@ -385,7 +384,8 @@ def exact_motion_of(
         impacts=impacts,
         stresses=stresses,
         plates=plates,
-        memory={"memory_bytes": round(settings.memory), **dropped},
+        memory={"memory_bytes": round(settings.memory)}
+        | ({"contact_states_kept": len(flow.states)} if flow.dropped else {}),
         compared_s=None if march.one_chunk else COMPARED_SHARE * kept_s,
         warnings=() if march.one_chunk else (_forgotten(march, settings, latest_s, COMPARED_SHARE * kept_s),),
     )

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyHistory, sampled_stored_energy, work_factors
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, asked_by, check_stop
+from beamsim.responses.energies import EnergyHistory, sampled_stored_energy, work_factors
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.outcomes import Outcome, OutcomeKind, Where, together
+from beamsim.responses.energies import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 

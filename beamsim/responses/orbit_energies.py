@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_energy
 from beamsim.contacts.laws import RATE
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
@@ -20,6 +19,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, HarmonicMotion
 from beamsim.orbits.period import gauss_panels
 from beamsim.outcomes import Outcome, OutcomeKind, Where
+from beamsim.responses.energies import LARGEST_ERROR, power_factors, stored_energy
 from beamsim.results.branch import MotionBranch
 from beamsim.typing import Floats, Ints
 

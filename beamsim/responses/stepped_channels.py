@@ -1,0 +1,58 @@
+"""Channels of motions whose states are known at some times, as time stepping and harmonic balance give them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim.flow.channels import Observed
+from beamsim.flow.exact import ExactFlow
+from beamsim.system.equations import ChannelSet
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, Ints
+
+
+class SteppedChannels(Observed):
+    """Channels where the states are known, cubic springs included.
+
+    Parameters
+    ----------
+    system : of the channels.
+    flow : of the system.
+    channels : C columns of values.
+    """
+
+    def __init__(self, system: StructuralSystem, flow: ExactFlow, channels: ChannelSet) -> None:
+        super().__init__(flow, channels)
+        self._system, self._flow = system, flow
+
+    def of_states(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> Floats:
+        """Values where the states are known.
+
+        Parameters
+        ----------
+        times : (nt,) s.
+        y : (nt, N) states then.
+        phases : (nt, m) of the contacts.
+        since : s, time whose piece of the inputs counts; by default those at the times themselves.
+
+        Returns
+        -------
+        (nt, C).
+        """
+
+        def of_rows(squared: bool) -> Floats:
+            output_of = self.squared if squared else self.linear
+            known = self._flow.outputs_of_states(times, y, phases, output_of, since)
+            return known + self._beside(self.channels.squared if squared else self.channels.linear, times, y)
+
+        return self.channels.values(of_rows)
+
+    def _beside(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
+        """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
+        system, flow, of = self._system, self._flow, self.channels.sizes.part
+        base = 0.0 if system.base_displacement is None else system.base_displacement(times)
+        beside = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
+        if not system.cubic.count:
+            return beside
+        pull = system.cubic.stiffness * system.cubic.stretch(y[:, : system.dynamics.size], base) ** 3
+        return beside + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T
