@@ -21,7 +21,6 @@ from beamsim.structures.mesh import (
     Mesh,
     MeshedBody,
     build_mesh,
-    double_integral,
     element_rows,
     on_supports,
     shape_functions,
@@ -135,7 +134,7 @@ def _moments(
         beside.append(lever[:, None] * p)
 
     moment = -at_ends[element, 1] + at_ends[element, 0] * (xi * h[element])[:, None]
-    moment += np.einsum("xd,xdn->xn", double_integral(xi, h[element]), a[element])
+    moment += np.einsum("xd,xdn->xn", shape_functions(xi, h[element], -2), a[element])
     for part in beside:
         moment += part
     # At the right-hand end use the nodal moment itself, without the round-off of the integration.
@@ -257,8 +256,10 @@ class BeamStructure(MeshedBody):
         rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
         return min(apart, alike) + len(beam.point_masses) + rotary
 
-    def point_row(self, place: Place) -> Floats:
-        """(all dofs,) deflection or slope, 1/m, at a place."""
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) deflection or slope, 1/m, at a place, or load vector."""
+        if isinstance(place, Distributed):
+            return self.load_vector(place)
         if place.direction not in _DERIVATIVE:
             raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
         derivative, length = _DERIVATIVE[place.direction], self.section.length
@@ -376,10 +377,9 @@ def assemble_beam(
     mass_scale = beam.bending.mass_per_length * length
     stiffness_scale = beam.bending.bending_stiffness / length**3
     stretch_of = np.searchsorted(bounds, mesh.nodes[:-1] + mesh.lengths / 2) - 1
-    bending = np.array([stretch.bending_stiffness / beam.bending.bending_stiffness for stretch in stretches])[
-        stretch_of
-    ]
-    line_mass = np.array([stretch.mass_per_length / beam.bending.mass_per_length for stretch in stretches])[stretch_of]
+    sections = [(stretch.bending_stiffness, stretch.mass_per_length) for stretch in stretches]
+    largest = beam.bending.bending_stiffness, beam.bending.mass_per_length
+    bending, line_mass = (np.array(sections) / largest)[stretch_of].T
 
     factor = mesh.square_rows(2, 2) * np.repeat(np.sqrt(bending), 2)[:, None]
     deflected, drag = mesh.square_rows(0, 4), None

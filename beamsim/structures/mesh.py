@@ -18,7 +18,7 @@ node are (w, L w_x, W w_y, L W w_xy), in m.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
 from beamsim.structures.modes import mode_of_unit_deflection, orthonormal_in_mass, unstretched
-from beamsim.structures.places import Distributed, Place
+from beamsim.structures.places import Distributed
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
@@ -52,7 +52,8 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
     ----------
     xi : (...,) position within the element, 0 to 1.
     h : (...,) nondimensional element length, broadcast against xi.
-    derivative : order of the derivative; zero is returned above 3.
+    derivative : order of the derivative; zero is returned above 3. Of an order -2 the double integral from the left
+        end, h^2 * int_0^xi (xi - s) N_i(s) ds: moments at xi of the loads N_i to its left.
 
     Returns
     -------
@@ -60,17 +61,12 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
     """
     xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
     powers = np.zeros((*xi.shape, 4))
-    for p in range(derivative, 4):
-        factor = float(math.prod(range(p - derivative + 1, p + 1)))
-        powers[..., p] = factor * xi ** (p - derivative)
-    return np.asarray(powers @ _CUBIC * h[..., None] ** _PER_DOF / h[..., None] ** derivative)
-
-
-def double_integral(xi: ArrayLike, h: ArrayLike) -> Floats:
-    """(..., 4) values of h^2 * int_0^xi (xi - s) N_i(s) ds: moments at xi of the loads N_i to its left."""
-    xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
-    powers = np.stack([xi ** (p + 2) / ((p + 1) * (p + 2)) for p in range(4)], axis=-1)
-    return np.asarray(powers @ _CUBIC * h[..., None] ** _PER_DOF * h[..., None] ** 2)
+    for p in range(max(derivative, 0), 4):
+        lower, upper = sorted((p, p - derivative))
+        factor, power = float(math.prod(range(lower + 1, upper + 1))), xi ** (p - derivative)
+        powers[..., p] = factor * power if derivative > 0 else power / factor
+    values, scale = powers @ _CUBIC * h[..., None] ** _PER_DOF, h[..., None] ** abs(derivative)
+    return np.asarray(values / scale if derivative > 0 else values * scale)
 
 
 def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
@@ -297,15 +293,9 @@ class MeshedBody(BodyStructure, ABC):
         """(d,) sides of the body, m."""
         return np.array([getattr(self.section, side) for side in self.sides], dtype=float)
 
-    @abstractmethod
-    def point_row(self, place: Place) -> Floats:
-        """(all dofs,) motion at a place in its direction."""
-
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
-        """(all dofs,) row of a place or load vector, those that the supports hold included."""
-        if not isinstance(place, Distributed):
-            return self.point_row(place)
-        points, force = self.point_forces(place, np.zeros(0))
+    def load_vector(self, load: Distributed) -> Floats:
+        """(all dofs,) of a distributed load of unit level, those that the supports hold included."""
+        points, force = self.point_forces(load, np.zeros(0))
         return np.asarray(self.mesh.rows(points).T @ force)
 
     def point_forces(self, load: Distributed, cuts: Floats) -> tuple[Floats, Floats]:

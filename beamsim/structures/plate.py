@@ -29,7 +29,17 @@ from beamsim.scenario.plate import PlateBody, Stiffener
 from beamsim.structures.beam import HELD
 from beamsim.structures.mesh import Mesh, MeshedBody, PlateMesh, graded_mesh, on_supports
 from beamsim.structures.named_matrices import DofTable, NamedDofs
-from beamsim.structures.places import DEFLECTION, IN_PLANE, SLOPE, UPWARDS, BaseDirection, Place, Recovery, Site
+from beamsim.structures.places import (
+    DEFLECTION,
+    IN_PLANE,
+    SLOPE,
+    UPWARDS,
+    BaseDirection,
+    Distributed,
+    Place,
+    Recovery,
+    Site,
+)
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import Hold, MemberBody, ReducedBasis, UnitMotion
 from beamsim.typing import Bools, Floats
@@ -182,8 +192,10 @@ class PlateStructure(MeshedBody):
         """(3,) x and y from the left and bottom edges, m."""
         return None if place.across is None else np.array([place.coordinate, place.across, 0.0])
 
-    def point_row(self, place: Place) -> Floats:
-        """(all dofs,) deflection at a place."""
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) deflection at a place, or load vector."""
+        if isinstance(place, Distributed):
+            return self.load_vector(place)
         if place.direction != DEFLECTION or place.across is None:
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
         point = np.array([[place.coordinate, place.across]]) / self.extent

@@ -442,26 +442,21 @@ class LeftOut:
             coupling += float(np.linalg.norm(within, 2)) / beyond**2 if within.size else 0.0
         elif static.size and stated.highest != 0.0:
             size = size + 2 * stated.highest * s * np.linalg.norm(static, axis=0)
-            deviation = s * self._deviation(static)
+            # what the damping of the static vectors differs by from that of the modes they stand for: S^T A^(1/2) S of
+            # these vectors S lies between lower and upper, by Jensen's operator inequality
+            values, vectors = np.linalg.eigh(self.static_inverse)
+            lower = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T
+            given, upper = self.modal_damping[kept:, kept:], np.diag(self.basis.omega[kept:])
+            largest, least = given - 2 * stated.lowest * lower, given - 2 * stated.highest * upper
+            both = np.hstack([static.real, static.imag])
+            within = np.sum(both * ((largest - least) / 2 @ both), axis=0)  # symmetric
+            within = np.sqrt(np.maximum(within[:count] + within[count:], 0.0))
+            real, imag = np.hsplit((largest + least) / 2 @ both, 2)
+            deviation = s * (np.abs(static.T @ (real + 1j * imag)) + np.outer(within, within))
         open_share, half = 1 - (s / beyond) ** 2, s * coupling / 2
         # open_share where damping couples nothing; sqrt(open_share^2 + half^2) - half without cancellation
         divisor = open_share**2 / (np.hypot(open_share, half) + half)
         return np.asarray(np.outer(size, size) / divisor + deviation)
-
-    def _deviation(self, static: Complexes) -> Floats:
-        """(m, m) bound of what the damping of the static vectors differs by from that of the modes they stand for."""
-        # S^T A^(1/2) S of the static vectors S lies between these, by Jensen's operator inequality
-        values, vectors = np.linalg.eigh(self.static_inverse)
-        lower = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T
-        upper = np.diag(self.basis.omega[self.basis.modes :])
-        given = self.modal_damping[self.basis.modes :, self.basis.modes :]
-        largest, least = given - 2 * self.stated.lowest * lower, given - 2 * self.stated.highest * upper
-        middle, radius = (largest + least) / 2, (largest - least) / 2
-        both = np.hstack([static.real, static.imag])
-        within = np.sum(both * (radius @ both), axis=0).reshape(2, -1)  # radius is symmetric
-        size = np.sqrt(np.maximum(within.sum(axis=0), 0.0))
-        real, imag = np.hsplit(middle @ both, 2)
-        return np.asarray(np.abs(static.T @ (real + 1j * imag)) + np.outer(size, size))
 
 
 ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size

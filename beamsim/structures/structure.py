@@ -213,17 +213,6 @@ class Structure(ABC):
         """(N, N) scaled K, sparse."""
         return (self.factor.T @ self.factor).tocsc()
 
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was done to the data of the bodies that a user should know."""
-        return tuple(f"{member.body.name}: {note}" for member in self.members for note in member.body.notes)
-
-    @property
-    def dashpots(self) -> tuple[Coupling, ...]:
-        """Dashpots that act at places of bodies with stations: in joints, and at the ends of beams."""
-        at_ends = (spring for member in self.members for spring in member.body.end_springs)
-        return tuple(each for each in (*self.couplings, *at_ends) if each.dashpot)
-
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
         """Factors of K, with as many degrees of freedom held as there are rigid-body modes."""
@@ -339,9 +328,7 @@ class Structure(ABC):
         """
         ends = [end for site in sites for end in ends_of(site)]
         return tuple(
-            member.body.recovery(
-                member, basis, [end for end in ends if self.member(end.body).body is member.body], base
-            )
+            member.body.recovery(member, basis, [end for end in ends if self.member(end.body) is member], base)
             for member in self.members
         )
 
@@ -388,7 +375,7 @@ class BodyStructure(Structure, ABC):
     unsupported: tuple[Any, Any, Any] | None = field(default=None, kw_only=True)
     # springs and dashpots between the ends and the base
     end_springs: tuple[Coupling, ...] = field(default=(), kw_only=True)
-    notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was done to its data
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was done to its data that a user should know
     file_summary: FileSummary | None = field(default=None, kw_only=True)  # of the files that it was read from
 
     sides: ClassVar[tuple[str, ...]] = ()

@@ -115,21 +115,16 @@ class SymmetricLU:
         return root
 
 
-def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
-    """D A D with a diagonal of 1, -1 and 0, sparse, and the diagonal (N,) of D."""
-    diagonal = np.abs(matrix.diagonal())
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    unit: Any = diags_array(scale)
-    return csc_array(unit @ matrix @ unit), scale
-
-
 def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
     """Factors without exchanged pivots; raises `RuntimeError` for a matrix that is exactly singular.
 
     ``order`` (N,) is that of elimination, such as `beamsim.structures.symmetric_lu.dissection` gives; minimum degree
     without.
     """
-    scaled, scale = unit_diagonal(matrix)
+    diagonal = np.abs(matrix.diagonal())
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    unit: Any = diags_array(scale)
+    scaled = csc_array(unit @ matrix @ unit)
     if order is not None:
         scaled = scaled[order][:, order].tocsc()
     lu = splu(
@@ -217,5 +212,7 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
     if size > DENSE_COUNT:
         return None
 
-    _, d, _ = ldl(unit_diagonal(matrix)[0].toarray())
+    diagonal = np.abs(matrix.diagonal())
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    _, d, _ = ldl(scale[:, None] * matrix.toarray() * scale)
     return int(np.sum(np.linalg.eigvalsh(d) < 0))

@@ -315,7 +315,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         outputs=outputs,
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
-            *parts.structure.remarks,
+            *(f"{member.body.name}: {note}" for member in parts.structure.members for note in member.body.notes),
             *free,
             *warnings,
             *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),

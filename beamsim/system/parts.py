@@ -369,7 +369,8 @@ def _patterns(
 ) -> list[LoadPattern]:
     """The loads whose static deflections a reduced model keeps."""
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
-    patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
+    springs = [*structure.couplings, *(each for member in structure.members for each in member.body.end_springs)]
+    patterns += [LoadPattern(structure.own_row(each.site), each) for each in springs if each.dashpot]
     patterns += [each.pattern(structure) for each in moved]
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
