@@ -253,6 +253,7 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
 
 
+@dataclass
 class MotionInChunks(March):
     """A motion from a state at t = 0 to the end of its flow.
 
@@ -262,42 +263,40 @@ class MotionInChunks(March):
         are made, see `beamsim.inputs.signal`.
     initial_state : at t = 0.
     pieces_at_once : of the record in a chunk; by default the whole motion is one.
-    max_events, progress, stop : see `beamsim.flow.transient.simulate`.
+    progress : called with the share of the motion that is done.
     """
 
+    flow: ExactFlow
+    initial_state: Floats
+    pieces_at_once: int | None = None
+    foresees: bool = field(default=True, kw_only=True)
+    one_chunk: bool = field(init=False)
+    chunk_s: float = field(init=False)  # s, length of a chunk
+    end: float = field(init=False, default=0.0)  # s, reached
     # known after the last chunk
-    event_time: Floats  # (E,) s
-    event_contact: Ints  # (E,)
-    event_phase: Ints  # (E,) of the contact after the event
-    event_closing: Bools  # (E,) whether contact is made at the event
-    touch_changes: Ints  # (E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase
-    contact_share: Floats  # (m,) share of the time during which each contact touches
-    states: int  # number of contact states visited
+    event_time: Floats = field(init=False)  # (E,) s
+    event_contact: Ints = field(init=False)  # (E,)
+    event_phase: Ints = field(init=False)  # (E,) of the contact after the event
+    event_closing: Bools = field(init=False)  # (E,) whether contact is made at the event
+    touch_changes: Ints = field(init=False)  # (E,) 1 where contact is made, -1 where it ends, 0 at other changes
+    contact_share: Floats = field(init=False)  # (m,) share of the time during which each contact touches
+    states: int = field(init=False)  # number of contact states visited
 
-    def __init__(
-        self,
-        flow: ExactFlow,
-        initial_state: Floats,
-        pieces_at_once: int | None = None,
-        *,
-        max_events: int = 1_000_000,
-        progress: Callable[[float], None] | None = None,
-        stop: Callable[[], bool] = never,
-    ) -> None:
-        share = None if progress is None else lambda time: progress(time / flow.duration)
-        super().__init__(max_events=max_events, progress=share, stop=stop, foresees=True)
-        self.flow, self._initial_state, self.one_chunk = flow, initial_state, pieces_at_once is None
-        self.end = 0.0  # s, reached
-        self._step, self._at_once = flow.duration, 1  # a motion of one chunk is one piece
-        if pieces_at_once is not None:
-            self._step, self._at_once = not_none(flow.record).step, pieces_at_once
-        self.chunk_s = self._at_once * self._step  # length of a chunk, s
+    def __post_init__(self) -> None:
+        self.one_chunk = self.pieces_at_once is None
+        self._step, self._at_once = self.flow.duration, 1  # a motion of one chunk is one piece
+        if self.pieces_at_once is not None:
+            self._step, self._at_once = not_none(self.flow.record).step, self.pieces_at_once
+        self.chunk_s = self._at_once * self._step
+        report = self.progress
+        if report is not None:
+            self.progress = lambda time: report(time / self.flow.duration)
 
     def chunks(self) -> Iterator[Trajectory]:
         """March, chunk by chunk, once."""
         begin, flow, duration = processor_time(), self.flow, self.flow.duration
         parts: list[tuple[Any, ...]] = []
-        motion, begun = start(flow, self._initial_state)
+        motion, begun = start(flow, self.initial_state)
         pieces = 1 if self.one_chunk else int(np.ceil(duration / self._step - 1e-9))
         for first in range(0, pieces, self._at_once):
             last = min(first + self._at_once, pieces)
