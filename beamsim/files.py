@@ -246,15 +246,21 @@ def put_in_place(temporary: Path, place: Placement) -> None:
                 if sys.platform != "win32" or k == len(PAUSES_S):
                     raise
     except BaseException:
-        if aside is not None and place.target.exists():  # under both names
-            _remove(aside)
-        elif aside is not None:
-            os.rename(aside, place.target)
+        if aside is not None:
+            _put_back(aside, place.target)
         raise
     _ACCESS.get().written[place.target] = state_of(place.target.stat())
     if aside is not None:
         kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
         _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
+
+
+def _put_back(aside: Path, target: Path) -> None:
+    """Give a file its name again that was given a second one, or another one on file systems without links."""
+    if target.exists():  # under both names
+        _remove(aside)
+    else:
+        os.rename(aside, target)
 
 
 def move_aside(path: Path) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
-from beamsim.analyses.identify.result import IdentificationResult, ParameterEstimate
+from beamsim.analyses.identify.result import IdentificationResult, NonlinearEstimate, PadFit, ParameterEstimate
 from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, rounded
 from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
@@ -29,7 +29,7 @@ def identification_screen(result: IdentificationResult) -> Screen:
         row |= _scatter(std, low, high, "N/m", estimate.coverage)
         rows.append(row | {"from": f"mode {', '.join(map(str, estimate.fit_to))}, {estimate.method}"})
     for part in (result.update, result.nonlinear):
-        rows += _parameters(result, () if part is None else part.parameters)
+        rows += [] if part is None else _parameters(result, part.parameters)
     return Screen(_agreement(result), rows, list(_facts(result)))
 
 
@@ -69,24 +69,35 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield "misfit {:.4g} before, {:.4g} after".format(*s[name])
-    judged = [] if (fit := result.nonlinear) is None else [r for r in fit.records if np.isfinite(r.misfit_without)]
-    if fit is not None and judged and fit.misfit > 0.0:
-        worst = min(judged, key=lambda test: test.misfit_without)
-        share = percent(worst.misfit / fit.misfit, 2)
-        yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
-    if "starts_agreeing" in s:
-        agreeing, starts = s["starts_agreeing"]
-        freedom = counted(s["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
-        yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
+    if result.nonlinear is not None:
+        yield from _facts_of_fit(result.nonlinear, s)
     if result.update is not None and result.update.choices:
         yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in result.update.choices.items())
     if result.pad is not None:
-        branches = counted(result.pad.branch_stiffness.size, "relaxation time")
-        rest, misfit = amount(result.pad.stiffness, "N/m", 5), percent(result.pad.misfit, 2)
-        yield f"pad {rest} ({_extent(result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit} rms"
+        yield _pad_text(result.pad)
     if result.sensitivities:
         parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
+
+
+def _facts_of_fit(fit: NonlinearEstimate, summary: Mapping[str, Any]) -> Iterator[str]:
+    """Which test a fit agrees with least, and how many starts led to it."""
+    judged = [test for test in fit.records if np.isfinite(test.misfit_without)]
+    if judged and fit.misfit > 0.0:
+        worst = min(judged, key=lambda test: test.misfit_without)
+        share = percent(worst.misfit / fit.misfit, 2)
+        yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
+    if "starts_agreeing" in summary:
+        agreeing, starts = summary["starts_agreeing"]
+        freedom = counted(summary["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
+        yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
+
+
+def _pad_text(pad: PadFit) -> str:
+    low, high = pad.stiffness_interval
+    interval = extent(low, high, "N/m") if math.isfinite(low) else "not known"
+    branches, misfit = counted(pad.branch_stiffness.size, "relaxation time"), percent(pad.misfit, 2)
+    return f"pad {amount(pad.stiffness, 'N/m', 5)} ({interval}) at rest, {branches}, misfit {misfit} rms"
 
 
 def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
@@ -98,10 +109,6 @@ def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEsti
         row["found"] = _found(p.value, unit, p.standard_deviation) + (" at its bound" if p.at_bound else "")
         rows.append(row | _scatter(p.standard_deviation, *p.interval, unit, section.coverage))
     return rows
-
-
-def _extent(interval: Sequence[float], unit: str = "N/m") -> str:
-    return extent(interval[0], interval[1], unit) if math.isfinite(interval[0]) else "not known"
 
 
 # --- Comparison ------------------------------------------------------------------------------------------------------

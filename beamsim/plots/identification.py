@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from beamsim.analyses.identify.result import (
     FrequencyTable,
     IdentificationResult,
+    NonlinearEstimate,
     PadFit,
     ProfileLikelihood,
     StiffnessEstimate,
@@ -211,17 +212,25 @@ def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
     if pad is not None:
         quantities = ("stiffness", "loss_factor")[: 1 if pad.measured_loss_factor is None else 2]
         panels["pad"] = [pad_curve(pad, quantity) for quantity in quantities]
-    if fit is not None and fit.transients:
+    if fit is not None:
+        panels |= _tests_of_fit(fit)
+    columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
+    return {name: Picture(result.title, each, columns=columns.get(name, 1)) for name, each in panels.items()}
+
+
+def _tests_of_fit(fit: NonlinearEstimate) -> dict[str, list[Any]]:
+    """Panels of the tests that a fit is to, by their kind."""
+    panels: dict[str, list[Any]] = {}
+    if fit.transients:
         panels["transients"] = [chart for test in fit.transients for chart in transient(test)]
-    if fit is not None and fit.sweeps:
+    if fit.sweeps:
         alike: dict[tuple[float, str, str], list[SweepFit]] = {}
         for sweep in fit.sweeps:
             alike.setdefault((sweep.level, sweep.probe, sweep.quantity), []).append(sweep)
         panels["sweeps"] = [swept(tests) for tests in alike.values()]
-    if fit is not None and fit.tests:
+    if fit.tests:
         panels["harmonics"] = [chart for test in fit.tests for chart in harmonics(test)]
-    columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
-    return {name: Picture(result.title, each, columns=columns.get(name, 1)) for name, each in panels.items()}
+    return panels
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:

@@ -360,11 +360,18 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
             values = {name: of_unit[name] for name in sorted(peaks, key=lambda name: name not in strongest)}
             levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _doubts(result, entry)
             panels[picture] = histories(result, (label, unit), values, levels, note, of="snubbers")
-    for name, output in list(result["histories"].by_label("output_value").items())[:MOST_CURVES]:
-        levels = limit_levels(limits, OUTPUT.limit, name, both_signs=True)
-        whole, *_ = histories(result, (name, output.unit), {"": output.values}, levels)
-        panels.setdefault("outputs", []).append(whole)
+    if outputs := result["histories"].by_label("output_value"):
+        panels["outputs"] = _histories_of_outputs(result, outputs)
     return panels
+
+
+def _histories_of_outputs(result: RunResult, outputs: Mapping[str, LabelledArray]) -> list[Chart]:
+    """The whole history of each output, with its limit."""
+    charts = []
+    for name, output in list(outputs.items())[:MOST_CURVES]:
+        levels = limit_levels(result.scenario.limits, OUTPUT.limit, name, both_signs=True)
+        charts += histories(result, (name, output.unit), {"": output.values}, levels)[:1]
+    return charts
 
 
 def density(response: RandomResponse, note: str = "") -> Chart:

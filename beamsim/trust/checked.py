@@ -6,6 +6,7 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -19,12 +20,12 @@ from beamsim.responses.gapping import finite
 from beamsim.results.values import largest_along
 from beamsim.trust.convergence import (
     COMPARISON,
+    MORE_MODES,
     NOT_ASKED,
     Convergence,
     Values,
     compared,
     doubtful,
-    finer,
     keeps_all,
     relative_changes,
     unchanged,
@@ -224,7 +225,7 @@ def _convergence(
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
     try:
-        second = solve(finer(result.scenario, modes))
+        second = solve(result.scenario.refined(math.ceil(MORE_MODES * modes)))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:

@@ -265,17 +265,6 @@ def keeps_all(scenario: Scenario, modes: int) -> bool:
     return None not in counts and modes >= sum(count for count in counts if count is not None)
 
 
-def finer(scenario: Scenario, modes: int) -> Scenario:
-    """The case with 1.5 times so many modes and twice the elements of every mesh.
-
-    Raises
-    ------
-    ScenarioError
-        If that is no valid case; the problems are the `Convergence.reason` why there is no comparison.
-    """
-    return scenario.refined(math.ceil(MORE_MODES * modes))
-
-
 def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
     """A result whose summary and outcome say which of its values do not converge.
 

@@ -19,6 +19,7 @@ more than other records of the same length would change them, too.
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -60,6 +61,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
     COMPARISON,
     LONGER,
+    MORE_MODES,
     NOT_ASKED,
     Changes,
     ContactEvents,
@@ -69,7 +71,6 @@ from beamsim.trust.convergence import (
     compared,
     divergence,
     doubtful,
-    finer,
     keeps_all,
     larger,
     named,
@@ -238,7 +239,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
-            case = finer(scenario, modes)
+            case = scenario.refined(math.ceil(MORE_MODES * modes))
             motion = motion_of(build_system(case, shared), again, output_times(case), None, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
