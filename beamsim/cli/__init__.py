@@ -1,9 +1,10 @@
 """The command line: load, call, save, print.
 
 Never here: computing, drawing, opening files.
-Begin with `app`, which has the commands with what they are given; the others hold what they do. `conclusion` is what
-all analyses share: how a command ends, with which exit code. `printing` is the printer, `tables` makes the one table of
-summaries of all kinds; `motions`, `branches`, `studies` and `measured` have the first screen of each kind of result.
+Begin with `app`, which has the commands with what they are given; the others hold what they do. `session` is around
+every command: messages, exit codes, signals and progress. `conclusion` is what all analyses share: compute, save, draw
+and print. `screens` has what the first screens share, `tables` the one table of summaries of all kinds; `motions`,
+`branches`, `studies` and `measured` have the first screen of each kind of result.
 """
 
 from __future__ import annotations

@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 import typer
 
 from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
-from beamsim.fields import plain
 from beamsim.outcomes import ExitCode
 
 
@@ -64,6 +63,8 @@ def print_json(values: Mapping[str, Any]) -> None:
 
     Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
     """
+    from beamsim.fields import plain  # and with it NumPy, without which --help is instant
+
     text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
     try:
         text.encode(sys.stdout.encoding or "utf-8")
