@@ -161,6 +161,9 @@ class Schema(BaseModel):
     """Keys that tell it apart from the other members of a union, see `Variants`; ``section: sandwich`` where it is told
     apart by the kind of what is under the key."""
 
+    not_compared: ClassVar[tuple[str, ...]] = ()
+    """Keys that make no difference between two of it."""
+
     stated: ClassVar[Mapping[str, str]] = {}
     """By key the attribute with what `plain` writes there in any case, because units said it; None for nothing."""
 
@@ -209,15 +212,13 @@ class Schema(BaseModel):
         changed = {keys.get(name, name): value for name, value in (update or {}).items()}
         return super().model_copy(update=changed, deep=deep)
 
-    @property
-    def _values(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in self.attributes().values())
-
     def __eq__(self, other: object) -> bool:
-        return type(other) is type(self) and self._values == other._values
+        names = [name for key, name in self.attributes().items() if key not in self.not_compared]
+        return type(other) is type(self) and all(getattr(self, name) == getattr(other, name) for name in names)
 
     def __hash__(self) -> int:
-        return hash((type(self), *map(_hashable, self._values)))
+        names = [name for key, name in self.attributes().items() if key not in self.not_compared]
+        return hash((type(self), *(_hashable(getattr(self, name)) for name in names)))
 
     @model_validator(mode="before")
     @classmethod

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, ValidationError
 
@@ -338,10 +338,8 @@ class Scenario(Schema):
                 raise ScenarioError(error.problem(path)) from None
         return self
 
-    @property
-    def _values(self) -> tuple[Any, ...]:
-        """What makes scenarios equal: 270 mm is 0.27 m, in whatever unit it is shown."""
-        return tuple(getattr(self, name) for name in self.attributes().values() if name != "units")
+    not_compared: ClassVar[tuple[str, ...]] = ("units",)
+    """270 mm is 0.27 m, in whatever unit it is shown."""
 
     @property
     def display_scales(self) -> dict[str, tuple[float, str]]:
@@ -797,7 +795,8 @@ def _without_unused_sections(root: WrittenMapping, name: str, command: str, erro
     unused = (frozenset().union(*USED.values()) - used) & root.keys()
     if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
         raise error
-    kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
+    kept = WrittenMapping({key: item for key, item in root.items() if key not in unused})
+    kept.mark, kept.marks = root.mark, root.marks
     warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
     return _validated(kept, name, warnings)
 
@@ -809,7 +808,7 @@ def _tree_of(scenario: Scenario) -> WrittenMapping:
         owner: Any = root
         for part in at[:-1]:
             owner = owner[part]
-        owner.marks[at[-1]] = str(scenario.folder_of(*at) / f"{scenario.source}.yaml"), None
+        owner.marks = {**owner.marks, at[-1]: (str(scenario.folder_of(*at) / f"{scenario.source}.yaml"), None)}
     return root
 
 

@@ -15,12 +15,13 @@ import copy
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from numbers import Integral, Real
 from pathlib import Path as FilePath
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -53,18 +54,14 @@ would take longer than two seconds."""
 class WrittenMapping(dict[str, Any]):
     """A mapping, where it was written, and where the value of each key was."""
 
-    def __init__(self, items: Mapping[str, Any], mark: Mark = NOWHERE, marks: Mapping[str, Mark] | None = None) -> None:
-        super().__init__(items)
-        self.mark = mark
-        self.marks: dict[Any, Mark] = dict(marks or {})
+    mark: Mark = NOWHERE
+    marks: Mapping[Any, Mark] = MappingProxyType({})
 
 
 class WrittenList(list[Any]):
     """A list, and where each of its items was written."""
 
-    def __init__(self, items: Iterable[Any], marks: Iterable[Mark] = ()) -> None:
-        super().__init__(items)
-        self.marks: dict[Any, Mark] = dict(enumerate(marks))
+    marks: Mapping[Any, Mark] = MappingProxyType({})
 
 
 def from_python(value: object) -> Any:
@@ -242,8 +239,9 @@ class _Reader:
         try:
             if isinstance(node, yaml.MappingNode):
                 return self._mapping(node, path)
-            items = [self.data(item, (*path, index)) for index, item in enumerate(node.value)]
-            return WrittenList(items, [(self.file, item.start_mark.line + 1) for item in node.value])
+            items = WrittenList(self.data(item, (*path, index)) for index, item in enumerate(node.value))
+            items.marks = {index: (self.file, item.start_mark.line + 1) for index, item in enumerate(node.value)}
+            return items
         finally:
             self.open.discard(id(node))
 
@@ -251,7 +249,8 @@ class _Reader:
         self.problems.append(problem(path, message, remedy, (self.file, node.start_mark.line + 1)))
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> WrittenMapping:
-        items, merges = WrittenMapping({}, (self.file, node.start_mark.line + 1)), []
+        items, merges = WrittenMapping(), []
+        marks: dict[str, Mark] = {}
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag == _TAG + "merge":
@@ -269,12 +268,15 @@ class _Reader:
                 continue
             items[key], lines[key] = value, key_node.start_mark.line + 1
             marked = value_node if isinstance(value_node.value, str) else key_node
-            items.marks[key] = self.file, marked.start_mark.line + 1
+            marks[key] = self.file, marked.start_mark.line + 1
         for key_node, value_node in merges:
-            self._merge(items, value_node, path, key_node)
+            self._merge(items, marks, value_node, path, key_node)
+        items.mark, items.marks = (self.file, node.start_mark.line + 1), marks
         return items
 
-    def _merge(self, items: WrittenMapping, node: yaml.Node, path: Path, key_node: yaml.Node) -> None:
+    def _merge(
+        self, items: WrittenMapping, marks: dict[str, Mark], node: yaml.Node, path: Path, key_node: yaml.Node
+    ) -> None:
         """Add the keys of mappings that a mapping has not itself, of several the first."""
         for source in node.value if isinstance(node, yaml.SequenceNode) else [node]:
             if not isinstance(source, yaml.MappingNode):
@@ -284,7 +286,7 @@ class _Reader:
             merged = self.data(source, path)
             for key, value in merged.items():
                 if key not in items:
-                    items[key], items.marks[key] = value, merged.marks.get(key, NOWHERE)
+                    items[key], marks[key] = value, merged.marks.get(key, NOWHERE)
 
 
 _SCALARS: dict[str, Callable[[str], object]] = {
@@ -404,7 +406,7 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     """
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
-    named, where = root.pop("extends", None), root.marks.pop("extends", NOWHERE)
+    named, where = root.pop("extends", None), root.marks.get("extends", NOWHERE)
     if named is None:
         return root
     if not isinstance(named, str) or not named.strip():
@@ -460,14 +462,15 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
     inside = isinstance(over, _Inside)
     if isinstance(base, WrittenList) and inside:
         items = WrittenList(merge(item, over[k]) if k in over else item for k, item in enumerate(base))
-        items.marks = base.marks | {k: NOWHERE for k, item in over.items() if not isinstance(item, _Inside)}
+        items.marks = {**base.marks, **{k: NOWHERE for k, item in over.items() if not isinstance(item, _Inside)}}
         return items
     if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping):
         return over
     if (key in REPLACED_WHOLE and not inside) or over.get("kind") not in (None, base.get("kind")):
         return over
     written = {name: over.marks.get(name, NOWHERE) for name, item in over.items() if not isinstance(item, _Inside)}
-    merged = WrittenMapping(base, base.mark if inside else over.mark, base.marks | written)
+    merged = WrittenMapping(base)
+    merged.mark, merged.marks = base.mark if inside else over.mark, {**base.marks, **written}
     for name, item in over.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
         if item is None and name in base:
