@@ -50,16 +50,18 @@ def exact_flow(
     if pieces is None:
         for record in (s.record for s in (*system.forcing.signal, *observers) if isinstance(s, StreamedSignal)):
             if record.pieces > MOST_PIECES:
-                raise ScenarioError(
-                    Problem(
-                        "excitation",
-                        f"has {record.pieces:.3g} pieces, too many for this command or method (at most "
-                        f"{MOST_PIECES:.0e})",
-                        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random "
-                        "excitation and method: exact takes any number",
-                    )
-                )
+                raise ScenarioError(_too_many_pieces(record.pieces))
     return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
+
+
+def _too_many_pieces(pieces: int) -> Problem:
+    """An input has more pieces than a motion that is kept as a whole may have."""
+    return Problem(
+        "excitation",
+        f"has {pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
+        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random excitation and "
+        "method: exact takes any number",
+    )
 
 
 def sine_of(excitation: Sine, omega: float, level: float) -> complex:

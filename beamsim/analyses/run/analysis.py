@@ -221,8 +221,7 @@ def _asked_for(
     needed : of it; what a note may follow from is computed in any case.
     evaluation : what is computed from the motion.
     """
-    scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
-    settings = not_none(scenario.run)
+    scenario, system, settings = result.scenario, motion.system, not_none(result.scenario.run)
     fields: dict[str, Any] = {}
     notes: list[str] = []
     if scenario.excitation.stationary and needed.statistics:
@@ -241,22 +240,19 @@ def _asked_for(
         )
         fields["fatigue"] = damage
         notes += fatigue_warnings(damage, settings.fatigue)
-    if settings.srs is not None and needed.has("srs_over_limit"):
-        fields["srs"] = evaluation.computed(
-            "shock response spectra", lambda: shock_response(system, motion.known), None
-        )
-    if settings.srs is not None and not closed_form:
-        notes += _coarse_samples(not_none(motion.histories).time, settings.srs)
     if settings.srs is not None:
-        notes += _coarse_records(system.inputs, settings.srs)
+        if needed.has("srs_over_limit"):
+            what = "shock response spectra"
+            fields["srs"] = evaluation.computed(what, lambda: shock_response(system, motion.known), None)
+        notes += _coarse_samples(motion, settings.srs) + _coarse_records(system.inputs, settings.srs)
     if settings.sensitivities:
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
         unknown = result.sensitivities, list[str]()
-        fields["sensitivities"], said = evaluation.computed(
+        fields["sensitivities"], remarks = evaluation.computed(
             "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
         )
-        notes += said
+        notes += remarks
     if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
         fields["matched"] = matched_spectrum(system, matched[0], matched[1])
         if (worst := float(np.abs(fields["matched"].misfit_db).max())) > MISFIT_DB:
@@ -267,8 +263,11 @@ def _asked_for(
     return fields, notes
 
 
-def _coarse_samples(time: Floats, settings: ShockSpectrumSettings) -> list[str]:
-    """A note where output times (nt,), s, of a time-stepped motion are too far apart for shock response spectra."""
+def _coarse_samples(motion: RunMotion, settings: ShockSpectrumSettings) -> list[str]:
+    """A note where output times of a time-stepped motion are too far apart for shock response spectra."""
+    if motion.trajectory is not None:
+        return []
+    time = not_none(motion.histories).time
     least = SAMPLES_OF_OSCILLATOR * settings.to
     if (time.size - 1) / time[-1] >= least:
         return []

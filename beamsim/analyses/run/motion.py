@@ -280,16 +280,19 @@ def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int)
     columns = system.channels.without(STRESS).order.size + 6 + probes * (2 if filtered_too else 1)
     needed = samples * (8 * columns + system.dynamics.contacts.count)
     if needed > HISTORIES_SHARE * settings.memory:
-        factor, enough = needed / (HISTORIES_SHARE * settings.memory), needed / HISTORIES_SHARE / 1e9
-        raise ScenarioError(
-            Problem(
-                "run.sample_rate",
-                f"gives histories of {samples} samples with {columns} values each, {needed / 1e9:.3g} GB, more than "
-                f"{100 * HISTORIES_SHARE:.0f} % of run.memory = {settings.memory:.3g} bytes",
-                f"give run.memory: {math.ceil(10 * enough) / 10:g} GB, or a sample rate that is lower by a factor of "
-                f"{math.ceil(10 * factor) / 10:g} (peaks, events and spectra do not depend on it)",
-            )
-        )
+        raise ScenarioError(_too_long_histories(samples, columns, needed, settings.memory))
+
+
+def _too_long_histories(samples: int, columns: int, needed: int, memory: float) -> Problem:
+    """Histories of samples with some columns need more bytes than their share of the memory."""
+    factor, enough = needed / (HISTORIES_SHARE * memory), needed / HISTORIES_SHARE / 1e9
+    return Problem(
+        "run.sample_rate",
+        f"gives histories of {samples} samples with {columns} values each, {needed / 1e9:.3g} GB, more than "
+        f"{100 * HISTORIES_SHARE:.0f} % of run.memory = {memory:.3g} bytes",
+        f"give run.memory: {math.ceil(10 * enough) / 10:g} GB, or a sample rate that is lower by a factor of "
+        f"{math.ceil(10 * factor) / 10:g} (peaks, events and spectra do not depend on it)",
+    )
 
 
 def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
@@ -349,10 +352,9 @@ def exact_motion_of(
     latest, states, asked, known = list[Trajectory](), [np.zeros((0, flow.size))], needed.state_times, 0
     with locating({"duration": "run.duration"}):
         for chunk in march.chunks():
-            part = chunk
             try:
                 with asked_by(overdue, at_once=True):
-                    found = values.computed(chunk)
+                    part, found = chunk, values.computed(chunk)
             except Interrupted:
                 part, found = values.computed_of_beginning(chunk)
                 march.end_with(part)
