@@ -101,12 +101,12 @@ def limit_levels(limits: Limits | None, name: str, place: str = "", *, both_sign
     ]
 
 
-def limit_curves(drawn: Sequence[Any], x: Floats) -> list[Curve]:
-    """The limits over x (n,), Hz, of what has a ``name`` and a ``limit`` (n or more,), in the colours of its curves."""
+def limit_curves(limits: Mapping[str, Floats | None], x: Floats) -> list[Curve]:
+    """The limits (n or more,) over x (n,), Hz, by the names of the curves that are drawn, in their colours."""
     return [
-        Curve(f"{of.name}, limit", x, of.limit[-x.size :], {**curve_style(k), "linestyle": ":", "linewidth": 1.8})
-        for k, of in enumerate(drawn[:MOST_CURVES])
-        if of.limit is not None
+        Curve(f"{name}, limit", x, limit[-x.size :], {**curve_style(k), "linestyle": ":", "linewidth": 1.8})
+        for k, (name, limit) in enumerate(list(limits.items())[:MOST_CURVES])
+        if limit is not None and not np.isnan(limit).all()
     ]
 
 

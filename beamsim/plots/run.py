@@ -15,16 +15,15 @@ from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
     Fatigue,
     Impacts,
-    MatchedSpectrum,
     Rainflow,
     RandomResponse,
     RunResult,
-    ShockResponse,
     SignalStatistics,
     Spectrum,
+    misfit_of_matched,
 )
 from beamsim.fields import place_in_words
-from beamsim.labelled import LabelledArray
+from beamsim.labelled import Dataset, LabelledArray
 from beamsim.plots.bodies import body_figures, stops_of
 from beamsim.plots.drawing import (
     DARK,
@@ -279,29 +278,32 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
     return Chart(across, (up, unit), loops, of="snubbers")
 
 
-def shock_response(response: ShockResponse, note: str) -> Chart:
+def shock_response(srs: Dataset, note: str) -> Chart:
     """Maximax spectra of the input and of the probes; thin, the residual of the input: what it leaves after its end."""
-    f, drawn = response.frequency_hz, response.signals[:MOST_CURVES]
-    curves = [Curve(signal.name, f, signal.maximax) for signal in drawn]
+    f, names = srs["frequency_hz"].values, srs["name"].values.tolist()[:MOST_CURVES]
+    maximax = srs["maximax"].values[: len(names)]
+    curves = [Curve(name, f, x) for name, x in zip(names, maximax, strict=True)]
     curves += [
-        Curve("input, residual", f, signal.residual, {**curve_style(k), "linewidth": 0.55})
-        for k, signal in enumerate(drawn)
-        if signal.name == "input"
+        Curve("input, residual", f, srs["residual"].values[k], {**curve_style(k), "linewidth": 0.55})
+        for k, name in enumerate(names)
+        if name == "input"
     ]
-    across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {response.quality:g}"
-    ends, low = (float(f[0]), float(f[-1])), 0.1 * min(float(signal.maximax.min()) for signal in drawn)
+    across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {srs['quality'].item():g}"
+    ends, low = (float(f[0]), float(f[-1])), 0.1 * float(maximax.min())
+    limits = dict(zip(names, srs["limit"].values[: len(names)], strict=True)) if "limit" in srs else {}
     chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
     squeezes = low > 0.0 and any(curve.y.min() < low for curve in curves)  # a residual that is nothing
-    return chart._replace(marks=limit_curves(drawn, f), y_ends=(low if squeezes else None, None))
+    return chart._replace(marks=limit_curves(limits, f), y_ends=(low if squeezes else None, None))
 
 
-def matched_spectrum(matched: MatchedSpectrum) -> Chart:
+def matched_spectrum(matched: Dataset) -> Chart:
     """The shock response spectrum of a record that was made, over the one that was asked for."""
-    misfit, pale = matched.summary(), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
-    curves = [Curve("record", matched.frequency_hz, matched.reached)]
-    curve = Curve("curve asked for", matched.frequency_hz, matched.target, pale)
+    misfit, pale = misfit_of_matched(matched), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
+    frequency = matched["frequency_hz"].values
+    curves = [Curve("record", frequency, matched["reached"].values)]
+    curve = Curve("curve asked for", frequency, matched["target"].values, pale)
     title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
-    up = (f"Peak acceleration, Q = {matched.quality:g}", "m/s^2")
+    up = (f"Peak acceleration, Q = {misfit['quality']:g}", "m/s^2")
     across = ("Natural frequency of the oscillator", "Hz")
     return Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)
 
@@ -402,8 +404,17 @@ def density(response: RandomResponse, note: str = "") -> Chart:
             style = {"color": PALE, "linewidth": 2.2, "linestyle": dashes, "zorder": 1}
             words = f"{signal.name}, linear, always {name}"
             linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
+    limits = {signal.name: signal.limit for signal in drawn}
     up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
-    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=[*linear, *limit_curves(drawn, f)], note=note)
+    chart = Chart(
+        _FREQUENCY,
+        up,
+        curves,
+        log="xy",
+        of="signals",
+        marks=[*linear, *limit_curves(limits, f)],
+        note=note,
+    )
     if not top > 0:
         return chart
     shown = f[band] if band.any() else f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN]
@@ -418,7 +429,7 @@ def force_densities(response: RandomResponse) -> list[Chart]:
         drawn = [s for s in response.signals if s.quantity == "force" and s.unit == unit]
         if shown.size and any(s.limit is not None for s in drawn):
             curves, up = [Curve(s.name, f, s.density[1:]) for s in drawn], (label, Scale(1.0, squared))
-            ends, marks = (float(shown[0]), float(shown[-1])), limit_curves(drawn, f)
+            ends, marks = (float(shown[0]), float(shown[-1])), limit_curves({s.name: s.limit for s in drawn}, f)
             charts.append(Chart(_FREQUENCY, up, curves, log="xy", of="stops", marks=marks, x_ends=ends))
     return charts
 
@@ -605,7 +616,7 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
 
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
-    random, srs, of_run = result.random, result.srs, result["histories"]
+    random, srs, of_run = result.random, result.datasets.get("srs"), result["histories"]
     panels = _histories_of_all(result)
     forces = of_run.by_label("snubber_force").values()
     if units := dict.fromkeys(force.unit for force in forces if np.any(force.values)):
@@ -620,8 +631,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:
         panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
-    if result.matched is not None:
-        panels["matched_spectrum"] = [matched_spectrum(result.matched)]
+    if (matched := result.datasets.get("matched")) is not None:
+        panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
     if told := [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]:
         tornados = [partial(plot_tornado, result, response=name) for name in told]

@@ -156,7 +156,7 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
 def _limits(curve: SweepCurve, quantity: str, unit: str, name: str = "") -> list[Curve]:
     """Limits over frequency of what is drawn, of the first curve, in the colours of its envelopes."""
     alike = [each for each in curve.envelopes(quantity).values() if each.unit == unit and name in ("", each.name)]
-    return limit_curves(alike, curve.frequency_hz)
+    return limit_curves({each.name: each.limit for each in alike}, curve.frequency_hz)
 
 
 def transmissibility(result: SweepResult, level_index: int) -> Chart:

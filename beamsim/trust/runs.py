@@ -34,7 +34,7 @@ from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_respons
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
-from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, ShockResponse, Spectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, Spectrum, highest_of_srs, srs_over_limit
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
     STATIC_ENTRIES,
@@ -47,6 +47,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, never
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
@@ -354,7 +355,8 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
     part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, never, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
-    part = part._replace(result=replace(part.result, random=None, srs=None))
+    datasets = {name: of for name, of in part.result.datasets.items() if name != "srs"}
+    part = part._replace(result=replace(part.result, random=None, datasets=datasets))
     checked = replace(convergence_of(part, shared), compared_s=compared_s, lines={})
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
@@ -442,8 +444,8 @@ class DerivedValues:
                 for s in self.result.random.signals
                 for key in STATISTICS
             }
-        if self.result.srs is not None:
-            figures |= _of_shock(self.result.srs)
+        if (srs := self.result.datasets.get("srs")) is not None:
+            figures |= _of_shock(srs)
         return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
     def scatter(self) -> Changes:
@@ -474,7 +476,7 @@ class DerivedValues:
         if self.result.random is not None:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
-        if self.result.srs is not None:
+        if "srs" in self.result.datasets:
             shock = _of_shock(shock_response(system, motion))
             for figures in of_parts:
                 figures |= shock
@@ -535,10 +537,10 @@ def _sampled(motion: Histories, start_s: float, channels: ChannelSet) -> list[Sa
     return [SampledRecord(motion.time[inside], x, rate) for x in samples.T]
 
 
-def _of_shock(shock: ShockResponse) -> Values:
+def _of_shock(srs: Dataset) -> Values:
     """The highest point of each spectrum, and the largest ratio of those that have limits to these."""
-    values: Values = {"srs": {name: point["maximax_g"] for name, point in shock.summary().items()}}
-    if over := shock.over_limit():
+    values: Values = {"srs": {name: point["maximax_g"] for name, point in highest_of_srs(srs).items()}}
+    if over := srs_over_limit(srs):
         values["srs_over_limit"] = {name: ratio for name, (ratio, _) in over.items()}
     return values
 

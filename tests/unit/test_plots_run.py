@@ -2,7 +2,6 @@
 
 import math
 import os
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
+from beamsim.analyses.run.layouts import SRS
 from beamsim.plots import run as plots
 from beamsim.plots.drawing import HERTZ, Chart, Curve, Picture, save_figures, thinned
 from beamsim.scenario import load_scenario
@@ -147,11 +146,11 @@ def test_a_shock_is_shown_whole_with_its_input():
 
 def test_a_residual_of_nothing_does_not_squeeze_the_spectra():
     f = np.geomspace(10.0, 100.0, 5)
-    signal = partial(ShockSpectrum, quantity="acceleration", primary=f, positive=f, negative=f)
-    nothing = signal(name="input", maximax=f, residual=1e-6 * f)
-    assert plots.shock_response(ShockResponse(10.0, f, (nothing,)), "").y_ends == (1.0, None)
-    something = signal(name="input", maximax=f, residual=0.5 * f)
-    assert plots.shock_response(ShockResponse(10.0, f, (something,)), "").y_ends == (None, None)
+    of_input = dict.fromkeys(("maximax", "primary", "positive", "negative"), f[None])
+    known = {"quality": 10.0, "frequency_hz": f, "signal": ["input acceleration"], "name": ["input"], **of_input}
+    nothing, something = (SRS.dataset(known | {"residual": share * f[None]}) for share in (1e-6, 0.5))
+    assert plots.shock_response(nothing, "").y_ends == (1.0, None)
+    assert plots.shock_response(something, "").y_ends == (None, None)
 
 
 def test_no_picture_is_of_a_contact_that_never_was(fabricated_run):

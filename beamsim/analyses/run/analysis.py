@@ -36,6 +36,7 @@ from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
 from beamsim.results.validity import (
     compressed_beyond_tables,
@@ -223,6 +224,7 @@ def _asked_for(
     """
     scenario, system, settings = result.scenario, motion.system, not_none(result.scenario.run)
     fields: dict[str, Any] = {}
+    datasets: dict[str, Dataset] = {}
     notes: list[str] = []
     if scenario.excitation.stationary and needed.statistics:
         from beamsim.analyses.run.random_response import largest_known, random_response
@@ -242,8 +244,8 @@ def _asked_for(
         notes += fatigue_warnings(damage, settings.fatigue)
     if settings.srs is not None:
         if needed.has("srs_over_limit"):
-            what = "shock response spectra"
-            fields["srs"] = evaluation.computed(what, lambda: shock_response(system, motion.known), None)
+            srs = evaluation.computed("shock response spectra", lambda: shock_response(system, motion.known), None)
+            datasets |= {} if srs is None else {"srs": srs}
         notes += _coarse_samples(motion, settings.srs) + _coarse_records(system.inputs, settings.srs)
     if settings.sensitivities:
         from beamsim.analyses.run.sensitivities import sensitivities_of
@@ -254,12 +256,13 @@ def _asked_for(
         )
         notes += remarks
     if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
-        fields["matched"] = matched_spectrum(system, matched[0], matched[1])
-        if (worst := float(np.abs(fields["matched"].misfit_db).max())) > MISFIT_DB:
+        datasets["matched"] = matched_spectrum(system, matched[0], matched[1])
+        if (worst := float(np.abs(datasets["matched"]["misfit_db"]).max())) > MISFIT_DB:
             notes.append(
                 f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another "
                 "duration, or a curve without steep sides and with levels that its Q allows"
             )
+    fields["datasets"] = result.datasets | datasets
     return fields, notes
 
 

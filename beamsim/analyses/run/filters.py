@@ -22,15 +22,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy as copied
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.layouts import MATCHED, SRS
 from beamsim.analyses.run.observers import Histories, reached
-from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import visited_states
@@ -39,6 +40,7 @@ from beamsim.flow.extrema_kernels import Sums
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
+from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, outer
 from beamsim.scenario.base import Path
@@ -608,7 +610,7 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
     return peaks
 
 
-def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
+def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> Dataset:
     """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
 
     Parameters
@@ -618,8 +620,8 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
 
     Returns
     -------
-    ShockResponse
-        The base's spectrum first, then those of supports.
+    Dataset
+        `SRS`: the base's spectrum first, then those of supports.
 
     Raises
     ------
@@ -644,10 +646,24 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
         names.insert(count, name)
         peaks.append(shock_spectra(along, settings.quality, until, summed, fastest[: until.size - 1]))
     peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
-    spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
-    limits = [limit_curve(system.scenario, "srs", s.name, "acceleration", along) for s in spectra]
-    of_all = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
-    return ShockResponse(settings.quality, along, of_all)
+    high, low, after_high, after_low = np.moveaxis(np.concatenate(peaks), 1, 0)
+    primary, residual = np.maximum(high, low), np.maximum(after_high, after_low)
+    limits = [limit_curve(system.scenario, "srs", name, "acceleration", along) for name, _ in names]
+    none = np.full(along.size, np.nan)
+    return SRS.dataset(
+        {
+            "quality": settings.quality,
+            "frequency_hz": along,
+            "signal": [f"{name} {quantity}" for name, quantity in names],
+            "name": [name for name, _ in names],
+            "maximax": np.maximum(primary, residual),
+            "primary": primary,
+            "residual": residual,
+            "positive": np.maximum(high, after_high),
+            "negative": np.maximum(low, after_low),
+            "limit": None if all(x is None for x in limits) else np.array([none if x is None else x for x in limits]),
+        }
+    )
 
 
 def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
@@ -675,7 +691,7 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
 
-def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> MatchedSpectrum:
+def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> Dataset:
     """The spectrum of a base motion that was made for one, whose input stands at a path of the scenario.
 
     It is that of the motion in closed form, twelve points an octave and at the points of the curve.
@@ -684,18 +700,10 @@ def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedIn
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
     base = not_none(system.base_acceleration)
     peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
-    return MatchedSpectrum(excitation.quality, frequency, on_curve(frequency, at, value), peaks[0].max(axis=0))
-
-
-def _spectrum(
-    name: str, quantity: str, high: Floats, low: Floats, after_high: Floats, after_low: Floats
-) -> ShockSpectrum:
-    """From the positive and negative peaks during the record and after it."""
-    primary, residual = np.maximum(high, low), np.maximum(after_high, after_low)
-    return ShockSpectrum(
-        name=name, quantity=quantity, maximax=np.maximum(primary, residual), primary=primary, residual=residual,
-        positive=np.maximum(high, after_high), negative=np.maximum(low, after_low),
-    )  # fmt: skip
+    target, reached = on_curve(frequency, at, value), peaks[0].max(axis=0)
+    misfit = 20.0 * np.log10(reached / target)
+    known = {"target": target, "reached": reached, "misfit_db": misfit}
+    return MATCHED.dataset({"quality": excitation.quality, "frequency_hz": frequency, **known})
 
 
 def _end(signal: Callable[[Floats], Floats], end: float) -> float:

@@ -190,6 +190,39 @@ BODIES = Layout(
     },
     optional=True,
 )  # fmt: skip
+_SIGNAL, _FREQUENCY = ("signal",), ("frequency_hz",)
+_OSCILLATOR = {
+    "quality": Variable((), "1", "quality factor Q of the oscillators"),
+    "frequency_hz": Variable(_FREQUENCY, "Hz", "natural frequency of the oscillator"),
+}
+SRS = Layout(
+    "srs",
+    "Shock response spectra: peaks of oscillators' absolute accelerations on a base that moves as one signal does. The "
+    "record of the input ends with its pulse, if it is one, and that of a response with the run.",
+    {
+        **_OSCILLATOR,
+        "signal": Variable(_SIGNAL, "1", "name and quantity of the signal, the input first", str),
+        "name": Variable(_SIGNAL, "1", "input, the name of the probe, or support and its name", str),
+        "maximax": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest magnitude at any time"),
+        "primary": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest magnitude during the record"),
+        "residual": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest magnitude after the end of the record"),
+        "positive": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest value at any time"),
+        "negative": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "magnitude of the smallest value at any time"),
+        "limit": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "limit of maximax, NaN where there is none", optional=True),
+    },
+    optional=True,
+)
+MATCHED = Layout(
+    "matched",
+    "Shock response spectrum of a base motion that was made for it, during the record and after it.",
+    {
+        **_OSCILLATOR,
+        "target": Variable(_FREQUENCY, "m/s^2", "curve that was asked for"),
+        "reached": Variable(_FREQUENCY, "m/s^2", "maximax spectrum of the record"),
+        "misfit_db": Variable(_FREQUENCY, "dB", "20 log10(reached / target)"),
+    },
+    optional=True,
+)
 _NUMBER = ("number",)
 FRICTION_INTERVALS = Layout(
     "friction_intervals",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.layouts import BODIES, EVENTS, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.layouts import BODIES, EVENTS, FRICTION_INTERVALS, HISTORIES, MATCHED, SRS
 from beamsim.fields import (
     ByName,
     Counter,
@@ -32,6 +32,7 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import InputStatement
+from beamsim.labelled import Dataset
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, VALUES, of_angles
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -441,66 +442,34 @@ class RandomResponse:
         }  # fmt: skip
 
 
-@declared(along=_FREQUENCY)
-class ShockSpectrum:
-    """Peaks of oscillators' absolute accelerations on a base that moves as one signal does."""
-
-    name: str = attribute("", "input, the name of the probe, or support and its name")
-    quantity: str = key("acceleration of the input, absolute_acceleration of a probe or support")
-    maximax: Floats = dataset("m/s^2", "largest magnitude at any time")
-    primary: Floats = dataset("m/s^2", "largest magnitude during the record")
-    residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record")
-    positive: Floats = dataset("m/s^2", "largest value at any time")
-    negative: Floats = dataset("m/s^2", "magnitude of the smallest value at any time")
-    limit: Floats | None = dataset("m/s^2", "limit of maximax, nan where there is none", default=None)
+def highest_of_srs(srs: Dataset) -> dict[str, dict[str, float]]:
+    """Highest point of each maximax spectrum in g and its frequency, by signal."""
+    highest = {name: (x.values, int(x.values.argmax())) for name, x in srs.by_label("maximax").items()}
+    frequency = srs["frequency_hz"].values
+    return {
+        name: {"maximax_g": float(x[k]) / STANDARD_GRAVITY, "frequency_hz": float(frequency[k])}
+        for name, (x, k) in highest.items()
+    }
 
 
-@declared
-class ShockResponse:
-    """Shock response spectra.
-
-    The record of the input ends with its pulse, if it is one, and that of a response with the run.
-    """
-
-    quality: float = attribute("1", "quality factor Q of the oscillators")
-    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
-    signals: tuple[ShockSpectrum, ...] = members(
-        "", ShockSpectrum, "signal", by=("name", "quantity")
-    )  # the input first
-
-    def over_limit(self) -> dict[str, tuple[float, float]]:
-        """By name the largest ratio of a maximax spectrum to its limit curve, and the frequency there, Hz."""
-        return over_limit(self.frequency_hz, ((s.name, s.maximax, s.limit) for s in self.signals))
-
-    def summary(self) -> dict[str, dict[str, float]]:
-        """Highest point of the maximax spectrum and its frequency, by name and quantity."""
-        highest = {f"{s.name} {s.quantity}": (s.maximax, int(s.maximax.argmax())) for s in self.signals}
-        return {
-            name: {"maximax_g": float(x[k]) / STANDARD_GRAVITY, "frequency_hz": float(self.frequency_hz[k])}
-            for name, (x, k) in highest.items()
-        }
+def srs_over_limit(srs: Dataset) -> dict[str, tuple[float, float]]:
+    """By name the largest ratio of a maximax spectrum to its limit curve, and the frequency there, Hz."""
+    if "limit" not in srs:
+        return {}
+    spectra = zip(srs["name"].values.tolist(), srs["maximax"].values, srs["limit"].values, strict=True)
+    return over_limit(srs["frequency_hz"].values, spectra)
 
 
-@declared(along=_FREQUENCY)
-class MatchedSpectrum:
-    """Shock response spectrum of a base motion that was made for it, during the record and after it."""
-
-    quality: float = attribute("1", "quality factor Q of the oscillators")
-    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
-    target: Floats = dataset("m/s^2", "curve that was asked for")
-    reached: Floats = dataset("m/s^2", "maximax spectrum of the record")
-
-    @property
-    @stored(dataset("dB", "20 log10(reached / target)"))
-    def misfit_db(self) -> Floats:
-        """(nf,) dB."""
-        return np.asarray(20.0 * np.log10(self.reached / self.target))
-
-    def summary(self) -> dict[str, float]:
-        """Where the record is farthest below and above the curve, and the band."""
-        low, high = float(self.misfit_db.min()), float(self.misfit_db.max())
-        first, last = float(self.frequency_hz[0]), float(self.frequency_hz[-1])
-        return {"lowest_db": low, "highest_db": high, "from_hz": first, "to_hz": last, "quality": self.quality}
+def misfit_of_matched(matched: Dataset) -> dict[str, float]:
+    """Where the record of a matched base motion is farthest below and above its curve, and the band."""
+    misfit, frequency = matched["misfit_db"].values, matched["frequency_hz"].values
+    return {
+        "lowest_db": float(misfit.min()),
+        "highest_db": float(misfit.max()),
+        "from_hz": float(frequency[0]),
+        "to_hz": float(frequency[-1]),
+        "quality": float(matched["quality"].item()),
+    }
 
 
 @declared
@@ -571,7 +540,7 @@ COMPARED = record({
 RANDOM_SIGNAL = record(dict.fromkeys(("rms", "crest_factor", "kurtosis"), Number))
 RATIOS = ("crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma",
           "degrees_of_freedom", "expected_peak_unknown")  # fmt: skip
-MATCHED = record(dict.fromkeys(("lowest_db", "highest_db", "from_hz", "to_hz", "quality"), Number))
+MISFIT = record(dict.fromkeys(("lowest_db", "highest_db", "from_hz", "to_hz", "quality"), Number))
 _SUMMARY = (
     STATUS,
     InputStatement.ENTRY,
@@ -629,7 +598,7 @@ _SUMMARY = (
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
              form=dict[str, ByName]),
     Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
-             "that was asked for, in which band and with which quality factor", form=MATCHED),
+             "that was asked for, in which band and with which quality factor", form=MISFIT),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines",
              form=list_of(LINE), ranked_by="amplitude_db"),
     Entry("aliased_in_histories", "1", "by place and quantity: share of the root mean square that lies above half the "
@@ -662,7 +631,7 @@ class RunResult(Result):
     """Everything `beamsim run` computes."""
 
     KIND = "run"
-    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS)
+    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS, SRS, MATCHED)
 
     method: str = attribute("", "exact, or reference with its integrator")
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
@@ -671,8 +640,6 @@ class RunResult(Result):
     modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
-    srs: ShockResponse | None = group("srs", ShockResponse, default=None)  # where shock response spectra were asked for
-    matched: MatchedSpectrum | None = group("matched", MatchedSpectrum, default=None)  # of a matched base motion
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
     impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them

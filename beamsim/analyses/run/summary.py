@@ -13,7 +13,14 @@ import numpy as np
 from beamsim.analyses.run.histories import friction_summary
 from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
 from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
-from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
+from beamsim.analyses.run.result import (
+    MAIN_QUANTITY,
+    RunResult,
+    Spectrum,
+    highest_of_srs,
+    misfit_of_matched,
+    srs_over_limit,
+)
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
 from beamsim.responses.gapping import gapping_of_sine, gapping_ratios, in_their_units
@@ -127,6 +134,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     impacts, random = result.impacts, result.random
     each = ((s, line) for s in result.spectra.values() for line in s.unresolved)
     unresolved = [{"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s, line in each]
+    srs, matched = result.datasets.get("srs"), result.datasets.get("matched")
     return {
         **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": None if von_mises is None else float(np.nanmax(von_mises)),
@@ -139,8 +147,8 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "fatigue": {name: body.summary() for name, body in result.fatigue.items()} or None,
         "random": None if random is None else random.summary(),
         "random_linear": None if random is None else random.prediction() or None,
-        "srs": None if result.srs is None else result.srs.summary(),
-        "matched": None if result.matched is None else result.matched.summary(),
+        "srs": None if srs is None else highest_of_srs(srs),
+        "matched": None if matched is None else misfit_of_matched(matched),
         "spectral_lines": spectral_lines(result.spectra),
         "unresolved_lines": unresolved or None,
         **(_over_limits(result, summary) if result.scenario.limits else {}),
@@ -149,13 +157,16 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
 
 def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Ratios of spectra to their limit curves, and the margins, for which root mean squares are added."""
-    spectra = {"srs_over_limit": result.srs, "psd_over_limit": result.random}
-    over = {entry: {} if part is None else part.over_limit() for entry, part in spectra.items()}
+    srs, random = result.datasets.get("srs"), result.random
+    over = {
+        "srs_over_limit": {} if srs is None else srs_over_limit(srs),
+        "psd_over_limit": {} if random is None else random.over_limit(),
+    }
     ratios = {entry: {name: ratio for name, (ratio, _) in of.items()} or None for entry, of in over.items()}
     rms = {
         "rms_displacement": summary["rms_displacement_m"],
         "rms_absolute_acceleration": {at: x * STANDARD_GRAVITY for at, x in summary["rms_acceleration_g"].items()},
-    } | ({} if result.random is None else result.random.root_mean_squares())
+    } | ({} if random is None else random.root_mean_squares())
     known = {entry: of for entry, of in ratios.items() if of}
     compared = margins(result.scenario.limits, {**summary, **rms, **known})
     for name, item in compared.items():
