@@ -356,15 +356,13 @@ def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(
 @pytest.mark.parametrize("form", ["csv", "mat", "uff"])
 def test_a_signal_while_a_result_is_exported_leaves_nothing_incomplete(form, invoked, monkeypatch):
 
-    from beamsim import files
-
     assert invoked("run", "--no-plots").exit_code == 0
 
     def replace(temporary, target):
         assert temporary.stat().st_size
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(files, "_replace", replace)
+    monkeypatch.setattr(os, "replace", replace)
     done = invoke("export", "case.h5", "--format", form, "-o", "exported")
     assert done.exit_code == 130, done.output
     assert [path.name for path in Path().rglob("*") if path.is_file()] == ["case.h5"]
