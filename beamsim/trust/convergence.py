@@ -101,14 +101,18 @@ def relative_changes(
     for name, value in first[0].items():
         of_entry = [place for place, _ in places(value)]
         size_of = f"peak{name[3:]}" if name.startswith(("min_", "max_")) else name  # as either extreme may be zero
+        known = [
+            [dict(places(part.get(entry, {}))) for part in parts]
+            for entry in (name, size_of)
+            for parts in (first, second)
+        ]
         one, other, *sizes = (
-            np.array([[dict(places(part.get(entry, {}))).get(place, math.nan) for place in of_entry] for part in parts])
-            for entry, parts in ((name, first), (name, second), (size_of, first), (size_of, second))
+            np.array([[of_place.get(place, math.nan) for place in of_entry] for of_place in parts]) for parts in known
         )
         scale = np.maximum(*(np.abs(x).mean(axis=0) for x in sizes))
         if whole is not None:
-            known = dict(places(whole[size_of]))
-            scale = np.maximum(scale, np.abs([known.get(place, math.nan) for place in of_entry]))
+            of_whole = dict(places(whole[size_of]))
+            scale = np.maximum(scale, np.abs([of_whole.get(place, math.nan) for place in of_entry]))
         if not name.endswith("_output"):  # which have units of their own
             scale = np.maximum(scale, SMALLEST_SCALE * np.nanmax(scale, initial=0.0))
         difference = one - other
