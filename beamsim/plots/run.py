@@ -48,7 +48,6 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
-from beamsim.signals.records import Window
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.system.structural import FORCE_UNITS
 from beamsim.typing import Bools, Floats, Ints
@@ -173,7 +172,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
 
 def _marked_lines(s: Spectrum, unit: float, end: float) -> Iterator[Curve]:
     """The lines of a spectrum by their kind, and those that are doubtful."""
-    falls = Window.named(s.window).one_sided
+    falls = s.window == "decaying"
     doubtful = [
         line for line in s.lines if line.frequency_hz <= end * unit and (line.relative_change or 0.0) > ALLOWED_CHANGE
     ]

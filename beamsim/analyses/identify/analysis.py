@@ -224,19 +224,23 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
         summary["sensitivity_contributions"] = contributions or None
     if result.pad is not None:
         summary["pad_yaml"] = result.pad.yaml
-    update, nonlinear = result.update, result.nonlinear
-    if update is not None:
+    if (update := result.update) is not None:
         summary["updated"] = {p.parameter: _plain(p) for p in update.parameters} | dict(update.choices)
         summary["supports_tried"] = dict(update.alternatives) or None
         summary["update_misfit"] = [update.misfit_before, update.misfit_after]
-    if nonlinear is not None:
-        summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
-        summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
-        summary["test_misfits"] = {test.name: [test.misfit, test.misfit_without] for test in nonlinear.records}
-        delays = {test.name: [test.delay_s, *test.delay_interval] for test in nonlinear.records}
-        summary["test_delays_s"] = {name: each for name, each in delays.items() if np.isfinite(each).all()}
-        summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
-    return summary
+    return summary if result.nonlinear is None else summary | _summary_of_vibrations(result.nonlinear)
+
+
+def _summary_of_vibrations(nonlinear: NonlinearEstimate) -> dict[str, Any]:
+    """What was fitted to vibrations, and how well."""
+    delays = {test.name: [test.delay_s, *test.delay_interval] for test in nonlinear.records}
+    return {
+        "estimated": {p.parameter: _plain(p) for p in nonlinear.parameters},
+        "nonlinear_misfit": [nonlinear.misfit_before, nonlinear.misfit],
+        "test_misfits": {test.name: [test.misfit, test.misfit_without] for test in nonlinear.records},
+        "test_delays_s": {name: each for name, each in delays.items() if np.isfinite(each).all()},
+        "starts_agreeing": [nonlinear.starts_agreeing, nonlinear.starts],
+    }
 
 
 def _plain(p: ParameterEstimate) -> dict[str, Any]:

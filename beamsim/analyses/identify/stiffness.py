@@ -105,8 +105,11 @@ class FittedModes:
 def fit_stiffness(modes: FittedModes) -> float:
     """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
     low, high = float(modes.individual.min()), float(modes.individual.max())
-    if low == high:
-        return low
+    return low if low == high else _fit_between(modes, low, high)
+
+
+def _fit_between(modes: FittedModes, low: float, high: float) -> float:
+    """The same of several modes that ask for stiffnesses between two, N/m."""
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
     point = modes.point
     unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, modes.omega[0]) ** 2))
@@ -575,15 +578,19 @@ def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[st
         if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > POOR_MODEL:
             warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
     low, high = estimate.interval
-    if low == 0.0 or np.isinf(high):
-        warnings.append(
-            "the uncertainty of the frequency extends to "
-            + ("the frequency without snubber" if low == 0.0 else "the frequency with the point pinned")
-            + ": the stiffness has no "
-            + ("lower" if low == 0.0 else "upper")
-            + " bound; use a mode whose frequency depends more on the snubber"
-        )
+    if low == 0.0:
+        warnings.append(_unbounded("the frequency without snubber", "lower"))
+    elif np.isinf(high):
+        warnings.append(_unbounded("the frequency with the point pinned", "upper"))
     return warnings
+
+
+def _unbounded(limit: str, side: str) -> str:
+    """A warning where a frequency that no finite stiffness gives is within the uncertainty of the measured one."""
+    return (
+        f"the uncertainty of the frequency extends to {limit}: the stiffness has no {side} bound; use a mode whose "
+        "frequency depends more on the snubber"
+    )
 
 
 def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float, int]:
