@@ -297,7 +297,7 @@ class Probe(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        if any(body.held(position) for body, position in scenario.points_of(self)):
+        if scenario.on_support(self):
             yield f"{path_text(at)} sits on a support, which cannot deflect"
 
 
@@ -309,9 +309,8 @@ class PlacedForce(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        for body, position in scenario.points_of(self) if at[0] == "constant_forces" else ():
-            if body.held(position):
-                yield f"{path_text(at)} sits on a support, which cannot deflect"
+        if at[0] == "constant_forces" and scenario.on_support(self):
+            yield f"{path_text(at)} sits on a support, which cannot deflect"
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]

@@ -39,7 +39,7 @@ from beamsim.scenario.base import (
     within,
 )
 from beamsim.scenario.beam import AnyBeam
-from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe, WrittenPosition
+from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
     AnyFriction,
@@ -528,12 +528,13 @@ class Scenario(Schema):
         """The body that a path leads into; empty where it leads into none."""
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
-    def points_of(self, item: Any, body: str = "") -> Iterator[tuple[Body, WrittenPosition]]:
-        """Bodies and positions on them where something sits; ``body``, or the only one, where a place names none."""
+    def on_support(self, item: Any) -> bool:
+        """Whether something sits where its body is held."""
         for place in item.places:
-            of = self.all_bodies.get(place.body or body or self.default_body)
-            if of is not None and place.position is not None:
-                yield of, place.position
+            body = self.all_bodies.get(place.body or self.default_body)
+            if body is not None and place.position is not None and body.held(place.position):
+                return True
+        return False
 
     def refined(self, modes: int) -> Self:
         """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""

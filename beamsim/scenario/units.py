@@ -266,14 +266,13 @@ def _to_power(unit: Unit, power: int) -> Unit | None:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def read_quantity(value: object, dimension: Dimension, *, any_size: bool = False) -> float:
+def read_quantity(value: object, dimension: Dimension) -> float:
     """Return the value in the SI unit of ``dimension``.
 
     Parameters
     ----------
     value : number, or text with or without a unit.
     dimension : of the quantity.
-    any_size : whether it may be out of the range of the dimension, which the caller then checks.
 
     Raises
     ------
@@ -285,7 +284,7 @@ def read_quantity(value: object, dimension: Dimension, *, any_size: bool = False
     >>> read_quantity("5 mm", LENGTH), read_quantity(0.005, LENGTH), read_quantity("60 rpm", FREQUENCY)
     (0.005, 0.005, 1.0)
     """
-    return read_level(value, (dimension,), any_size=any_size)[0]
+    return read_level(value, (dimension,))[0]
 
 
 def size_of(unit: str, dimension: Dimension) -> float:
@@ -308,8 +307,9 @@ def read_level(
 
     Parameters
     ----------
-    value, any_size : as of `read_quantity`.
+    value : as of `read_quantity`.
     dimensions : that it may have.
+    any_size : whether it may be out of their range, which the caller then checks.
     """
     remedy = "write for example " + " or ".join(each.example for each in dimensions)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
