@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.flow.exact import ExactFlow, visited_states
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
@@ -145,9 +145,9 @@ class MotionPart:
         if self.before is not None:  # what the first half leaves of the whole, at every other of its frequencies
             whole, first = self.before[0].known[:, ::2], self.before[1].known
             return np.asarray((whole - first[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1]))
-        step, table = np.pi / self.duration, self.motion.flow.output_table(self.rows_of)
+        step = np.pi / self.duration
         count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
-        return evenly_spaced_integrals(self.motion, table, step, count)
+        return evenly_spaced_integrals(self.motion, self.rows_of, step, count)
 
     def weighted(self, window: Exponentials) -> Complexes:
         """(K, count) Fourier integrals under a window, at the same frequencies but the last, which it needs."""
@@ -225,37 +225,3 @@ class MotionPart:
         edges = np.linspace(self.begin, self.motion.end, parts + 1)
         cut = [self.motion.between(*map(float, span)) for span in pairwise(edges)]
         return [MotionPart(each, self.rows_of, self.highest) for each in cut]
-
-
-def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Complexes:
-    r"""Fourier integrals of outputs over a motion.
-
-    Parameters
-    ----------
-    motion : of contact states that are all kept.
-    table : (S, T, K) coefficients of the outputs.
-    omega : (W,) rad/s.
-
-    Returns
-    -------
-    (K, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt`, :math:`t_0` being the start of the motion.
-    """
-    out = np.zeros((table.shape[2], omega.size), dtype=complex)
-    # 2_000_000: which bounds the memory
-    columns = max(2_000_000 // max(motion.segments, 1), 1)
-    for number in visited_states(motion.state):
-        state, segments = motion.flow.states[number], np.flatnonzero(motion.state == number)
-        coefficients, elapsed = table[number, : state.term_basis.size], motion.time[segments] - motion.time[0]
-        alone = np.ones((coefficients.shape[0], 1), dtype=complex)  # sums of the terms serve all outputs
-        functions = motion.outputs(state, segments, alone if state.exponential else coefficients)
-        both = functions.with_conjugates()
-        for first in range(0, omega.size, columns):
-            check_stop()
-            part = slice(first, first + columns)
-            turned = np.exp(np.multiply.outer(elapsed, -1j * omega[part]))
-            sums = both.fourier_sums(motion.equal_lengths[segments], omega[part], turned)
-            if state.exponential:
-                out[:, part] += np.concatenate([coefficients, coefficients.conj()]).T @ sums[:, 0]
-            else:
-                out[:, part] += sums.sum(axis=0)
-    return out

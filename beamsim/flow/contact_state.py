@@ -27,7 +27,6 @@ from beamsim.flow.invariant_blocks import (
     neighbouring_modes,
     second_order_blocks,
 )
-from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import PiecewiseLinearSystem, StateEquations
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -106,21 +105,19 @@ class ContactState:
         """The same state under other signals of the same channels."""
         return _tabulated(self.equations, self.modes, self.horizon, sources)
 
-    def coefficients(self, rows: Floats, sources: Sources, table: Complexes | None = None) -> Complexes:
+    def coefficients(self, rows: Floats, sources: Sources) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
 
         Parameters
         ----------
         rows : (k, V) the outputs in this contact state.
         sources : of the loads.
-        table : (T, k) to write to; a new array by default.
 
         Returns
         -------
-        table : (T, k).
+        (T, k).
         """
-        if table is None:
-            table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
+        table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
         states, inputs, slopes = np.split(rows, np.cumsum([self.term_vector.shape[1], sources.power.size]), axis=1)
         table.real, table.imag = self.term_vector.real @ states.T, self.term_vector.imag @ states.T
         driven, lowered = self.terms_of_sources
@@ -130,24 +127,12 @@ class ContactState:
             table[lowered[rising]] += (sources.power * slopes)[:, rising].T
         return table
 
-    @property
-    def amplitude_count(self) -> int:
-        """F + Z, of inputs and free motions."""
-        return int(self.basis_of_source.size + self.projector.shape[0])
-
-    def unit_outputs(self, table: Complexes) -> SegmentOutputs:
-        """Outputs of coefficients (T, K) for a unit of each amplitude (F + Z), as sums of the basis functions."""
-        coefficient = np.zeros((self.amplitude_count, self.exponent.size, table.shape[1]), dtype=complex)
-        coefficient[self.term_source, self.term_basis] = table
-        return SegmentOutputs(self.exponent, self.power, coefficient)
-
     def terms_after(self, zeta: Complexes, tau: Floats) -> Complexes:
         """(n, T) terms at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
         turned = tau[:, None] * self.exponent
         basis = np.exp(np.where(turned.real < GROWTH, turned, 0.0))
         if not self.exponential:
-            powers = tau[:, None] ** np.arange(self.power.max() + 1)
-            basis *= powers[:, self.power]
+            basis *= np.vander(tau, self.power.max() + 1, increasing=True)[:, self.power]
         return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:

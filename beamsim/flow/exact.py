@@ -70,12 +70,6 @@ def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
     return np.where(beyond[at], np.sign(value[at]), 0.0), first
 
 
-def visited_states(states: Ints) -> list[int]:
-    """The different numbers (of contact states) in an array, in order."""
-    seen: list[int] = np.bincount(states).nonzero()[0].tolist()
-    return seen
-
-
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -355,18 +349,6 @@ class ExactFlow:
         """The equations in given phases of the contacts (m,)."""
         index = self._index.get(phases.tobytes())
         return StateEquations(self.equations, phases) if index is None else self.states[index].equations
-
-    def output_table(self, rows_of: RowsOf) -> Complexes:
-        """(S, T, k) coefficients of outputs that may depend on the contact state."""
-        if not self.states:
-            return np.zeros((0, 0, 0), dtype=complex)
-        rows = rows_of(self.states[0].phases)
-        terms = max(state.term_basis.size for state in self.states)
-        table = np.zeros((len(self.states), terms, rows.shape[0]), dtype=complex)
-        for number, state in enumerate(self.states):
-            rows = rows_of(state.phases) if number else rows
-            state.coefficients(rows, self.sources, table[number, : state.term_basis.size])
-        return table
 
     def is_like(self, other: ExactFlow) -> bool:
         """Whether another flow has as many coordinates, contacts with as many phases, and sources on as many pieces."""

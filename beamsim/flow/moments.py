@@ -1,13 +1,14 @@
 r"""Integrals of polynomials times exponentials, from which every integral of a motion follows.
 
-On a segment every output is a sum of terms :math:`\tau^p e^{\lambda \tau}`, and so are products of outputs and outputs
-times :math:`e^{-i \omega \tau}`. Their integrals over a time are moments :math:`\int_0^1 s^q e^{x s} ds`.
+On a segment every output is the real part of a sum of terms :math:`c_t \tau^{p_t} e^{\lambda_t \tau}`. Products of
+outputs and outputs times :math:`e^{-i \omega \tau}` are sums of the same kind. Most of their integrals follow from
+the values of exponentials at both ends; those whose exponents nearly cancel and those with powers of time are moments
+:math:`\int_0^1 s^q e^{x s} ds`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from beamsim.flow.kernels import fill_moments
 from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-VALUES_AT_ONCE = 100_000  # of terms or outputs at a block of times, which bounds the memory
+VALUES_AT_ONCE, MANY_VALUES = 100_000, 2_000_000  # in a block of times or frequencies, which bounds the memory
 
 
 def exponential_moments(x: Complexes, top: int) -> Complexes:
@@ -78,123 +79,7 @@ def equal_times(tau: Floats, resolution: float) -> Floats:
     return out
 
 
-@dataclass(frozen=True)
-class SegmentOutputs:
-    r"""K outputs on S segments of a contact state, real parts of sums of :math:`c_b \tau^{p_b} e^{\lambda_b \tau}`."""
-
-    exponent: Complexes  # (B,) 1/s
-    power: Ints  # (B,)
-    coefficient: Complexes  # (S, B, K)
-
-    def combined(self, amplitude: Complexes) -> SegmentOutputs:
-        """Of outputs for a unit of each of S amplitudes those on segments that begin with amplitudes (n, S)."""
-        units, functions, outputs = self.coefficient.shape
-        coefficient = amplitude @ self.coefficient.reshape(units, functions * outputs)
-        return SegmentOutputs(self.exponent, self.power, coefficient.reshape(amplitude.shape[0], functions, outputs))
-
-    def acting(self) -> SegmentOutputs:
-        """Without the functions that are in no output."""
-        return self._some(np.asarray(self.coefficient.any(axis=(0, 2))))
-
-    def with_conjugates(self) -> SegmentOutputs:
-        """The sums of 2 B functions that are real, half of each and of its conjugate."""
-        exponent = np.concatenate([self.exponent, self.exponent.conj()])
-        coefficient = np.concatenate([0.5 * self.coefficient, 0.5 * self.coefficient.conj()], axis=1)
-        return SegmentOutputs(exponent, np.tile(self.power, 2), coefficient)
-
-    def product_integrals(self, other: SegmentOutputs, tau: Floats, weight: Floats) -> Floats:
-        """Integrals of sums of products of outputs over the first part of each segment.
-
-        Parameters
-        ----------
-        other : the right factors, sums of the same functions.
-        tau : (S,) s, from the starts of the segments on.
-        weight : (K, Q) of the products in the sums.
-
-        Returns
-        -------
-        (S, Q) integrals.
-        """
-        acting = np.asarray(self.coefficient.any(axis=(0, 2)) | other.coefficient.any(axis=(0, 2)))
-        left, right = self._some(acting), other._some(acting).with_conjugates()  # what rests may grow without bound
-        times, which = np.unique(tau, return_inverse=True)
-        moments = _pair_moments(left, right, times)[which]
-        products = (left.coefficient.swapaxes(1, 2) @ moments) * right.coefficient.swapaxes(1, 2)
-        return np.asarray(products.real.sum(axis=2) @ weight)
-
-    def function_products(self, length: Floats) -> Complexes:
-        """(B, 2 B) sums over segments of lengths (S,) of integrals of products of the functions of one output.
-
-        They are multiplied with those that `with_conjugates` gives.
-        """
-        both = self.with_conjugates()
-        out = np.zeros((self.power.size, both.power.size), dtype=complex)
-        for block in blocks(length.size, out.size):
-            times, which = np.unique(length[block], return_inverse=True)
-            left, right = self.coefficient[block, :, 0], both.coefficient[block, :, 0]
-            out += np.einsum("nb,nbd,nd->bd", left, _pair_moments(self, both, times)[which], right)
-        return out
-
-    def product_forms(self, other: SegmentOutputs, tau: float, weight: Floats) -> Complexes:
-        r"""Integrals over one time of sums of products of outputs that are linear in amplitudes :math:`\zeta_s`.
-
-        Parameters
-        ----------
-        other : the right factors, sums of the same functions. S stands for the amplitudes: the outputs are those for a
-            unit of each.
-        tau : s.
-        weight : (K, Q) of the products in the sums.
-
-        Returns
-        -------
-        (Q, S, 2 S) forms f, with which a sum is the real part of :math:`\zeta_r f_{rs} (\zeta, \bar \zeta)_s`.
-        """
-        right, amplitudes = other.with_conjugates(), self.coefficient.shape[0]
-        half = right.coefficient.copy()
-        half[:, self.power.size :] = 0.0  # those of the amplitudes; the rest belongs to their conjugates
-        units = np.concatenate([half, right.coefficient - half])
-        of_left = _pair_moments(self, right, np.array([tau]))[0] @ units
-        return np.stack([
-            (self.coefficient * w).reshape(amplitudes, -1) @ of_left.reshape(2 * amplitudes, -1).T for w in weight.T
-        ])  # fmt: skip
-
-    def fourier_sums(self, length: Floats, omega: Floats, turned: Complexes) -> Complexes:
-        r"""Sums over the segments of the integrals of each function times :math:`e^{-i \omega (t_s + \tau)}`.
-
-        Parameters
-        ----------
-        length : (S,) s; equal ones share their moments.
-        omega : (W,) rad/s.
-        turned : (S, W) :math:`e^{-i \omega t_s}` where the segments begin.
-
-        Returns
-        -------
-        (B, K, W) sums.
-        """
-        count, functions, outputs = self.coefficient.shape
-        rate = self.exponent[:, None] - 1j * omega
-        size = np.abs(self.exponent)[:, None] + omega
-        by_ends = _distant(rate, size, length) & (self.power == 0)[:, None]
-        at_end = self.coefficient * np.exp(np.multiply.outer(length, self.exponent))[:, :, None]
-        turned_at_end = turned * np.exp(np.multiply.outer(length, -1j * omega))
-        grown = at_end.reshape(count, -1).T @ turned_at_end - self.coefficient.reshape(count, -1).T @ turned
-        out = grown.reshape(functions, outputs, omega.size)
-        out *= np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)[:, None]
-        times, which = np.unique(length, return_inverse=True)
-        alone = np.argwhere(~by_ends)
-        for part in blocks(alone.shape[0], count * outputs):
-            b, w = alone[part].T
-            integral = _integrals(rate[b, w], self.power[b], times)[which] * turned[:, w]
-            out[b, :, w] = np.einsum("spk,sp->pk", self.coefficient[:, b], integral)
-        return np.asarray(out)
-
-    def _some(self, functions: Bools) -> SegmentOutputs:
-        if functions.all():
-            return self
-        return SegmentOutputs(self.exponent[functions], self.power[functions], self.coefficient[:, functions])
-
-
-def exponential_products(
+def products_of_exponentials(
     exponent: Complexes, factors: tuple[Complexes, Complexes, Floats], amplitude: Complexes, of: Ints, tau: Floats
 ) -> Floats:
     """Integrals from 0 to tau of sums of products of outputs, each a sum of T exponentials.
@@ -214,12 +99,10 @@ def exponential_products(
     """
     left, right, weight = factors
     acting = np.flatnonzero(left.any(axis=1))
-    powers = np.zeros(exponent.size, dtype=np.int64)
-    one = SegmentOutputs(exponent[acting], powers[acting], left[None, acting])
-    both = SegmentOutputs(exponent, powers, right[None]).with_conjugates()
-    forms = np.stack([(left[acting] * w) @ both.coefficient[0].T for w in weight.T])
-    rate, power, by_ends = _pairs(one, both, tau)
-    grown, mixed = np.split(forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends), 2, axis=2)
+    both, none = 0.5 * np.concatenate([right, right.conj()]), np.zeros(exponent.size, dtype=np.int64)
+    rate, power, inverse = _pairs(exponent, none, acting, tau)
+    forms = np.stack([(left[acting] * w) @ both.T for w in weight.T])
+    grown, mixed = np.split(forms * inverse, 2, axis=2)
     alike, apart = mixed + grown, mixed - grown
     of_parts = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
 
@@ -227,8 +110,8 @@ def exponential_products(
         one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, acting], amplitude))
         return np.stack([((one @ form) * other).sum(axis=1) for form in of_parts], axis=1)
 
-    out, (row, column) = -at(amplitude)[of], np.nonzero(~by_ends)
-    whole = np.concatenate([amplitude, amplitude.conj()], axis=1)
+    out, (row, column) = -at(amplitude)[of], np.nonzero(inverse == 0.0)
+    whole = np.hstack([amplitude, amplitude.conj()])
     for part in blocks(tau.size, 4 * exponent.size + 2 * row.size):
         out[part] += at(amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent)))
         alone = amplitude[of[part]][:, acting[row]] * whole[of[part]][:, column]
@@ -237,34 +120,89 @@ def exponential_products(
     return out
 
 
-def _pair_moments(left: SegmentOutputs, right: SegmentOutputs, times: Floats) -> Complexes:
-    """(n, B, 2 B) integrals over times (n,) of the products of all functions.
+def summed_products(exponent: Complexes, amplitude: Complexes, tau: Floats) -> Complexes:
+    """Sums over segments of the integrals from 0 to tau of all products of two exponentials.
 
-    Most are differences of exponentials at both ends; those whose exponents nearly cancel and those with powers of time
-    are moments.
+    Parameters
+    ----------
+    exponent : (T,) 1/s.
+    amplitude : (S, T) of the exponentials on S segments.
+    tau : (S,) s.
+
+    Returns
+    -------
+    (T, 2 T) products with the exponentials and with their conjugates.
     """
-    rate, power, by_ends = _pairs(left, right, times)
-    inverse = np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
-    end, other = (np.exp(np.multiply.outer(times, x.exponent)) for x in (left, right))
-    out = (end[:, :, None] * other[:, None, :] - 1.0) * inverse
-    out[:, ~by_ends] = _integrals(rate[~by_ends], power[~by_ends], times)
+    every, none = np.arange(exponent.size), np.zeros(exponent.size, dtype=np.int64)
+    rate, power, inverse = _pairs(exponent, none, every, tau)
+    end, whole = amplitude * np.exp(np.multiply.outer(tau, exponent)), np.hstack([amplitude, amplitude.conj()])
+    out = (end.T @ np.hstack([end, end.conj()]) - amplitude.T @ whole) * inverse
+    row, column = np.nonzero(inverse == 0.0)
+    moments = _integrals(rate[row, column], power[row, column], tau)
+    out[row, column] = (amplitude[:, row] * whole[:, column] * moments).sum(axis=0)
     return np.asarray(out)
 
 
-def _pairs(left: SegmentOutputs, right: SegmentOutputs, times: Floats) -> tuple[Complexes, Ints, Bools]:
-    """(B, 2 B) rates and powers of the products of all functions; which of their integrals follow from both ends."""
-    rate, power = np.add.outer(left.exponent, right.exponent), np.add.outer(left.power, right.power)
-    size = np.add.outer(np.abs(left.exponent), np.abs(right.exponent))
-    return rate, power, (power == 0) & _distant(rate, size, times)
+def moments_by_time(exponent: Complexes, power: Ints, tau: Floats) -> Iterator[tuple[Ints, Complexes]]:
+    """Integrals from 0 to tau of all products of two functions, which may have powers of time.
+
+    Parameters
+    ----------
+    exponent, power : (B,) of the functions, 1/s.
+    tau : (n,) s; equal ones share them.
+
+    Yields
+    ------
+    Numbers of the entries of one time, and integrals (B, 2 B) of the products with the functions and their conjugates.
+    """
+    rate, degree, inverse = _pairs(exponent, power, np.arange(exponent.size), tau)
+    row, column = np.nonzero(inverse == 0.0)
+    order = np.argsort(tau, kind="stable")
+    times, first = np.unique(tau[order], return_index=True)
+    entries = np.split(order, first[1:])
+    for part in blocks(times.size, 2 * rate.size):
+        end = np.exp(np.multiply.outer(times[part], exponent))
+        out = (end[:, :, None] * np.hstack([end, end.conj()])[:, None] - 1.0) * inverse
+        out[:, row, column] = _integrals(rate[row, column], degree[row, column], times[part])
+        yield from zip(entries[part], out, strict=True)
 
 
-def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:
-    """(n, P) integrals over times (n,) of ``tau^power e^{rate tau}``, for P rates (1/s) and powers."""
-    rates, number = np.unique(rate, return_inverse=True)
-    moments = exponential_moments(np.multiply.outer(times, rates), int(power.max(initial=0)))
-    powers = times[:, None] ** np.arange(1, moments.shape[2] + 1)
-    moments *= powers[:, None]
-    return np.asarray(moments[:, number, power])
+def fourier_sums(
+    exponent: Complexes, power: Ints, amplitude: Complexes, length: Floats, omega: Floats, elapsed: Floats
+) -> Complexes:
+    r"""Sums over segments of the integrals of terms times :math:`e^{-i \omega (t_s + \tau)}`.
+
+    Parameters
+    ----------
+    exponent, power : (T,) of the terms, 1/s.
+    amplitude : (S, T) of the terms on S segments.
+    length : (S,) s; equal ones share their moments.
+    omega : (W,) rad/s.
+    elapsed : (S,) :math:`t_s`, s.
+
+    Returns
+    -------
+    (T, W) sums.
+    """
+    rate, turned = exponent[:, None] - 1j * omega, np.exp(np.multiply.outer(elapsed, -1j * omega))
+    by_ends = _distant(rate, np.abs(exponent)[:, None] + omega, length) & (power == 0)[:, None]
+    at_end = amplitude * np.exp(np.multiply.outer(length, exponent))
+    out = at_end.T @ (turned * np.exp(np.multiply.outer(length, -1j * omega))) - amplitude.T @ turned
+    out *= np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
+    row, column = np.nonzero(~by_ends)
+    for part in blocks(row.size, 2 * length.size):
+        t, w = row[part], column[part]
+        out[t, w] = (amplitude[:, t] * turned[:, w] * _integrals(rate[t, w], power[t], length)).sum(axis=0)
+    return np.asarray(out)
+
+
+def _pairs(exponent: Complexes, power: Ints, rows: Ints, times: Floats) -> tuple[Complexes, Ints, Complexes]:
+    """(R, 2 T) rates and powers of the products of some of T terms with all and their conjugates, and one over the
+    rates whose integrals over times follow from both ends, else 0."""
+    rate = exponent[rows, None] + np.concatenate([exponent, exponent.conj()])
+    size, degree = np.abs(exponent), power[rows, None] + np.tile(power, 2)
+    by_ends = (degree == 0) & _distant(rate, size[rows, None] + np.tile(size, 2), times)
+    return rate, degree, np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
 
 
 def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
@@ -274,9 +212,18 @@ def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
     return np.asarray(np.abs(rate) * longest > 1e-3 * (1.0 + longest * size))
 
 
-def blocks(count: int, width: int) -> Iterator[slice]:
-    """Ranges of rows of a table of a width, which bound the memory."""
-    rows = max(1, VALUES_AT_ONCE // max(width, 1))
+def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:
+    """(n, P) integrals over times (n,) of ``tau^power e^{rate tau}``, for P rates (1/s) and powers."""
+    rates, number = np.unique(rate, return_inverse=True)
+    each, at = np.unique(times, return_inverse=True)
+    moments = exponential_moments(np.multiply.outer(each, rates), int(power.max(initial=0)))
+    moments *= (each[:, None] ** np.arange(1, moments.shape[2] + 1))[:, None]
+    return np.asarray(moments[:, number, power][at])
+
+
+def blocks(count: int, width: int, values: int = VALUES_AT_ONCE) -> Iterator[slice]:
+    """Ranges of rows of a table of a width, each of no more than a number of values, which bounds the memory."""
+    rows = max(1, values // max(width, 1))
     for first in range(0, count, rows):
         check_stop()
         yield slice(first, first + rows)

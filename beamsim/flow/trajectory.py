@@ -10,15 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.contact_state import ContactState
-from beamsim.flow.exact import ExactFlow, visited_states
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import PARTS_AT_ONCE, Extrema, in_shares, nothing_known, search_extrema, values_in_shares
 from beamsim.flow.extrema_kernels import TOLERANCE, Sums, search, variation
 from beamsim.flow.moments import (
-    VALUES_AT_ONCE,
-    SegmentOutputs,
+    MANY_VALUES,
     blocks,
     equal_times,
-    exponential_products,
+    fourier_sums,
+    moments_by_time,
+    products_of_exponentials,
+    summed_products,
     weighted_moments,
 )
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
@@ -27,6 +29,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 SEGMENTS_AT_ONCE = 4096  # whose values at both ends are kept together
+ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of times, relative to the end of the motion
 EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"  # codes of the outcomes of motions that end early
 
 
@@ -96,17 +99,9 @@ class Trajectory:
         part = self.only(slice(0, max(kept, 1)))
         return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
-    def _with_events(self, which: Bools) -> Trajectory:
-        return replace(
-            self, event_time=self.event_time[which], event_contact=self.event_contact[which],
-            event_before=self.event_before[which], event_phase=self.event_phase[which],
-        )  # fmt: skip
-
     @classmethod
     def joined(cls, chunks: Sequence[Trajectory]) -> Trajectory:
         """Consecutive chunks of a motion under a record, each in a flow on its pieces, as one trajectory."""
-        if len(chunks) == 1:
-            return chunks[0]
         spans = [not_none(chunk.flow.pieces) for chunk in chunks]
         first = spans[0][0]
 
@@ -120,58 +115,37 @@ class Trajectory:
             **{name: column(name) for name in columns},
         )  # fmt: skip
 
-    def sample(self, times: Floats, output_of: RowsOf) -> Floats:
-        """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        parts, first = [], 0
-        outputs = output_of(self.flow.system.contacts.start).shape[0]
-
-        def coefficients(_: int, state: ContactState) -> Complexes:
-            return state.coefficients(output_of(state.phases), self.flow.sources)
-
-        for part in self.parts():
-            last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
-            parts.append(part._sampled(times[first:last], outputs, coefficients))
-            first = last
-        return np.concatenate(parts)
-
-    def sample_table(self, times: Floats, table: Complexes) -> Floats:
-        """The same from the coefficients (S, T, k) of the outputs, all states being kept."""
-        return self._sampled(times, table.shape[2], lambda number, state: table[number, : state.term_basis.size])
-
-    def _sampled(self, times: Floats, outputs: int, coefficients: Callable[[int, ContactState], Complexes]) -> Floats:
-        """The same from the coefficients of the terms; the states that are not visited at these times need none.
+    def sample(
+        self, times: Floats, output_of: RowsOf, gain: Callable[[ContactState], Complexes] | None = None
+    ) -> Floats:
+        """Outputs at increasing times; at an event the state after it counts.
 
         Parameters
         ----------
-        times : (nt,) s, increasing.
-        outputs : number k.
-        coefficients : (T, k) of a contact state, by its number.
+        times : (nt,) s.
+        output_of : k outputs, by the phases of the contacts.
+        gain : (T,) factors of the terms in the outputs; 1 by default.
 
         Returns
         -------
         (nt, k).
         """
-        out = np.empty((times.size, outputs))
-        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        self._check_reached(times, segment)
-        of_time = self.state[segment]
-        for number in visited_states(of_time):
-            state, entries = self.flow.states[number], np.flatnonzero(of_time == number)
-            table = coefficients(int(number), state)
-            factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], outputs)
-            rows = max(1, VALUES_AT_ONCE // max(factors.shape))
-            for first in range(0, entries.size, rows):
-                check_stop()
-                part = entries[first : first + rows]
-                visits, at = np.unique(segment[part], return_inverse=True)
-                given = self.flow.sources.amplitudes_at(self.time[visits], self.piece[visits])
-                amplitudes = state.amplitudes(given, self.y[visits])[at]
-                terms = state.terms_after(amplitudes, times[part] - self.time[segment[part]])
-                out[part] = terms.view(float) @ factors
+        segment = self.segments_at(times)
+        after = times - self.time[segment]
+        out = np.empty((times.size, output_of(self.flow.system.contacts.start).shape[0]))
+        for state, entries in self.by_state(segment):
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            table = table if gain is None else table * gain(state)[:, None]
+            factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], out.shape[1])
+            for rows in blocks(entries.size, max(factors.shape)):
+                at = entries[rows]
+                visits, of = np.unique(segment[at], return_inverse=True)
+                out[at] = state.terms_after(self.amplitudes(state, visits)[of], after[at]).view(float) @ factors
         return out
 
-    def _check_reached(self, times: Floats, segment: Ints) -> None:
-        """Refuse times (nt,) outside of the segments (nt,) before them, by more than round-off."""
+    def segments_at(self, times: Floats) -> Ints:
+        """(nt,) the segments at times, s; times outside of the motion by more than round-off are refused."""
+        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         after = times - self.time[segment]
         # 1e-12: round-off of times that were added up
         round_off = 1e-12 * max(abs(self.end), abs(float(self.time[0])))
@@ -179,24 +153,21 @@ class Trajectory:
         if outside.any():
             at, reached = float(times[np.flatnonzero(outside)[0]]), (float(self.time[0]), self.end)
             raise ValueError(f"the motion is not known at {at:.9g} s; its segments lie between {reached} s")
+        return segment
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
         state = self.flow.equations.state
         return self.sample(times, lambda phases: state)
 
-    def phases_at(self, times: Floats) -> Ints:
-        """(nt, m) phases of the contacts."""
-        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        return self.phases_of(self.state[segment])
-
-    def phases_of(self, states: Ints) -> Ints:
-        """(..., m) phases of the contacts in contact states."""
-        return self._phases[states]
+    @cached_property
+    def phases(self) -> Ints:
+        """(S, m) phases of the contacts on the segments."""
+        return np.array(self.flow.visited, dtype=np.int64).reshape(len(self.flow.visited), -1)[self.state]
 
     def event_losses(self) -> Floats:
         """(S, m) energy that a contact loses at once where each segment begins, J; none where the first does."""
-        contacts, phases = self.flow.system.contacts, self.phases_of(self.state)
+        contacts, phases = self.flow.system.contacts, self.phases
         before = np.concatenate([phases[:1], phases[:-1]])
         losses = contacts.event_losses(before, phases)
         if contacts.pressed.size:
@@ -212,58 +183,35 @@ class Trajectory:
             final_y=self.states_at(np.array([min(end, self.end)]))[0],
         )  # fmt: skip
 
-    def within(self, begin: float, end: float) -> Trajectory:
-        """The segments of a part of the motion; the first begins at or before ``begin``, the last ends at ``end``.
+    def between(self, begin: float, end: float) -> Trajectory:
+        """The motion between two times, as far as it goes; its first segment begins at ``begin``.
 
-        The motion itself ends the part that is asked for beyond it. The events are those between these segments; one
-        at ``end`` is among them.
+        The events are those after ``begin``, up to ``end``; where the motion begins those at this time, too.
         """
         first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
         last = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
-        part = self.only(slice(first, last))
-        length = part.length.copy()
-        length[-1] = min(length[-1], max(end - float(part.time[-1]), 0.0))
-        reached = float(np.clip(end, part.time[-1], self.end))
-        return replace(part, end=reached, length=length, final_y=part.states_at(np.array([reached]))[0])
-
-    def between(self, begin: float, end: float) -> Trajectory:
-        """The same, whose first segment begins at ``begin``; of the events those after it."""
-        if begin <= self.time[0]:
-            return self.within(begin, end)
-        part = self.within(begin, end)
-        part = part._with_events(part.event_time > begin)
-        late = max(begin - float(part.time[0]), 0.0)
-        time, length, y = part.time.copy(), part.length.copy(), part.y.copy()
-        time[0], length[0], y[0] = time[0] + late, max(length[0] - late, 0.0), self.states_at(np.array([begin]))[0]
-        return replace(part, time=time, length=length, y=y)
-
-    @property
-    def _phases(self) -> Ints:
-        """(states, m)."""
-        return np.array(self.flow.visited, dtype=np.int64).reshape(len(self.flow.visited), -1)
-
-    def parts(self) -> Iterator[Trajectory]:
-        """One after the other, with no more states each than the flow keeps at once; their flows hold these alone."""
-        if not self.flow.dropped:
-            yield self
-            return
-        most, first = self.flow.most_states or 1, 0
-        while first < self.state.size:
-            known: set[int] = set()
-            last = first
-            while last < self.state.size and (len(known) < most or int(self.state[last]) in known):
-                known.add(int(self.state[last]))
-                last += 1
-            yield self._holding(slice(first, last))
-            first = last
+        time, length, y = self.time[first:last].copy(), self.length[first:last].copy(), self.y[first:last].copy()
+        inside = self.event_time <= end
+        late = max(begin - float(time[0]), 0.0)
+        if late > 0.0:
+            time[0], length[0], y[0] = begin, max(length[0] - late, 0.0), self.states_at(np.array([begin]))[0]
+        if begin > self.time[0]:
+            inside &= self.event_time > begin
+        length[-1] = min(length[-1], max(end - float(time[-1]), 0.0))
+        reached = float(np.clip(end, time[-1], self.end))
+        return replace(
+            self, end=reached, time=time, length=length, y=y, state=self.state[first:last],
+            piece=self.piece[first:last], event_time=self.event_time[inside], event_contact=self.event_contact[inside],
+            event_before=self.event_before[inside], event_phase=self.event_phase[inside],
+            final_y=self.states_at(np.array([reached]))[0],
+        )  # fmt: skip
 
     def held(self) -> Trajectory:
         """The same with a flow that keeps all its states, whatever their number."""
-        return self._holding(slice(0, self.state.size)) if self.flow.dropped else self
-
-    def _holding(self, segments: slice) -> Trajectory:
-        visited, state = np.unique(self.state[segments], return_inverse=True)
-        return replace(self.only(segments), flow=self.flow.holding(visited), state=state)
+        if not self.flow.dropped:
+            return self
+        visited, state = np.unique(self.state, return_inverse=True)
+        return replace(self, flow=self.flow.holding(visited), state=state)
 
     def only(self, segments: Ints | slice) -> Trajectory:
         """Some of the segments, in order; times are those of the whole motion.
@@ -277,16 +225,19 @@ class Trajectory:
             self, time=self.time[kept], length=self.length[kept], state=self.state[kept], piece=self.piece[kept],
             y=self.y[kept],
         )  # fmt: skip
-        if not kept.size:
-            return part._with_events(np.zeros(self.event_time.size, dtype=bool))
-        if kept[-1] + 1 < count:
+        inside = np.zeros(self.event_time.size, dtype=bool)
+        if kept.size and kept[-1] + 1 < count:
             part = replace(part, end=float(self.time[kept[-1] + 1]), final_y=self.y[kept[-1] + 1])
-        lasting = np.cumsum(np.append(0, self.length > 0.0))  # segments that last, before each
-        place = np.searchsorted(kept, self._begun_by_events)
-        before = np.where(place > 0, kept[place - 1] + 1, 0)
-        after = np.append(kept, count if kept[-1] == count - 1 else -1)[place]
-        inside = (after >= 0) & (lasting[after] == lasting[before])
-        return part._with_events(inside)
+        if kept.size:
+            lasting = np.cumsum(np.append(0, self.length > 0.0))  # segments that last, before each
+            place = np.searchsorted(kept, self._begun_by_events)
+            before = np.where(place > 0, kept[place - 1] + 1, 0)
+            after = np.append(kept, count if kept[-1] == count - 1 else -1)[place]
+            inside = (after >= 0) & (lasting[after] == lasting[before])
+        return replace(
+            part, event_time=self.event_time[inside], event_contact=self.event_contact[inside],
+            event_before=self.event_before[inside], event_phase=self.event_phase[inside],
+        )  # fmt: skip
 
     @cached_property
     def _begun_by_events(self) -> Ints:
@@ -302,14 +253,13 @@ class Trajectory:
 
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""
-        flags = self.flow.system.contacts.touching(self._phases)
-        total = float(self.length.sum())
-        return np.asarray(self.length @ flags[self.state] / total) if total > 0 else np.zeros(flags.shape[1])
+        touching, total = self.flow.system.contacts.touching(self.phases), float(self.length.sum())
+        return np.asarray(self.length @ touching / total) if total > 0 else np.zeros(touching.shape[1])
 
     def by_state(self, segments: Ints) -> Iterator[tuple[ContactState, Ints]]:
         """Each contact state of segments (n,), with the places of these segments among them, in order."""
         states = self.state[segments]
-        for number in visited_states(states):
+        for number in np.bincount(states).nonzero()[0].tolist():
             yield self.flow.visited_state(number), np.flatnonzero(states == number)
 
     def extrema(
@@ -345,7 +295,12 @@ class Trajectory:
         return Extrema(unit * low, when_low, unit * high, when_high, found.evaluations)
 
     def sums(
-        self, output_of: RowsOf, which: Bools, edges: Floats | None = None, scale: float = 1.0
+        self,
+        output_of: RowsOf,
+        which: Bools,
+        edges: Floats | None = None,
+        scale: float = 1.0,
+        gain: Callable[[ContactState], Complexes] | None = None,
     ) -> Iterator[tuple[Ints, Sums]]:
         """Outputs on segments as the search for extremes takes them, in seconds.
 
@@ -355,6 +310,7 @@ class Trajectory:
         which : (S,) whether each segment is looked at.
         edges : (W + 1,) s, between which they are cut, see `cut`.
         scale : that the outputs are divided by.
+        gain : (T,) factors of the terms in the outputs; 1 by default.
 
         Yields
         ------
@@ -368,6 +324,7 @@ class Trajectory:
             segment, begin, end, window = segment[kept], begin[kept], end[kept], window[kept]
         for state, parts in self.by_state(segment):
             table = state.coefficients(output_of(state.phases), self.flow.sources)
+            table = table if gain is None else table * gain(state)[:, None]
             for first in range(0, parts.size, PARTS_AT_ONCE):
                 rows = parts[first : first + PARTS_AT_ONCE]
                 of = segment[rows]
@@ -472,33 +429,64 @@ class Trajectory:
         motion = self.between(begin, float(times[-1]))  # what came before is not subtracted again, with its digits
         segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
         tau = np.minimum(times - motion.time[segment], motion.length[segment])
-        whole, inside = np.empty((motion.time.size, weight.shape[1])), np.empty((times.size, weight.shape[1]))
-        first = 0
-        for part in motion.parts():
-            last = first + part.time.size
-            here = np.flatnonzero((segment >= first) & (segment < last))
-            of_part = np.append(np.arange(part.time.size), segment[here] - first)
-            integrals = part._products(of_part, np.append(part.length, tau[here]), left_of, right_of, weight)
-            whole[first:last], inside[here] = integrals[: part.time.size], integrals[part.time.size :]
-            first = last
+        every = np.append(np.arange(motion.segments), segment)
+        integrals = motion.segment_integrals(left_of, right_of, weight, every, np.append(motion.length, tau))
+        whole, inside = np.split(integrals, [motion.segments])
         before = np.vstack([np.zeros((1, weight.shape[1])), np.cumsum(whole[:-1], axis=0)])
         return before[segment] + inside
 
-    def segment_integrals(self, left_of: RowsOf, right_of: RowsOf, weight: Floats) -> Floats:
-        """Integrals over each segment of sums of products of K outputs.
+    def segment_integrals(
+        self, left_of: RowsOf, right_of: RowsOf, weight: Floats, segment: Ints | None = None, tau: Floats | None = None
+    ) -> Floats:
+        """Integrals over segments of sums of products of K outputs.
 
         Parameters
         ----------
         left_of, right_of : the factors.
         weight : (K, Q) of the products in the sums.
+        segment : (n,) of each integral; all S by default.
+        tau : (n,) s, since the segments began, up to which they are integrated; their lengths by default.
 
         Returns
         -------
-        (S, Q) integrals of ``sum_k weight[k, q] left_k right_k``.
+        (n, Q) integrals of ``sum_k weight[k, q] left_k right_k``.
         """
-        return np.concatenate([
-            part._products(np.arange(part.time.size), part.length, left_of, right_of, weight) for part in self.parts()
-        ])  # fmt: skip
+        segment = np.arange(self.segments) if segment is None else segment
+        tau = equal_times(self.length[segment] if tau is None else tau, ROUND_OFF * abs(self.end))
+        out = np.empty((tau.size, weight.shape[1]))
+        for state, entries in self.by_state(segment):
+            left, right = left_of(state.phases), right_of(state.phases)
+            acting = np.flatnonzero(left.any(axis=1) & right.any(axis=1))  # open contacts have no force
+            one, other = (state.coefficients(factor[acting], self.flow.sources) for factor in (left, right))
+            if not state.exponential:
+                factors = one, other, weight[acting]
+                out[entries] = self._products_by_time(state, segment[entries], tau[entries], factors)
+                continue
+            visits, at = np.unique(segment[entries], return_inverse=True)
+            amplitude = self.amplitudes(state, visits)[:, state.term_source]
+            some = amplitude.any(axis=0) & (one.any(axis=1) | other.any(axis=1))  # what rests may grow without bound
+            exponent, factors = state.exponent[state.term_basis[some]], (one[some], other[some], weight[acting])
+            out[entries] = products_of_exponentials(exponent, factors, amplitude[:, some], at, tau[entries])
+        return out
+
+    def _products_by_time(
+        self, state: ContactState, segment: Ints, tau: Floats, factors: tuple[Complexes, Complexes, Floats]
+    ) -> Floats:
+        """(n, Q) the same in a contact state with powers of time: at each time a form of the amplitudes."""
+        left, right, weight = factors
+        order = np.argsort(state.term_source, kind="stable")
+        source, first = np.unique(state.term_source[order], return_index=True)
+        basis, terms = state.term_basis[order], order.size
+        both, starts = np.append(basis, state.exponent.size + basis), np.append(first, terms + first)
+        half, out = 0.5 * np.concatenate([right[order], right[order].conj()]), np.empty((tau.size, weight.shape[1]))
+        forms = np.stack([(left[order] * w) @ half.T for w in weight.T])
+        for entries, moments in moments_by_time(state.exponent, state.power, tau):
+            of_terms = forms * moments[basis[:, None], both]
+            form = np.add.reduceat(np.add.reduceat(of_terms, first, axis=1), starts, axis=2)
+            zeta = self.amplitudes(state, segment[entries])[:, source]
+            sums: Complexes = ((zeta @ form) * np.hstack([zeta, zeta.conj()])).sum(axis=2)
+            out[entries] = sums.real.T
+        return out
 
     def square_integrals(self, output_of: RowsOf) -> Floats:
         """Integrals of the squares of K outputs over all segments, in closed form.
@@ -511,129 +499,68 @@ class Trajectory:
         -------
         (K,) squares of the units of the outputs times s.
         """
-        outputs = output_of(self.flow.system.contacts.start).shape[0]
-        return np.asarray(sum((part._squares(output_of) for part in self.parts()), np.zeros(outputs)))
-
-    def _squares(self, output_of: RowsOf) -> Floats:
-        """(K,) the same of a motion whose contact states are all kept."""
         out = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
-        for number in visited_states(self.state):
-            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
+        for state, segments in self.by_state(np.arange(self.segments)):
             table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
-            if state.exponential:  # the terms are few: their products serve all outputs
-                terms = self.outputs(state, segments, np.ones((table.shape[0], 1), dtype=complex))
-                products = terms.function_products(length) @ np.concatenate([table, table.conj()])
-                out += np.einsum("bk,bk->k", table, products).real
-                continue
-            for some, alike in _alike(length, 2 * state.amplitude_count):
-                if alike:  # forms of the amplitudes, whose products are summed first
-                    products = np.zeros(1)
-                    for block in blocks(some.size, 3 * state.amplitude_count):
-                        zeta = self.source_amplitudes(state, segments[some[block]])
-                        products = products + zeta.T @ np.concatenate([zeta, zeta.conj()], axis=1)
-                    for k in range(out.size):
-                        unit = state.unit_outputs(table[:, k : k + 1])
-                        (form,) = unit.product_forms(unit, float(length[some[0]]), np.ones((1, 1)))
-                        out[k] += np.einsum("rs,rs->", form, products).real
-                else:
-                    each = self._single_products(state, segments[some], length[some], table, table, np.eye(out.size))
-                    out += each.sum(axis=0)
-        return out
-
-    def _products(self, segment: Ints, tau: Floats, left_of: RowsOf, right_of: RowsOf, weight: Floats) -> Floats:
-        """(n, Q) the same over the first tau of segments."""
-        tau = equal_times(tau, self._resolution)
-        of_entry, out = self.state[segment], np.empty((tau.size, weight.shape[1]))
-        for number in visited_states(of_entry):
-            state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
-            left, right = left_of(state.phases), right_of(state.phases)
-            acting = np.flatnonzero(left.any(axis=1) & right.any(axis=1))  # open contacts have no force
-            one, other = (state.coefficients(factor[acting], self.flow.sources) for factor in (left, right))
+            basis, source = state.term_basis, state.term_source
+            products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
             if state.exponential:
-                out[entries] = self._exponential_products(
-                    state, segment[entries], tau[entries], one, other, weight[acting]
-                )  # fmt: skip
-                continue
-            for some, alike in _alike(tau[entries], 2 * state.amplitude_count):
-                of_group = entries[some]
-                integrals = self._alike_products if alike else self._single_products
-                out[of_group] = integrals(state, segment[of_group], tau[of_group], one, other, weight[acting])
-        return out
-
-    def _exponential_products(
-        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
-    ) -> Floats:
-        """(n, Q) integrals over the first tau of segments of a contact state without powers of time."""
-        visits, at = np.unique(segment, return_inverse=True)
-        amplitude = self.amplitudes(state, visits)
-        some = amplitude.any(axis=0) & (left.any(axis=1) | right.any(axis=1))  # what rests may grow without bound
-        factors = left[some], right[some], weight
-        return exponential_products(state.exponent[state.term_basis[some]], factors, amplitude[:, some], at, tau)
-
-    def _alike_products(
-        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
-    ) -> Floats:
-        """(n, Q) integrals over the same tau of segments of one contact state: forms of the amplitudes."""
-        one, other = state.unit_outputs(left), state.unit_outputs(right)
-        forms, out = one.product_forms(other, float(tau[0]), weight), np.empty((tau.size, weight.shape[1]))
-        for block in blocks(tau.size, forms.shape[2]):
-            zeta = self.source_amplitudes(state, segment[block])
-            both = np.concatenate([zeta, zeta.conj()], axis=1)
-            out[block] = np.stack([np.einsum("ns,ns->n", zeta @ form, both).real for form in forms], axis=1)
-        return out
-
-    def _single_products(
-        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
-    ) -> Floats:
-        """(n, Q) integrals over the first tau of segments of one contact state."""
-        functions, out = state.exponent.size, np.empty((tau.size, weight.shape[1]))
-        for block in blocks(tau.size, functions * (4 * functions + 3 * left.shape[1])):
-            one, other = (self.outputs(state, segment[block], table) for table in (left, right))
-            out[block] = one.product_integrals(other, tau[block], weight)
+                for part in blocks(segments.size, basis.size):
+                    amplitude = self.amplitudes(state, segments[part])[:, source]
+                    some = np.flatnonzero(amplitude.any(axis=0))  # what rests may grow without bound
+                    found = summed_products(state.exponent[basis[some]], amplitude[:, some], length[part])
+                    products[some[:, None], np.append(some, basis.size + some)] += found
+            else:
+                functions = basis[:, None], np.append(basis, state.exponent.size + basis)
+                for entries, moments in moments_by_time(state.exponent, state.power, length):
+                    zeta = self.amplitudes(state, segments[entries])
+                    squares = zeta.T @ np.hstack([zeta, zeta.conj()])
+                    products += squares[source[:, None], np.append(source, zeta.shape[1] + source)] * moments[functions]
+            both = 0.5 * np.concatenate([table, table.conj()])
+            out += (table * (products @ both)).sum(axis=0).real
         return out
 
     @cached_property
     def equal_lengths(self) -> Floats:
         """(S,) lengths, of which those that differ by round-off are made equal, s."""
-        return equal_times(self.length, self._resolution)
-
-    @property
-    def _resolution(self) -> float:
-        """Round-off of times, s."""
-        return 4.0 * float(np.finfo(float).eps) * abs(self.end)
-
-    def outputs(self, state: ContactState, segments: Ints, table: Complexes) -> SegmentOutputs:
-        """Outputs on segments of one contact state.
-
-        Powers of time have far more terms than basis functions, which are summed; else the terms are as few.
-
-        Parameters
-        ----------
-        state, segments : the contact state, and numbers (n,) of segments in it.
-        table : (T, K) coefficients of the terms in the outputs.
-
-        Returns
-        -------
-        K outputs on n segments.
-        """
-        if not state.exponential:
-            return state.unit_outputs(table).combined(self.source_amplitudes(state, segments))
-        basis, amplitude = state.term_basis, self.amplitudes(state, segments)
-        return SegmentOutputs(state.exponent[basis], state.power[basis], amplitude[:, :, None] * table)
+        return equal_times(self.length, ROUND_OFF * abs(self.end))
 
     @property
     def exponentials(self) -> bool:
         """Whether no term of the motion has a power of time."""
-        return all(state.exponential for state in self.flow.states)
+        return all(state.exponential for state, _ in self.by_state(np.arange(self.segments)))
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
-        """(n, T) amplitudes of the terms where segments of one contact state begin."""
-        return self.source_amplitudes(state, segments)[:, state.term_source]
-
-    def source_amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
-        """(n, F + Z) amplitudes of the inputs and of the free motions where segments begin."""
+        """(n, F + Z) amplitudes of the inputs and of the free motions where segments of a contact state begin."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])
+
+    def fourier_integrals(self, output_of: RowsOf, omega: Floats) -> Complexes:
+        r"""Fourier integrals of K outputs over the motion.
+
+        Parameters
+        ----------
+        output_of : the outputs, by the phases of the contacts.
+        omega : (W,) rad/s.
+
+        Returns
+        -------
+        (K, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt`, :math:`t_0` being the start of the motion.
+        """
+        out = np.zeros((output_of(self.flow.system.contacts.start).shape[0], omega.size), dtype=complex)
+        for state, segments in self.by_state(np.arange(self.segments)):
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            amplitude = self.amplitudes(state, segments)[:, state.term_source]
+            some = amplitude.any(axis=0) & table.any(axis=1)  # what rests may grow without bound
+            basis, elapsed = np.tile(state.term_basis[some], 2), self.time[segments] - self.time[0]
+            exponent, half = state.exponent[state.term_basis[some]], 0.5 * amplitude[:, some]
+            exponent, half = np.append(exponent, exponent.conj()), np.hstack([half, half.conj()])
+            both = np.concatenate([table[some], table[some].conj()])
+            for part in blocks(omega.size, segments.size, MANY_VALUES):
+                out[:, part] += both.T @ fourier_sums(
+                    exponent, state.power[basis], half, self.equal_lengths[segments], omega[part], elapsed
+                )
+        return out
 
     def weighted_integrals(self, output_of: RowsOf, exponent: Complexes, polynomial: Complexes) -> Complexes:
         r"""Integrals of K outputs times W polynomials and exponentials of their own, over each segment.
@@ -648,30 +575,15 @@ class Trajectory:
         -------
         (W, S, K) integrals :math:`\int_0^L x(\tau) e^{\nu \tau} P(\tau) d\tau`.
         """
-        outputs = output_of(self.flow.system.contacts.start).shape[0]
+        outputs, count = output_of(self.flow.system.contacts.start).shape[0], exponent.shape[0]
         out = np.zeros((*exponent.shape, outputs), dtype=complex)
-        for number in visited_states(self.state):
-            state, some = self.flow.states[number], np.flatnonzero(self.state == number)
-            output = output_of(state.phases)
-            acting = np.flatnonzero(output.any(axis=1))  # open contacts have no force
-            table = state.coefficients(output[acting], self.flow.sources)
-            both = self.outputs(state, some, table).with_conjugates()
-            count = exponent.shape[0]
+        for state, some in self.by_state(np.arange(self.segments)):
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            functions = np.append(state.exponent, state.exponent.conj()), np.tile(state.power, 2)
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])
-            moments = weighted_moments(both.exponent, both.power, np.tile(self.length[some], count), *weights)
-            moments = moments.reshape(count, some.size, both.power.size).swapaxes(0, 1)
-            integrals = moments @ both.coefficient
-            out[np.ix_(np.arange(count), some, acting)] = integrals.swapaxes(0, 1)
+            moments = weighted_moments(*functions, np.tile(self.length[some], count), *weights)
+            each, other = np.split(moments.reshape(count, some.size, -1), 2, axis=2)
+            half = 0.5 * self.amplitudes(state, some)[:, state.term_source]
+            terms, conjugates = each[..., state.term_basis] * half, other[..., state.term_basis] * half.conj()
+            out[:, some] = terms @ table + conjugates @ table.conj()
         return out
-
-
-def _alike(tau: Floats, fewest: int) -> Iterator[tuple[Ints, bool]]:
-    """Entries of one time each, where no fewer than some have it, each time True; then the others, False."""
-    _, which, counts = np.unique(tau, return_inverse=True, return_counts=True)
-    order = np.argsort(which, kind="stable")
-    ends = np.cumsum(counts)
-    for last, count in zip(ends[counts >= fewest], counts[counts >= fewest], strict=True):
-        yield order[last - count : last], True
-    others = np.flatnonzero(counts[which] < fewest)
-    if others.size:
-        yield others, False

@@ -18,19 +18,18 @@ Comput. 41 (2019) C479.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from math import perm
 
 import numpy as np
 
 from beamsim.flow.contact_state import GROWTH, ContactState
-from beamsim.flow.exact import visited_states
 from beamsim.flow.kernels import spread_to_grid
-from beamsim.flow.moments import SegmentOutputs
+from beamsim.flow.moments import MANY_VALUES, blocks
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import check_stop
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.system.equations import RowsOf
+from beamsim.typing import Complexes, Floats, Ints
 
 SPREAD = 15  # points of the grid that a value is spread to
 SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^2) - 1)), -1 < z < 1
@@ -41,59 +40,20 @@ NODES_OF_ENDS, TURN_OF_ENDS = 40, 1.2  # times about an end, and the turn, rad, 
 _FITTED = np.cos(np.pi * (np.arange(160) + 0.5) / 160)  # shares of it at which the sums are fitted
 NODES_OF_RULES = (6, 8, 12, 16, 24, 32, 48, 64)
 NEIGHBOURS = 20  # on either side that an integral between two frequencies is interpolated from
-VALUES_AT_ONCE = 2_000_000  # which bounds the memory
 
 
-def longest_turn(nodes: Ints) -> Floats:
-    """Turn of an exponential, rad, over which Gauss-Legendre rules of so many nodes integrate it to 1e-12."""
-    return np.asarray(8.0 * nodes / np.exp(1.0) * 10.0 ** (-6.0 / nodes))
+# turn of an exponential, rad, over which these rules integrate it to 1e-12
+_LONGEST_TURN = 8.0 * np.array(NODES_OF_RULES) / np.exp(1.0) * 10.0 ** (-6.0 / np.array(NODES_OF_RULES))
+_rule = lru_cache(np.polynomial.legendre.leggauss)
 
 
-class FourierSums:
-    r"""Sums :math:`\sum_i v_i e^{-i k \delta t_i}` of K real columns for k = 0, 1, ... ; relative error about 1e-12.
-
-    Parameters
-    ----------
-    step : :math:`\delta`, rad/s.
-    count : of the frequencies.
-    columns : K.
-    """
-
-    def __init__(self, step: float, count: int, columns: int) -> None:
-        least = max(2 * OVERSAMPLING * count, 2 * SPREAD)
-        power = 2 ** ((least - 1).bit_length() - 3)
-        points = (
-            -(-least // power) * power
-        )  # 5 to 8 times a power of two: fast, without importing scipy.fft in each run
-        self._grid, self._count = np.zeros((points, columns)), count
-        self._position = step * points / (2.0 * np.pi)  # of a time on the grid, 1/s
-
-    def add(self, times: Floats, values: Floats) -> None:
-        """Include values (n, K) at times (n,), s, within one period ``2 pi / step``."""
-        spread_to_grid(self._position * times, np.ascontiguousarray(values), SPREAD, SHARPNESS, self._grid)
-
-    def totals(self) -> Complexes:
-        """(count, K) the sums."""
-        transform = np.fft.rfft(self._grid, axis=0)[: self._count]
-        return np.asarray(transform / _spread(self._count, self._grid.shape[0])[:, None])
-
-
-@lru_cache(maxsize=4)
-def _spread(count: int, points: int) -> Floats:
-    """(count,) transform of the spreading function on a grid of points."""
-    node, weight = np.polynomial.legendre.leggauss(3 * SPREAD)
-    value = weight * np.exp(SHARPNESS * (np.sqrt(1.0 - node**2) - 1.0))
-    turn = np.pi * SPREAD / points * np.arange(count)
-    return np.asarray(0.5 * SPREAD * np.cos(np.multiply.outer(turn, node)) @ value)
-
-
-def evenly_spaced_integrals(motion: Trajectory, table: Complexes, step: float, count: int) -> Complexes:
+def evenly_spaced_integrals(motion: Trajectory, output_of: RowsOf, step: float, count: int) -> Complexes:
     r"""Fourier integrals of outputs over a motion at frequencies 0, :math:`\delta`, :math:`2 \delta`, ...
 
     Parameters
     ----------
-    motion : of contact states that are all kept; no longer than :math:`2 \pi / \delta`.
-    table : (S, T, K) coefficients of the outputs by contact state.
+    motion : no longer than :math:`2 \pi / \delta`.
+    output_of : K outputs, by the phases of the contacts.
     step : :math:`\delta`, rad/s.
     count : of the frequencies.
 
@@ -101,24 +61,35 @@ def evenly_spaced_integrals(motion: Trajectory, table: Complexes, step: float, c
     -------
     (K, count) :math:`\int x(t) e^{-i k \delta (t - t_0)} dt`, :math:`t_0` being the start of the motion.
     """
-    highest, sampled = step * (count - 1), FourierSums(step, count, table.shape[2])
-    for number in visited_states(motion.state):
-        state, segments = motion.flow.states[number], np.flatnonzero((motion.state == number) & (motion.length > 0.0))
-        coefficients, size = table[number, : state.term_basis.size], np.abs(state.exponent)
-        order = np.argsort(size, kind="stable")
-        limit = np.maximum(FAST * highest, LONG / motion.length[segments])
-        slow_functions = np.searchsorted(size[order], limit, side="right")
-        for functions in np.unique(slow_functions):
-            some, slow = segments[slow_functions == functions], np.zeros(size.size, dtype=bool)
-            slow[order[:functions]] = True
-            of_terms = slow[state.term_basis] & coefficients.any(axis=1)
-            fastest = float(size[slow].max(initial=0.0)) + highest
-            if of_terms.any():
-                _sample(motion, state, some, (coefficients, of_terms), fastest, sampled.add)
-            fast = np.flatnonzero(~slow[state.term_basis] & coefficients.any(axis=1))
-            if fast.size:
-                _sample_ends(motion, state, some, (coefficients, fast), highest, sampled.add)
-    return np.asarray(sampled.totals().T)
+    columns = output_of(motion.flow.system.contacts.start).shape[0]
+    return evenly_spaced_sums(_values(motion, output_of, step * (count - 1)), step, count, columns).T
+
+
+def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, count: int, columns: int) -> Complexes:
+    r"""Sums :math:`\sum_i v_i e^{-i k \delta t_i}` of K real columns for k = 0, 1, ... ; relative error about 1e-12.
+
+    Parameters
+    ----------
+    values : times (n,), s, within one period :math:`2 \pi / \delta`, and values (n, K) there, part by part.
+    step : :math:`\delta`, rad/s.
+    count : of the frequencies.
+    columns : K.
+
+    Returns
+    -------
+    (count, K).
+    """
+    least = max(2 * OVERSAMPLING * count, 2 * SPREAD)
+    power = 2 ** ((least - 1).bit_length() - 3)
+    points = -(-least // power) * power  # 5 to 8 times a power of two: fast, without importing scipy.fft in each run
+    grid, position = np.zeros((points, columns)), step * points / (2.0 * np.pi)
+    for times, value in values:
+        spread_to_grid(position * times, np.ascontiguousarray(value), SPREAD, SHARPNESS, grid)
+    node, weight = _rule(3 * SPREAD)
+    spread = 0.5 * SPREAD * weight * np.exp(SHARPNESS * (np.sqrt(1.0 - node**2) - 1.0))
+    turn = np.pi * SPREAD / points * np.arange(count)
+    transform = np.cos(np.multiply.outer(turn, node)) @ spread  # of the spreading function
+    return np.asarray(np.fft.rfft(grid, axis=0)[:count] / transform[:, None])
 
 
 def interpolated(integrals: Complexes, position: Floats) -> Complexes:
@@ -149,96 +120,78 @@ def interpolated(integrals: Complexes, position: Floats) -> Complexes:
     return np.asarray((known * turned * weight).sum(axis=1))
 
 
-def _sample(
-    motion: Trajectory, state: ContactState, segments: Ints, outputs: tuple[Complexes, Bools], fastest: float,
-    add: Callable[[Floats, Floats], None],
-) -> None:  # fmt: skip
-    """Add values times weights at the nodes of panels.
+def _values(motion: Trajectory, output_of: RowsOf, highest: float) -> Iterator[tuple[Floats, Floats]]:
+    """Times (n,) since the motion began, s, and values (n, K) there, whose sums are Fourier integrals up to a highest
+    frequency, rad/s; part by part."""
+    lasting = np.flatnonzero(motion.length > 0.0)
+    for state, places in motion.by_state(lasting):
+        segments, size = lasting[places], np.abs(state.exponent)
+        table = state.coefficients(output_of(state.phases), motion.flow.sources)
+        order = np.argsort(size, kind="stable")
+        limit = np.maximum(FAST * highest, LONG / motion.length[segments])
+        slow_functions = np.searchsorted(size[order], limit, side="right")
+        for functions in np.unique(slow_functions):
+            some, slow = segments[slow_functions == functions], np.zeros(size.size, dtype=bool)
+            slow[order[:functions]] = True
+            of_terms = slow[state.term_basis, None]
+            fastest = float(size[slow].max(initial=0.0)) + highest
+            if np.any(table * of_terms):
+                yield from _values_at_nodes(motion, state, some, table * of_terms, fastest)
+            if np.any(table * ~of_terms):
+                yield from _values_about_ends(motion, state, some, table * ~of_terms, highest)
+
+
+def _values_at_nodes(
+    motion: Trajectory, state: ContactState, segments: Ints, table: Complexes, fastest: float
+) -> Iterator[tuple[Floats, Floats]]:
+    """Values times weights at the nodes of panels, of the rules that take the fewest values.
 
     Parameters
     ----------
     motion, state, segments : the motion, a contact state and segments in it.
-    outputs : coefficients (T, K) of the terms, and which terms (T,) count.
+    table : (T, K) coefficients of the terms.
     fastest : rad/s, of these terms and the highest frequency together.
-    add : takes times (n,), s, since the motion began, and values (n, K).
+
+    Yields
+    ------
+    Times (n,) since the motion began, s, and values (n, K).
     """
-    table, functions = outputs[0] * outputs[1][:, None], state.exponent.size
-    lengths, which = np.unique(motion.equal_lengths[segments], return_inverse=True)
-    nodes, panels = _rules(fastest * lengths)
-    widths = lengths / panels
-    for rule in np.unique(nodes).tolist():
-        rows = np.flatnonzero(nodes[which] == rule)
-        node, weight = _gauss_legendre(rule)
-        count = panels[which[rows]]
+    length, nodes = motion.length[segments], np.array(NODES_OF_RULES)
+    panels = np.maximum(np.ceil(fastest * length[:, None] / _LONGEST_TURN), 1.0).astype(np.int64)
+    best = np.argmin(panels * nodes, axis=1)
+    factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], table.shape[1])
+    for rule in np.unique(best).tolist():
+        rows, (node, weight) = np.flatnonzero(best == rule), _rule(NODES_OF_RULES[rule])
+        count = panels[rows, rule]
+        panel = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         row = np.repeat(rows, count)
-        place = np.arange(row.size) - np.repeat(np.cumsum(count) - count, count)
-        at_once = max(1, VALUES_AT_ONCE // max(rule * functions, rule * table.shape[1], functions * table.shape[1]))
-        for first in range(0, row.size, at_once):
-            block, number = row[first : first + at_once], place[first : first + at_once]
-            check_stop()
-            # panels of one number, in segments of one length, share the values of the functions
-            kinds, kind = np.unique(number * lengths.size + which[block], return_inverse=True)
-            number_of_kind, length_of_kind = np.divmod(kinds, lengths.size)
-            width = widths[length_of_kind]
-            begun = number_of_kind * width
-            visits, visit = np.unique(block, return_inverse=True)
-            on_visits = motion.outputs(state, segments[visits], table).acting()
-            c = on_visits.coefficient
-            factors = np.stack([c.real, -c.imag], axis=2).reshape(visits.size, 2 * c.shape[1], c.shape[2])
-            values = _functions(on_visits, begun, width, node).view(float)[kind] @ factors[visit]
-            values *= np.multiply.outer(width, weight)[kind, :, None]
-            tau = begun[:, None] + np.multiply.outer(width, node)
-            times = (motion.time[segments[block]] - motion.time[0])[:, None] + tau[kind]
-            add(times.ravel(), values.reshape(times.size, -1))
+        width = length[row] / panels[row, rule]
+        for part in blocks(row.size, node.size * max(factors.shape), MANY_VALUES):
+            tau = width[part, None] * (panel[part, None] + 0.5 + 0.5 * node)
+            visits, of = np.unique(row[part], return_inverse=True)
+            amplitude = motion.amplitudes(state, segments[visits])[np.repeat(of, node.size)]
+            values = state.terms_after(amplitude, tau.ravel()).view(float) @ factors
+            values *= (0.5 * np.multiply.outer(width[part], weight)).reshape(-1, 1)
+            begun = motion.time[segments[row[part]], None] - motion.time[0]
+            yield (begun + tau).ravel(), values
 
 
-def _rules(turn: Floats) -> tuple[Ints, Ints]:
-    """Nodes (n,) of the rules, and numbers (n,) of panels, that take the fewest values over turns (n,), rad."""
-    rules = np.array(NODES_OF_RULES)
-    panels = np.maximum(np.ceil(turn[:, None] / longest_turn(rules)), 1.0).astype(np.int64)
-    best = np.argmin(panels * rules, axis=1)
-    return rules[best], panels[np.arange(turn.size), best]
-
-
-@lru_cache(maxsize=len(NODES_OF_RULES))
-def _gauss_legendre(nodes: int) -> tuple[Floats, Floats]:
-    """Nodes and weights of a rule for the integral from 0 to 1."""
-    node, weight = np.polynomial.legendre.leggauss(nodes)
-    return 0.5 + 0.5 * node, 0.5 * weight
-
-
-def _functions(outputs: SegmentOutputs, begun: Floats, width: Floats, node: Floats) -> Complexes:
-    """(n, N, B) values of the functions of outputs on panels that begin at times (n,), s, of widths (n,), s."""
-    widths, which = np.unique(width, return_inverse=True)
-    within = _exponentials(np.multiply.outer(widths, node), outputs.exponent)
-    values = _exponentials(begun, outputs.exponent)[:, None] * within[which]
-    if outputs.power.any():
-        powers = np.ones((width.size, node.size, int(outputs.power.max()) + 1))
-        powers[..., 1:] = (begun[:, None] + np.multiply.outer(width, node))[..., None]
-        values *= np.multiply.accumulate(powers, axis=-1)[..., outputs.power]
-    return np.asarray(values)
-
-
-def _exponentials(tau: Floats, exponent: Complexes) -> Complexes:
-    """(..., B) of times (...) since the start of a segment; what would grow without bound has no amplitude."""
-    turned = np.multiply.outer(tau, exponent)
-    return np.asarray(np.exp(np.where(turned.real < GROWTH, turned, 0.0)))
-
-
-def _sample_ends(
-    motion: Trajectory, state: ContactState, segments: Ints, outputs: tuple[Complexes, Ints], highest: float,
-    add: Callable[[Floats, Floats], None],
-) -> None:  # fmt: skip
-    """Add what integrals by parts make of the values at both ends of segments.
+def _values_about_ends(
+    motion: Trajectory, state: ContactState, segments: Ints, table: Complexes, highest: float
+) -> Iterator[tuple[Floats, Floats]]:
+    """What integrals by parts make of the values at both ends of segments.
 
     Parameters
     ----------
     motion, state, segments : the motion, a contact state and segments in it.
-    outputs : coefficients (T, K) of the terms, and numbers of those that count.
+    table : (T, K) coefficients of the terms.
     highest : rad/s, frequency.
-    add : takes times (n,), s, since the motion began, and values (n, K).
+
+    Yields
+    ------
+    Times (n,) since the motion began, s, and values (n, K).
     """
-    terms, count = outputs[1], outputs[0].shape[1]
+    terms, count = np.flatnonzero(table.any(axis=1)), table.shape[1]
     basis, source = state.term_basis[terms], state.term_source[terms]
     exponent, power = state.exponent[basis], state.power[basis]
     around = (np.arange(NODES_OF_ENDS) - 0.5 * (NODES_OF_ENDS - 1)) * (TURN_OF_ENDS / highest)
@@ -246,20 +199,18 @@ def _sample_ends(
     for order in range(int(power.max()) + 1):
         weights = _weights_of_ends(exponent / highest, order) * highest ** -(order + 1.0)
         size = np.array([(-1.0) ** order * perm(p, order) for p in power.tolist()])
-        factors.append(((size[:, None] * weights)[:, :, None] * outputs[0][terms, None]).reshape(terms.size, -1))
-    at_once = max(1, VALUES_AT_ONCE // (NODES_OF_ENDS * count))
-    for first in range(0, segments.size, at_once):
-        check_stop()
-        some = segments[first : first + at_once]
+        factors.append(((size[:, None] * weights)[:, :, None] * table[terms, None]).reshape(terms.size, -1))
+    for part in blocks(segments.size, NODES_OF_ENDS * count, MANY_VALUES):
+        some = segments[part]
         length, elapsed = motion.length[some, None], motion.time[some] - motion.time[0]
-        amplitude = motion.source_amplitudes(state, some)[:, source]
-        at_end = amplitude * _exponentials(length[:, 0], exponent)
+        amplitude, turned = motion.amplitudes(state, some)[:, source], length * exponent
+        at_end = amplitude * np.exp(np.where(turned.real < GROWTH, turned, 0.0))  # what would grow beyond it is at rest
         for begun, sizes in (
             (elapsed, [-amplitude * (power == order) for order in range(len(factors))]),
             (elapsed + length[:, 0], [at_end * length ** np.maximum(power - k, 0) for k in range(len(factors))]),
         ):
             values = sum((x.real @ f.real - x.imag @ f.imag for x, f in zip(sizes, factors, strict=True)), np.zeros(()))
-            add(np.add.outer(begun, around).ravel(), values.reshape(-1, count))
+            yield np.add.outer(begun, around).ravel(), values.reshape(-1, count)
 
 
 def _weights_of_ends(rate: Complexes, order: int) -> Complexes:

@@ -118,7 +118,7 @@ def sampled_stored_energy(trajectory: Trajectory, times: Floats) -> Floats:
     flow = trajectory.flow
     states = np.vstack([flow.equations.state, flow.equations.penetration])
     y, penetration = np.split(trajectory.sample(times, lambda _: states), [flow.size], axis=1)
-    return stored_energy(flow.system, y, penetration, trajectory.phases_at(times))
+    return stored_energy(flow.system, y, penetration, trajectory.phases[trajectory.segments_at(times)])
 
 
 def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
@@ -145,7 +145,7 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
     y = np.vstack([trajectory.y, trajectory.final_y])
     penetration = flow.system.contacts.penetrations(y, None)[0] - flow.system.contacts.sign * flow.apart(times)
-    phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
+    phases = np.concatenate([trajectory.phases, trajectory.phases[-1:]])
     return stored_energy(flow.system, y, penetration, phases)
 
 

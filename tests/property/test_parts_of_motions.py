@@ -33,14 +33,14 @@ def motion():
 def test_the_events_of_a_part_are_those_within_it(motion, seed):
     begin, end = np.sort(np.random.default_rng(seed).uniform(0.0, motion.end, 2))
     expected = (motion.event_time > begin) & (motion.event_time <= end)
-    for part in (motion.within(begin, end), motion.between(begin, end)):
-        np.testing.assert_array_equal(part.event_time, motion.event_time[expected])
-        np.testing.assert_array_equal(part.event_phase, motion.event_phase[expected])
-        np.testing.assert_array_equal(part.touch_changes, motion.touch_changes[expected])
-        assert part.end == end
-        np.testing.assert_allclose(part.final_y, motion.states_at(np.array([end]))[0], rtol=0, atol=1e-14)
-        times = np.linspace(begin, end, 7)
-        np.testing.assert_allclose(part.states_at(times), motion.states_at(times), rtol=0, atol=1e-12)
+    part = motion.between(begin, end)
+    np.testing.assert_array_equal(part.event_time, motion.event_time[expected])
+    np.testing.assert_array_equal(part.event_phase, motion.event_phase[expected])
+    np.testing.assert_array_equal(part.touch_changes, motion.touch_changes[expected])
+    assert part.end == end
+    np.testing.assert_allclose(part.final_y, motion.states_at(np.array([end]))[0], rtol=0, atol=1e-14)
+    times = np.linspace(begin, end, 7)
+    np.testing.assert_allclose(part.states_at(times), motion.states_at(times), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -54,8 +54,9 @@ def test_parts_together_have_every_event_once(motion, seed):
     assert inside + between == motion.event_time.size
     assert parts[0].end == motion.time[cuts[0]]
     np.testing.assert_array_equal(parts[0].final_y, motion.y[cuts[0]])
-    assert motion.lasting.time.size < motion.time.size
-    np.testing.assert_array_equal(motion.lasting.event_time, motion.event_time)
+    lasting = motion.only(np.flatnonzero(motion.length > 0.0))
+    assert lasting.time.size < motion.time.size
+    np.testing.assert_array_equal(lasting.event_time, motion.event_time)
 
 
 def test_every_event_leads_to_a_segment_in_its_phase(motion):
@@ -64,12 +65,12 @@ def test_every_event_leads_to_a_segment_in_its_phase(motion):
     for k in range(1, motion.time.size):
         pair = motion.only(slice(k - 1, k + 1))
         assert pair.event_time.size == int(motion.state[k] != motion.state[k - 1])
-        after = motion.phases_of(motion.state[k])
+        after = motion.phases[k]
         np.testing.assert_array_equal(after[pair.event_contact], pair.event_phase)
 
 
 def test_nothing_is_known_outside(motion):
-    part = motion.within(3.0, 7.0)
+    part = motion.between(3.0, 7.0)
     for outside in (part.time[0] - 1e-6, 7.0 + 1e-6):
         with pytest.raises(ValueError, match="is not known at"):
             part.states_at(np.array([outside]))
@@ -78,7 +79,7 @@ def test_nothing_is_known_outside(motion):
         gap.states_at(np.array([0.5 * motion.end]))
     with pytest.raises(ValueError, match="is not known at"):
         motion.states_at(np.array([motion.end + 1e-6]))
-    assert motion.within(38.0, 99.0).end == motion.end
+    assert motion.between(38.0, 99.0).end == motion.end
 
 
 # -- a record that is shorter than the motion: its last cubic goes on -----------------------------------------------

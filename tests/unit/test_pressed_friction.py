@@ -130,7 +130,7 @@ def test_against_integration_by_hand(tangential, dashpot, duration):
     turns = [t for t, j, k in zip(trajectory.event_time, trajectory.event_contact, trajectory.event_phase, strict=True)
              if j == 1 and k >= 3]  # of the motion of a free face, which the other code does not watch  # fmt: skip
     of_flow = of_flow[~np.isin(of_flow, turns)]
-    assert {0, 1, 2, 3} <= set(trajectory.phases_of(trajectory.state)[:, 1].tolist())
+    assert {0, 1, 2, 3} <= set(trajectory.phases[:, 1].tolist())
     np.testing.assert_allclose(of_flow, changes, atol=1e-7)
     np.testing.assert_allclose(trajectory.final_y[:4], end, atol=1e-7)
     times = np.linspace(0.0, duration, 400)
@@ -254,6 +254,6 @@ def test_nothing_sticks_that_would_have_to_hold_more_than_it_can():
     motion = simulate(flow, system.initial_state)
     assert motion.event_time.size > 20
     for time, state, y in zip(*(x[motion.length > 0.0] for x in (motion.time, motion.state, motion.y)), strict=True):
-        phases = motion.phases_of(np.array([state]))[0]
+        phases = motion.flow.visited[state]
         z = np.append(y, flow.inputs_at(np.array([time]))[0, 0])
         assert (flow.at(phases).events.rows @ z).min() > -1e-9

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.flow.channels import MotionPart, fourier_integrals
+from beamsim.flow.channels import MotionPart
 from beamsim.flow.transient import simulate
 from beamsim.responses.energies import power_factors
 from beamsim.responses.loads import exact_flow
@@ -17,10 +17,6 @@ from tests.helpers.observed import accelerations, all_outputs
 def motion_of(scenario, duration):
     system = build_system(scenario)
     return simulate(exact_flow(system, duration), system.initial_state)
-
-
-def turning(motion, rows, omega):
-    return np.exp(-1j * np.multiply.outer(motion.time[rows] - motion.time[0], omega))
 
 
 def light_chain(damping):
@@ -169,18 +165,7 @@ def test_fourier_integrals_are_those_of_a_fine_rule():
 
     fine = quadrature(motion, 5.0, np.array([30.0]), turned)[0].reshape(-1, omega.size, 2) @ [1.0, 1.0j]
     largest = np.abs(fine).max(axis=1, keepdims=True)
-    table = flow.output_table(outputs)
-    found = fourier_integrals(part.motion, table, omega)
+    found = part.motion.fourier_integrals(outputs, omega)
     assert np.all(np.abs(found - fine) < 1e-11 * largest)
-    for column, (some, of_fine, size) in enumerate(zip(found, fine, largest, strict=True)):
+    for column, (some, size) in enumerate(zip(found, largest, strict=True)):
         assert np.all(np.abs(part.integrals(omega[::-1], column) - some[::-1]) < 1e-11 * size)
-        functions = part.motion.outputs  # outputs one by one, as of motions with powers of time
-        alone = sum(
-            functions(state, rows, table[s, : state.term_basis.size, column, None])
-            .with_conjugates()
-            .fourier_sums(part.motion.equal_lengths[rows], omega, turning(part.motion, rows, omega))
-            .sum(axis=(0, 1))
-            for s, state in enumerate(part.motion.flow.states)
-            for rows in (np.flatnonzero(part.motion.state == s),)
-        )
-        assert np.all(np.abs(alone - of_fine) < 1e-11 * size)

@@ -226,7 +226,7 @@ def test_what_is_held_at_a_displacement_loads_what_moves_beside_it(beside):
     start = np.concatenate([q, np.zeros(n), contacts.settled_states(penetration)])
     motion, checked = simulate(flow, start), 0
     for k in np.flatnonzero(motion.length > 0.01):
-        t, phases = motion.time[k] + 0.5 * motion.length[k], motion.phases_of(motion.state[k : k + 1])[0]
+        t, phases = motion.time[k] + 0.5 * motion.length[k], motion.phases[k]
         before, y, after = motion.states_at(t + np.array([-1e-5, 0.0, 1e-5]))
         rates = flow.at(phases).rates @ np.append(y, flow.inputs_at(np.array([t]))[0, 0])
         np.testing.assert_allclose((after - before) / 2e-5, rates, atol=1e-6 * np.abs(rates).max())

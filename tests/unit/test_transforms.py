@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.channels import MotionPart, fourier_integrals
-from beamsim.flow.transforms import NEIGHBOURS, FourierSums, interpolated
+from beamsim.flow.channels import MotionPart
+from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_sums, interpolated
 from beamsim.flow.transient import simulate
 from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
@@ -30,11 +30,9 @@ def part_of(changes, stop, highest, duration=5.0):
 def test_sums_over_uneven_times():
     rng = np.random.default_rng(4)
     times, values, step = rng.uniform(0.0, 2.0, 500), rng.normal(size=(500, 3)), np.pi / 2.0
-    sums = FourierSums(step, 101, 3)
-    for part in np.array_split(np.arange(500), 4):
-        sums.add(times[part], values[part])
+    parts = ((times[part], values[part]) for part in np.array_split(np.arange(500), 4))
     exact = np.exp(-1j * step * np.outer(np.arange(101), times)) @ values
-    np.testing.assert_allclose(sums.totals(), exact, atol=1e-11)
+    np.testing.assert_allclose(evenly_spaced_sums(parts, step, 101, 3), exact, atol=1e-11)
 
 
 def test_between_the_known_frequencies():
@@ -67,18 +65,18 @@ def test_between_the_known_frequencies():
 )
 def test_integrals_are_those_that_are_computed_one_by_one(changes, stop, highest):
     part = part_of(changes, stop, highest)
-    table, step = part.motion.flow.output_table(part.rows_of), np.pi / part.duration
-    exact = fourier_integrals(part.motion, table, step * np.arange(part.known.shape[1]))
+    step = np.pi / part.duration
+    exact = part.motion.fourier_integrals(part.rows_of, step * np.arange(part.known.shape[1]))
     size = np.sqrt(part.mean_squares) * part.duration
     assert np.all(np.abs(part.known - exact).max(axis=1) <= 1e-11 * size)
     between = np.array([0.3, 0.77 * highest, highest])
-    direct = fourier_integrals(part.motion, table, between)
+    direct = part.motion.fourier_integrals(part.rows_of, between)
     for column in range(size.size):
         assert np.all(np.abs(part.integrals(between, column) - direct[column]) <= 1e-11 * size[column])
     np.testing.assert_allclose(part.means, exact[:, 0].real / part.duration, atol=1e-12 * size.max())
     for half in part.halves:  # of which the second has what the first leaves
         between = np.array([0.0, 2.0 * np.pi / half.duration, 0.77 * highest, highest])
-        direct = fourier_integrals(half.motion, table, between)
+        direct = half.motion.fourier_integrals(part.rows_of, between)
         for column in range(size.size):
             assert np.all(np.abs(half.integrals(between, column) - direct[column]) <= 1e-11 * size[column])
 

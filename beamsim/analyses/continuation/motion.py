@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
+from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
@@ -133,7 +133,7 @@ class Measurement:
         found = Observed(exact, self.channels).extrema(motion)
         displacements = outputs_of(exact, self.channels.of_keys(DISPLACEMENT).linear)
         omega: Floats = 2.0 * np.pi / flow_map.duration * np.arange(self.harmonics + 1.0)
-        spectrum = 2.0 / flow_map.duration * fourier_integrals(motion, exact.output_table(displacements), omega)
+        spectrum = 2.0 / flow_map.duration * motion.fourier_integrals(displacements, omega)
         spectrum[:, 0] *= 0.5
         return MeasuredMotion(found.high, found.low, spectrum, motion.contact_share()[: len(self.system.snubbers)])
 

@@ -44,7 +44,7 @@ from beamsim.analyses.identify.records import (
 )
 from beamsim.analyses.identify.result import NonlinearEstimate, SweepFit, TestFit, TransientFit
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.flow.channels import fourier_integrals, outputs_of
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.variational import VariationalFlow
@@ -674,9 +674,9 @@ class SteadyVibration(Prediction):
         if quantity == "absolute_displacement":
             return self.harmonics(probe, "absolute_acceleration", count) / -(omega**2)
         channel = self.system.channels.of_keys(("probes", quantity)).only(lambda each: each.name == name)
-        table = exact.output_table(outputs_of(exact, channel.linear))
+        output_of = outputs_of(exact, channel.linear)
         # Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
-        return np.asarray(2j / period * fourier_integrals(self.motion, table, omega)[0])
+        return np.asarray(2j / period * self.motion.fourier_integrals(output_of, omega)[0])
 
 
 def steady_vibration(

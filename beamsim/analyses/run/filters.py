@@ -24,8 +24,6 @@ from copy import copy as copied
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +32,7 @@ from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
-from beamsim.flow.exact import visited_states
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.extrema import search_extrema
 from beamsim.flow.extrema_kernels import Sums
 from beamsim.flow.trajectory import Trajectory
@@ -106,13 +104,11 @@ def smooth_intervals(motion: Trajectory) -> tuple[Floats, Floats]:
     fastest : (E,) rad/s.
     """
     begins, sizes = [np.zeros(0)], [np.zeros(0)]
-    for part in motion.parts():
-        for number in visited_states(part.state):
-            since, size = _left_after(part.flow.states[number].exponent)
-            segments = np.flatnonzero(part.state == number)
-            inside = since < part.length[segments, None]
-            begins.append((part.time[segments, None] + since)[inside])
-            sizes.append(np.broadcast_to(size, inside.shape)[inside])
+    for state, segments in motion.by_state(np.arange(motion.segments)):
+        since, size = _left_after(state.exponent)
+        inside = since < motion.length[segments, None]
+        begins.append((motion.time[segments, None] + since)[inside])
+        sizes.append(np.broadcast_to(size, inside.shape)[inside])
     begin, fastest = np.concatenate(begins), np.concatenate(sizes)
     order = np.argsort(begin, kind="stable")
     edges = np.append(begin[order], motion.end)
@@ -415,55 +411,29 @@ class FilteredPanels:
         return left + s * (begin + s * (c2 + s * c3)), (begin + s * (2.0 * c2 + 3.0 * s * c3)) / h
 
 
-class _Part(NamedTuple):
-    """A part of a motion behind the filter."""
-
-    motion: Trajectory
-    forced: Complexes  # (S, T, k) coefficients of what follows the motion, by contact state
-    free: Complexes  # (S, 2, k) amplitudes of the filter's own motion where segments begin, the residues included
-
-    def at(self, times: Floats, poles: Complexes) -> Floats:
-        """(nt, k) at increasing times."""
-        segment = np.clip(np.searchsorted(self.motion.time, times, side="right") - 1, 0, None)
-        turned = np.exp(poles * (times - self.motion.time[segment])[:, None])
-        fading = np.einsum("nj,njk->nk", turned, self.free[segment]).real
-        return np.asarray(self.motion.sample_table(times, self.forced) + fading)
-
-    def sums(self, edges: Floats, poles: Complexes) -> Iterator[Sums]:
-        """The outputs between two times, s, for the search for extremes: the filter's own motions are more terms."""
-        outputs = self.free.shape[2]
-        own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
-        pole = np.repeat(np.arange(poles.size), outputs)
-        unfiltered = self.motion.sums(
-            lambda _: np.zeros((0, self.motion.flow.equations.width)), np.ones(self.motion.segments, dtype=bool), edges
-        )
-        for segment, sums in unfiltered:
-            fading = self.free[segment].reshape(segment.size, -1)
-            forced = self.forced[self.motion.state[segment[0]], : sums.basis.size]
-            yield sums._replace(
-                rate=np.concatenate([sums.rate, poles]),
-                power=np.concatenate([sums.power, np.zeros_like(sums.power, shape=poles.size)]),
-                basis=np.concatenate([sums.basis, sums.rate.size + pole]),
-                amplitude=np.hstack([sums.amplitude, fading]),
-                noise=np.hstack([sums.noise, np.finfo(float).eps * np.abs(fading)]),
-                table=np.concatenate([forced, own]),
-            )  # fmt: skip
-
-
 @dataclass(frozen=True)
 class FilteredSegments:
-    """Known in closed form."""
+    """Known in closed form, of a motion without powers of time.
 
-    parts: tuple[_Part, ...]
+    Parameters
+    ----------
+    motion, output_of : the motion, and k outputs that the filter follows.
+    poles : of the filter.
+    free : (S, 2, k) amplitudes of the filter's own motion where segments begin, the residues included.
+    """
+
+    motion: Trajectory
+    output_of: RowsOf
     poles: Complexes
+    free: Complexes
 
     @classmethod
-    def of(cls, trajectory: Trajectory, output_of: RowsOf, frequency_hz: float) -> FilteredSegments:
-        """Follow the filter from a state of zero through the segments of a motion without powers of time.
+    def of(cls, motion: Trajectory, output_of: RowsOf, frequency_hz: float) -> FilteredSegments:
+        """Follow the filter from a state of zero through the segments of a motion.
 
         Parameters
         ----------
-        trajectory : the motion from its start.
+        motion : from its start, without powers of time.
         output_of : k outputs.
         frequency_hz : of the filter.
 
@@ -472,36 +442,48 @@ class FilteredSegments:
         FilteredSegments
         """
         poles, residues = butterworth(frequency_hz)
-        outputs = output_of(trajectory.flow.system.contacts.start).shape[0]
-        state = np.zeros((poles.size, outputs), dtype=complex)
-        parts = []
-        for part in trajectory.parts():
-            table = part.flow.output_table(output_of)
-            begin, end = _forced(part, table, poles)
-            decay = np.exp(poles * part.length[:, None])  # (S, 2)
-            free = np.empty_like(begin)
-            for j, residue in enumerate(residues):
-                added = end[:, j] - decay[:, j, None] * begin[:, j]
-                added[0] += decay[0, j] * state[j]
-                after = recurrence(decay[:, j, None], added)
-                free[:, j] = 2.0 * residue * (np.vstack([state[j, None], after[:-1]]) - begin[:, j])
-                state[j] = after[-1]
-            for number, exponent in _of_states(part):
-                table[number, : exponent.size] *= _gain(exponent, poles)[:, None]
-            parts.append(_Part(part, table, free))
-        return cls(tuple(parts), poles)
+        begin, end = _forced(motion, output_of, poles)
+        decay = np.exp(poles * motion.length[:, None])  # (S, 2)
+        free = np.empty_like(begin)
+        for j, residue in enumerate(residues):
+            after = recurrence(decay[:, j, None], end[:, j] - decay[:, j, None] * begin[:, j])
+            free[:, j] = 2.0 * residue * (np.vstack([np.zeros_like(after[:1]), after[:-1]]) - begin[:, j])
+        return cls(motion, output_of, poles, free)
 
     def at(self, times: Floats) -> Floats:
         """(nt, k) at increasing times."""
-        ends = np.searchsorted(times, [part.motion.end for part in self.parts[:-1]])
-        pairs = zip(self.parts, np.split(times, ends), strict=True)
-        return np.concatenate([part.at(here, self.poles) for part, here in pairs])
+        segment = self.motion.segments_at(times)
+        turned = np.exp(self.poles * (times - self.motion.time[segment])[:, None])
+        fading = np.einsum("nj,njk->nk", turned, self.free[segment]).real
+        return np.asarray(self.motion.sample(times, self.output_of, self._gain) + fading)
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
-        sums = chain.from_iterable(part.sums(np.array([begin, end]), self.poles) for part in self.parts)
-        low, when_low, high, when_high, _ = search_extrema(sums, self.parts[0].free.shape[2])
-        return low[0], when_low[0], high[0], when_high[0]
+        found = search_extrema(self._sums(np.array([begin, end])), self.free.shape[2])
+        low, when_low, high, when_high = (of_window[0] for of_window in found[:4])
+        return low, when_low, high, when_high
+
+    def _gain(self, state: ContactState) -> Complexes:
+        """(T,) factor by which the filter changes ``e^{exponent tau}``; one at rest."""
+        both, exponent = np.append(self.poles, self.poles.conj()), state.exponent[state.term_basis]
+        return np.asarray(np.prod(both) / np.prod(exponent[:, None] - both, axis=1))
+
+    def _sums(self, edges: Floats) -> Iterator[Sums]:
+        """The outputs between two times, s, for the search for extremes: the filter's own motions are more terms."""
+        poles, outputs = self.poles, self.free.shape[2]
+        own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
+        pole = np.repeat(np.arange(poles.size), outputs)
+        every = np.ones(self.motion.segments, dtype=bool)
+        for segment, sums in self.motion.sums(self.output_of, every, edges, gain=self._gain):
+            fading = self.free[segment].reshape(segment.size, -1)
+            yield sums._replace(
+                rate=np.concatenate([sums.rate, poles]),
+                power=np.concatenate([sums.power, np.zeros_like(sums.power, shape=poles.size)]),
+                basis=np.concatenate([sums.basis, sums.rate.size + pole]),
+                amplitude=np.hstack([sums.amplitude, fading]),
+                noise=np.hstack([sums.noise, np.finfo(float).eps * np.abs(fading)]),
+                table=np.concatenate([sums.table, own]),
+            )  # fmt: skip
 
 
 FilteredMotion = FilteredPanels | FilteredSegments
@@ -511,39 +493,25 @@ FilteredMotion = FilteredPanels | FilteredSegments
 def _near_poles(trajectory: Trajectory, poles: Complexes) -> bool:
     """Whether a motion has an exponent so close to a pole of the filter that their difference loses its digits."""
     both = np.concatenate([poles, poles.conj()])
-    distance = (np.abs(state.exponent[:, None] - both).min() for state in trajectory.flow.states)
-    return any(x < NEAREST_POLE * abs(poles[0]) for x in distance)
+    states = (state for state, _ in trajectory.by_state(np.arange(trajectory.segments)))
+    return any(np.abs(state.exponent[:, None] - both).min() < NEAREST_POLE * abs(poles[0]) for state in states)
 
 
-def _of_states(part: Trajectory) -> Iterator[tuple[int, Complexes]]:
-    """Contact states by number, with the exponent (T,) of each term."""
-    for number, state in enumerate(part.flow.states):
-        yield number, state.exponent[state.term_basis]
-
-
-def _forced(part: Trajectory, table: Complexes, poles: Complexes) -> tuple[Complexes, Complexes]:
+def _forced(motion: Trajectory, output_of: RowsOf, poles: Complexes) -> tuple[Complexes, Complexes]:
     """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion."""
-    begin = np.empty((part.segments, poles.size, table.shape[2]), dtype=complex)
-    end = np.empty_like(begin)
-    for number, exponent in _of_states(part):
-        segments = np.flatnonzero(part.state == number)
-        if not segments.size:
-            continue
-        amplitude = part.amplitudes(part.flow.states[number], segments)
+    outputs = output_of(motion.flow.system.contacts.start).shape[0]
+    begin, end = np.empty((2, motion.segments, poles.size, outputs), dtype=complex)
+    for state, segments in motion.by_state(np.arange(motion.segments)):
+        amplitude = motion.amplitudes(state, segments)[:, state.term_source]
         acts = amplitude.any(axis=0)  # what rests may grow without bound
-        amplitude, exponent, of_terms = amplitude[:, acts], exponent[acts], table[number, : acts.size][acts]
-        later = amplitude * np.exp(part.length[segments, None] * exponent)
+        amplitude, exponent = amplitude[:, acts], state.exponent[state.term_basis[acts]]
+        of_terms = state.coefficients(output_of(state.phases), motion.flow.sources)[acts]
+        later = amplitude * np.exp(motion.length[segments, None] * exponent)
         for j, pole in enumerate(poles):
             one, other = of_terms / (exponent - pole)[:, None], of_terms.conj() / (exponent.conj() - pole)[:, None]
             begin[segments, j] = 0.5 * (amplitude @ one + amplitude.conj() @ other)
             end[segments, j] = 0.5 * (later @ one + later.conj() @ other)
     return begin, end
-
-
-def _gain(exponent: Complexes, poles: Complexes) -> Complexes:
-    """(T,) factor by which the filter changes ``e^{exponent tau}``; one at rest."""
-    both = np.concatenate([poles, poles.conj()])
-    return np.asarray(np.prod(both) / np.prod(exponent[:, None] - both, axis=1))
 
 
 def _unknown(count: int) -> Extreme:

@@ -140,7 +140,7 @@ class _Contacts:
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     """Contacts at one snubber."""
     flow = trajectory.flow
-    touching = flow.system.contacts.touching(trajectory.phases_of(trajectory.state))[:, contact]
+    touching = flow.system.contacts.touching(trajectory.phases)[:, contact]
     first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
     last = np.flatnonzero(touching & ~np.append(touching[1:], False))
     start, end = trajectory.time[first], trajectory.time[last] + trajectory.length[last]
@@ -464,7 +464,7 @@ def _sliding(
     """Sums until some times, (nt, f) each: time of sliding, s, distance, m, wear as normal force times distance, J,
     energy lost, J, and slides."""
     flow, which = trajectory.flow, friction_contacts(system)
-    every = trajectory.phases_of(trajectory.state)
+    every = trajectory.phases
     phases = every[:, which]
 
     def forces(state: Ints) -> Floats:

@@ -366,9 +366,9 @@ def exact_motion_of(
             if asked[known:].size:
                 first, known = known, reached(part.end, asked).size
                 states.append(part.states_at(np.minimum(asked[first:known], part.end)))
-    trajectory = Trajectory.joined(latest)
+    trajectory = latest[0] if len(latest) == 1 else Trajectory.joined(latest)
     if trajectory.end - latest_s > trajectory.time[0]:
-        trajectory = trajectory.within(trajectory.end - latest_s, trajectory.end)
+        trajectory = trajectory.between(trajectory.end - latest_s, trajectory.end)
     return RunMotion(
         system=system,
         method="exact",

@@ -351,7 +351,7 @@ class _Along:
     def misses(self) -> list[Peak]:
         """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
         motion, found = self.motion, list[Peak]()
-        touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
+        touching = motion.flow.system.contacts.touching(motion.phases)
         for j, row in enumerate(self.channels.places.get(OPENING, ())):
 
             def opening(phases: Ints, row: int = row) -> Floats:
@@ -423,7 +423,7 @@ def _shares(
     log : cut segments of the motion.
     found : derivatives along them.
     """
-    touching = motion.flow.system.contacts.touching(motion.phases_of(log.state)).astype(int)
+    touching = motion.flow.system.contacts.touching(np.array(motion.flow.visited)[log.state]).astype(int)
     by = -np.diff(touching, axis=0).T @ found.kept.dt[1:-1] / motion.end
     shares = motion.contact_share()
     names = [snubber.name for snubber in system.snubbers]

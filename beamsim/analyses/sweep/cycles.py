@@ -192,7 +192,7 @@ def record_cycles(
     high, low = np.full((2, count, square.shape[1]), np.nan)
     found = motion.extrema(lambda phases: output_of(phases)[searched], edge)
     low[:, searched], high[:, searched] = found.low, found.high
-    touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
+    touching = motion.flow.system.contacts.touching(motion.phases)
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
     closes = motion.event_closing
     of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)
@@ -264,7 +264,7 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
     contacts = motion.flow.system.contacts
     force = np.zeros((motion.segments, contacts.pressed.size))
     if contacts.pressed.size:
-        phases = motion.phases_of(motion.state)
+        phases = motion.phases
         begins = np.zeros(force.shape, dtype=bool)
         begins[1:] = contacts.pressing_losses(phases[:-1], phases[1:]) > 0.0
         if begins.any():
