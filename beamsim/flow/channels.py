@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -11,7 +10,7 @@ import numpy as np
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
+from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_sums, interpolated, values_to_sum
 from beamsim.outcomes import check_stop
 from beamsim.system.equations import ChannelSet, Key, RowsOf, Sizes
 from beamsim.typing import Complexes, Floats, Ints
@@ -60,94 +59,55 @@ def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
     return rows_of
 
 
-class Observed:
-    """Channels on the motions of one flow, and of those that share its signals.
+def channel_values(motion: Trajectory, channels: ChannelSet, times: Floats) -> Floats:
+    """(nt, C) channels of a motion at increasing times, s; at an event the state after it counts."""
+    flow = motion.flow
+    return channels.values(
+        lambda of: motion.sample(times, outputs_of(flow, channels.squared if of else channels.linear))
+    )
+
+
+def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | None = None) -> Extrema:
+    """(C,) extreme values of channels of the continuous motion and their times, s; see `Trajectory.extrema`.
 
     Parameters
     ----------
-    flow : of the system.
-    channels : C columns of values.
+    motion, channels : C columns of values along a motion.
     largest_of : section and quantity of linear channels of whose extremes only the largest magnitude is asked for; of
         the others that is a bound from within.
     """
-
-    def __init__(self, flow: ExactFlow, channels: ChannelSet, largest_of: Key | None = None) -> None:
-        self.channels = channels
-        self._rivals = None if largest_of is None else channels.order[channels.places[largest_of]]
-        self.linear, self.squared = outputs_of(flow, channels.linear), outputs_of(flow, channels.squared)
-
-    def values(self, motion: Trajectory, times: Floats) -> Floats:
-        """(nt, C) at increasing times, s; at an event the state after it counts."""
-        return self.channels.values(lambda squared: motion.sample(times, self.squared if squared else self.linear))
-
-    def extrema(self, motion: Trajectory) -> Extrema:
-        """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
-        found, order = motion.extrema(self.linear, rivals=self._rivals), self.channels.order
-        values, evaluations = np.array(found[:4]), found.evaluations
-        if self.channels.squares.size:
-            squares = motion.extrema(self.squared, squares=self.channels.squares)
-            values, evaluations = np.hstack([values, squares[:4]]), evaluations + squares.evaluations
-        low, when_low, high, when_high = values[:, order]
-        return Extrema(low, when_low, high, when_high, evaluations)
-
-    def extremes(self, motion: Trajectory) -> dict[Key, Floats]:
-        """By section and quantity (4, k): lowest values of the continuous motion, their times, highest ones, theirs."""
-        return self.channels.split(np.array(self.extrema(motion)[:4]))
+    order, rivals = channels.order, None if largest_of is None else channels.order[channels.places[largest_of]]
+    found = motion.extrema(outputs_of(motion.flow, channels.linear), rivals=rivals)
+    values, evaluations = np.array(found[:4]), found.evaluations
+    if channels.squares.size:
+        squares = motion.extrema(outputs_of(motion.flow, channels.squared), squares=channels.squares)
+        values, evaluations = np.hstack([values, squares[:4]]), evaluations + squares.evaluations
+    low, when_low, high, when_high = values[:, order]
+    return Extrema(low, when_low, high, when_high, evaluations)
 
 
-@dataclass(frozen=True)
 class MotionPart:
     """K outputs on a part of a motion, with its Fourier integrals up to a frequency, free of aliasing.
 
     Parameters
     ----------
-    motion : cut to the part; its contact states are all kept.
+    motion : the part.
     rows_of : the outputs.
     highest : rad/s, up to which Fourier integrals are asked for; the side lobes of windows may lie beyond.
-    before : of a second half: the whole, and its first half.
+    known : of what is known already: (K, count) Fourier integrals at multiples of half the inverse of the duration.
     """
 
-    motion: Trajectory
-    rows_of: RowsOf
-    highest: float
-    before: tuple[MotionPart, MotionPart] | None = None
-    _weighted: dict[Exponentials, Complexes] = field(default_factory=dict, compare=False)
-
-    @classmethod
-    def of(cls, trajectory: Trajectory, rows_of: RowsOf, span: tuple[float, float], highest: float) -> MotionPart:
-        """The outputs between two times.
-
-        Parameters
-        ----------
-        trajectory, rows_of : the motion and K outputs.
-        span : s, begin and end, within the motion.
-        highest : rad/s, of the Fourier integrals.
-
-        Returns
-        -------
-        MotionPart
-        """
-        return cls(trajectory.between(*span).held(), rows_of, highest)
-
-    @property
-    def begin(self) -> float:
-        """When the part begins, s."""
-        return float(self.motion.time[0])
-
-    @property
-    def duration(self) -> float:
-        """Its length, s."""
-        return self.motion.end - self.begin
-
-    @cached_property
-    def known(self) -> Complexes:
-        """(K, count) Fourier integrals at multiples of half the inverse of the duration."""
-        if self.before is not None:  # what the first half leaves of the whole, at every other of its frequencies
-            whole, first = self.before[0].known[:, ::2], self.before[1].known
-            return np.asarray((whole - first[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1]))
-        step = np.pi / self.duration
-        count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
-        return evenly_spaced_integrals(self.motion, self.rows_of, step, count)
+    def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float, known: Complexes | None = None) -> None:
+        self.motion = motion.held() if motion.flow.dropped else motion
+        self.rows_of, self.highest, self.begin = rows_of, highest, float(motion.time[0])
+        self.duration = motion.end - self.begin  # s
+        if known is None:
+            step, outputs = np.pi / self.duration, rows_of(motion.flow.system.contacts.start).shape[0]
+            count = int(highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
+            values = values_to_sum(self.motion, rows_of, step * (count - 1))
+            known = evenly_spaced_sums(values, step, count, outputs).T
+        self.known, self.means = known, known[:, 0].real / self.duration
+        self._weighted: dict[Exponentials, Complexes] = {}
 
     def weighted(self, window: Exponentials) -> Complexes:
         """(K, count) Fourier integrals under a window, at the same frequencies but the last, which it needs."""
@@ -184,24 +144,9 @@ class MotionPart:
         return np.asarray(np.where(position < 0.0, found.conj(), found))
 
     @cached_property
-    def means(self) -> Floats:
-        """(K,) mean values."""
-        return np.asarray(self.known[:, 0].real / self.duration)
-
-    @cached_property
     def mean_squares(self) -> Floats:
         """(K,) means of the squares."""
         return np.asarray(self.motion.square_integrals(self.rows_of) / self.duration)
-
-    def deviations(self, levels: Floats) -> Floats:
-        """(K,) root mean squares about levels (K,), without the digits that a large mean costs."""
-
-        constant = self.motion.flow.equations.constant(levels)
-
-        def about(phases: Ints) -> Floats:
-            return self.rows_of(phases) - constant
-
-        return np.sqrt(np.maximum(self.motion.square_integrals(about) / self.duration, 0.0))
 
     @cached_property
     def extrema(self) -> Extrema:
@@ -210,18 +155,29 @@ class MotionPart:
 
     @cached_property
     def quarter_deviations(self) -> tuple[Floats, Floats]:
-        """(K,) root mean squares about the means, of the first and of the last quarter of the time."""
-        first, *_, last = self.divided(4)
-        return first.deviations(self.means), last.deviations(self.means)
+        """(K,) root mean squares about the means, of the first and of the last quarter of the time.
+
+        They are of what the means leave, so that a large one costs no digits.
+        """
+        constant = self.motion.flow.equations.constant(self.means)
+        first, second, *_, third, end = np.linspace(self.begin, self.motion.end, 5).tolist()
+        squares = [
+            motion.square_integrals(lambda phases: self.rows_of(phases) - constant) / (motion.end - motion.time[0])
+            for motion in (self.motion.between(first, second), self.motion.between(third, end))
+        ]
+        early, late = np.sqrt(np.maximum(squares, 0.0))
+        return early, late
 
     @cached_property
     def halves(self) -> tuple[MotionPart, MotionPart]:
-        """Both halves of the time."""
-        early, late = self.divided(2)
-        return early, MotionPart(late.motion, self.rows_of, self.highest, (self, early))
+        """Both halves of the time; the second has what the first leaves of the whole, at every other frequency."""
+        begin, middle, end = np.linspace(self.begin, self.motion.end, 3).tolist()
+        early = MotionPart(self.motion.between(begin, middle), self.rows_of, self.highest)
+        whole = self.known[:, ::2]
+        left = (whole - early.known[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
+        return early, MotionPart(self.motion.between(middle, end), self.rows_of, self.highest, left)
 
     def divided(self, parts: int) -> list[MotionPart]:
         """Equal parts of the time, one after the other."""
-        edges = np.linspace(self.begin, self.motion.end, parts + 1)
-        cut = [self.motion.between(*map(float, span)) for span in pairwise(edges)]
-        return [MotionPart(each, self.rows_of, self.highest) for each in cut]
+        edges = np.linspace(self.begin, self.motion.end, parts + 1).tolist()
+        return [MotionPart(self.motion.between(*span), self.rows_of, self.highest) for span in pairwise(edges)]

@@ -82,11 +82,6 @@ class ReferenceTrajectory:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
         return self.flow.system.contacts.touch_changes(self.event_contact, self.event_before, self.event_phase)
 
-    @property
-    def event_closing(self) -> Bools:
-        """(E,) whether contact is made at the event."""
-        return np.asarray(self.touch_changes > 0)
-
 
 @dataclass(frozen=True)
 class TimeStepping:

@@ -61,7 +61,7 @@ class Trajectory:
 
     flow: ExactFlow
     end: float  # s, reached
-    time: Floats  # (S,) start of each segment, s
+    time: Floats  # (S,) start of each segment, between events, breakpoints of the inputs and horizons; s
     length: Floats  # (S,) s
     state: Ints  # (S,) contact state, among those that the flow visited
     piece: Ints  # (S,) of the sources
@@ -74,20 +74,10 @@ class Trajectory:
     evaluations: int  # of the guards
     outcome: Outcome
 
-    @property
-    def segments(self) -> int:
-        """S, between events, breakpoints of the inputs and horizons."""
-        return int(self.time.size)
-
     @cached_property
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
         return self.flow.system.contacts.touch_changes(self.event_contact, self.event_before, self.event_phase)
-
-    @property
-    def event_closing(self) -> Bools:
-        """(E,) whether contact is made at the event."""
-        return np.asarray(self.touch_changes > 0)
 
     def up_to_finite(self) -> Trajectory:
         """The motion up to the first segment that does not start from finite numbers, with an outcome that says so."""
@@ -256,9 +246,9 @@ class Trajectory:
         touching, total = self.flow.system.contacts.touching(self.phases), float(self.length.sum())
         return np.asarray(self.length @ touching / total) if total > 0 else np.zeros(touching.shape[1])
 
-    def by_state(self, segments: Ints) -> Iterator[tuple[ContactState, Ints]]:
-        """Each contact state of segments (n,), with the places of these segments among them, in order."""
-        states = self.state[segments]
+    def by_state(self, segments: Ints | None = None) -> Iterator[tuple[ContactState, Ints]]:
+        """Each contact state of some segments (n,), all by default, with the places of its segments among them."""
+        states = self.state if segments is None else self.state[segments]
         for number in np.bincount(states).nonzero()[0].tolist():
             yield self.flow.visited_state(number), np.flatnonzero(states == number)
 
@@ -429,9 +419,9 @@ class Trajectory:
         motion = self.between(begin, float(times[-1]))  # what came before is not subtracted again, with its digits
         segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
         tau = np.minimum(times - motion.time[segment], motion.length[segment])
-        every = np.append(np.arange(motion.segments), segment)
+        every = np.append(np.arange(motion.time.size), segment)
         integrals = motion.segment_integrals(left_of, right_of, weight, every, np.append(motion.length, tau))
-        whole, inside = np.split(integrals, [motion.segments])
+        whole, inside = np.split(integrals, [motion.time.size])
         before = np.vstack([np.zeros((1, weight.shape[1])), np.cumsum(whole[:-1], axis=0)])
         return before[segment] + inside
 
@@ -451,7 +441,7 @@ class Trajectory:
         -------
         (n, Q) integrals of ``sum_k weight[k, q] left_k right_k``.
         """
-        segment = np.arange(self.segments) if segment is None else segment
+        segment = np.arange(self.time.size) if segment is None else segment
         tau = equal_times(self.length[segment] if tau is None else tau, ROUND_OFF * abs(self.end))
         out = np.empty((tau.size, weight.shape[1]))
         for state, entries in self.by_state(segment):
@@ -475,16 +465,21 @@ class Trajectory:
         """(n, Q) the same in a contact state with powers of time: at each time a form of the amplitudes."""
         left, right, weight = factors
         order = np.argsort(state.term_source, kind="stable")
-        source, first = np.unique(state.term_source[order], return_index=True)
-        basis, terms = state.term_basis[order], order.size
-        both, starts = np.append(basis, state.exponent.size + basis), np.append(first, terms + first)
-        half, out = 0.5 * np.concatenate([right[order], right[order].conj()]), np.empty((tau.size, weight.shape[1]))
-        forms = np.stack([(left[order] * w) @ half.T for w in weight.T])
+        rows, every = order[left[order].any(axis=1)], np.append(order, order.size + order)
+        one, first = np.unique(state.term_source[rows], return_index=True)
+        other, start = np.unique(state.term_source[order], return_index=True)
+        starts, both = (
+            np.append(start, order.size + start),
+            np.append(state.term_basis, state.exponent.size + state.term_basis),
+        )
+        half, out = 0.5 * np.concatenate([right, right.conj()])[every], np.empty((tau.size, weight.shape[1]))
+        forms = np.stack([(left[rows] * w) @ half.T for w in weight.T])
+        amplitude = self.amplitudes(state, segment)
+        zeta, whole = amplitude[:, one], np.hstack([amplitude[:, other], amplitude[:, other].conj()])
         for entries, moments in moments_by_time(state.exponent, state.power, tau):
-            of_terms = forms * moments[basis[:, None], both]
+            of_terms = forms * moments[state.term_basis[rows, None], both[every]]
             form = np.add.reduceat(np.add.reduceat(of_terms, first, axis=1), starts, axis=2)
-            zeta = self.amplitudes(state, segment[entries])[:, source]
-            sums: Complexes = ((zeta @ form) * np.hstack([zeta, zeta.conj()])).sum(axis=2)
+            sums: Complexes = ((zeta[entries] @ form) * whole[entries]).sum(axis=2)
             out[entries] = sums.real.T
         return out
 
@@ -500,7 +495,7 @@ class Trajectory:
         (K,) squares of the units of the outputs times s.
         """
         out = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
-        for state, segments in self.by_state(np.arange(self.segments)):
+        for state, segments in self.by_state():
             table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
             basis, source = state.term_basis, state.term_source
             products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
@@ -511,11 +506,16 @@ class Trajectory:
                     found = summed_products(state.exponent[basis[some]], amplitude[:, some], length[part])
                     products[some[:, None], np.append(some, basis.size + some)] += found
             else:
-                functions = basis[:, None], np.append(basis, state.exponent.size + basis)
+                functions, zeta = (
+                    (basis[:, None], np.append(basis, state.exponent.size + basis)),
+                    self.amplitudes(state, segments),
+                )
+                sources, whole = (
+                    (source[:, None], np.append(source, zeta.shape[1] + source)),
+                    np.hstack([zeta, zeta.conj()]),
+                )
                 for entries, moments in moments_by_time(state.exponent, state.power, length):
-                    zeta = self.amplitudes(state, segments[entries])
-                    squares = zeta.T @ np.hstack([zeta, zeta.conj()])
-                    products += squares[source[:, None], np.append(source, zeta.shape[1] + source)] * moments[functions]
+                    products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
             both = 0.5 * np.concatenate([table, table.conj()])
             out += (table * (products @ both)).sum(axis=0).real
         return out
@@ -528,7 +528,7 @@ class Trajectory:
     @property
     def exponentials(self) -> bool:
         """Whether no term of the motion has a power of time."""
-        return all(state.exponential for state, _ in self.by_state(np.arange(self.segments)))
+        return all(state.exponential for state, _ in self.by_state())
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, F + Z) amplitudes of the inputs and of the free motions where segments of a contact state begin."""
@@ -548,7 +548,7 @@ class Trajectory:
         (K, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt`, :math:`t_0` being the start of the motion.
         """
         out = np.zeros((output_of(self.flow.system.contacts.start).shape[0], omega.size), dtype=complex)
-        for state, segments in self.by_state(np.arange(self.segments)):
+        for state, segments in self.by_state():
             table = state.coefficients(output_of(state.phases), self.flow.sources)
             amplitude = self.amplitudes(state, segments)[:, state.term_source]
             some = amplitude.any(axis=0) & table.any(axis=1)  # what rests may grow without bound
@@ -577,7 +577,7 @@ class Trajectory:
         """
         outputs, count = output_of(self.flow.system.contacts.start).shape[0], exponent.shape[0]
         out = np.zeros((*exponent.shape, outputs), dtype=complex)
-        for state, some in self.by_state(np.arange(self.segments)):
+        for state, some in self.by_state():
             table = state.coefficients(output_of(state.phases), self.flow.sources)
             functions = np.append(state.exponent, state.exponent.conj()), np.tile(state.power, 2)
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])

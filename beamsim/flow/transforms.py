@@ -47,24 +47,6 @@ _LONGEST_TURN = 8.0 * np.array(NODES_OF_RULES) / np.exp(1.0) * 10.0 ** (-6.0 / n
 _rule = lru_cache(np.polynomial.legendre.leggauss)
 
 
-def evenly_spaced_integrals(motion: Trajectory, output_of: RowsOf, step: float, count: int) -> Complexes:
-    r"""Fourier integrals of outputs over a motion at frequencies 0, :math:`\delta`, :math:`2 \delta`, ...
-
-    Parameters
-    ----------
-    motion : no longer than :math:`2 \pi / \delta`.
-    output_of : K outputs, by the phases of the contacts.
-    step : :math:`\delta`, rad/s.
-    count : of the frequencies.
-
-    Returns
-    -------
-    (K, count) :math:`\int x(t) e^{-i k \delta (t - t_0)} dt`, :math:`t_0` being the start of the motion.
-    """
-    columns = output_of(motion.flow.system.contacts.start).shape[0]
-    return evenly_spaced_sums(_values(motion, output_of, step * (count - 1)), step, count, columns).T
-
-
 def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, count: int, columns: int) -> Complexes:
     r"""Sums :math:`\sum_i v_i e^{-i k \delta t_i}` of K real columns for k = 0, 1, ... ; relative error about 1e-12.
 
@@ -120,9 +102,19 @@ def interpolated(integrals: Complexes, position: Floats) -> Complexes:
     return np.asarray((known * turned * weight).sum(axis=1))
 
 
-def _values(motion: Trajectory, output_of: RowsOf, highest: float) -> Iterator[tuple[Floats, Floats]]:
-    """Times (n,) since the motion began, s, and values (n, K) there, whose sums are Fourier integrals up to a highest
-    frequency, rad/s; part by part."""
+def values_to_sum(motion: Trajectory, output_of: RowsOf, highest: float) -> Iterator[tuple[Floats, Floats]]:
+    r"""Values whose sums are the Fourier integrals :math:`\int x(t) e^{-i \omega (t - t_0)} dt` of outputs.
+
+    Parameters
+    ----------
+    motion : from :math:`t_0` on.
+    output_of : K outputs, by the phases of the contacts.
+    highest : largest :math:`\omega`, rad/s.
+
+    Yields
+    ------
+    Times (n,) since the motion began, s, and values (n, K) there, part by part.
+    """
     lasting = np.flatnonzero(motion.length > 0.0)
     for state, places in motion.by_state(lasting):
         segments, size = lasting[places], np.abs(state.exponent)

@@ -18,7 +18,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, ONWARDS, STUCK, Position, march
 from beamsim.flow.trajectory import Trajectory, too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, check_stop, interruption, never
-from beamsim.typing import Bools, Floats, Ints, not_none
+from beamsim.typing import Floats, Ints, not_none
 
 
 class Log(NamedTuple):
@@ -277,7 +277,6 @@ class MotionInChunks(March):
     event_time: Floats = field(init=False)  # (E,) s
     event_contact: Ints = field(init=False)  # (E,)
     event_phase: Ints = field(init=False)  # (E,) of the contact after the event
-    event_closing: Bools = field(init=False)  # (E,) whether contact is made at the event
     touch_changes: Ints = field(init=False)  # (E,) 1 where contact is made, -1 where it ends, 0 at other changes
     contact_share: Floats = field(init=False)  # (m,) share of the time during which each contact touches
     states: int = field(init=False)  # number of contact states visited
@@ -319,7 +318,7 @@ class MotionInChunks(March):
         self.contact_share = np.array(length) @ np.array(share) / max(sum(length), np.finfo(float).tiny)
         self.event_time, self.event_contact, before, self.event_phase = map(np.concatenate, events)
         self.touch_changes = flow.system.contacts.touch_changes(self.event_contact, before, self.event_phase)
-        self.event_closing, self.states = self.touch_changes > 0, len(flow.visited)
+        self.states = len(flow.visited)
 
     def end_with(self, part: Trajectory) -> None:
         """Forget what was marched after the first part of the latest chunk, since the evaluation ended there."""

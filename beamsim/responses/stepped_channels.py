@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 
-class SteppedChannels(Observed):
+class SteppedChannels:
     """Channels where the states are known, cubic springs included.
 
     Parameters
@@ -22,8 +22,8 @@ class SteppedChannels(Observed):
     """
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, channels: ChannelSet) -> None:
-        super().__init__(flow, channels)
-        self._system, self._flow = system, flow
+        self.channels, self._system, self._flow = channels, system, flow
+        self._linear, self._squared = outputs_of(flow, channels.linear), outputs_of(flow, channels.squared)
 
     def of_states(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> Floats:
         """Values where the states are known.
@@ -41,7 +41,7 @@ class SteppedChannels(Observed):
         """
 
         def of_rows(squared: bool) -> Floats:
-            output_of = self.squared if squared else self.linear
+            output_of = self._squared if squared else self._linear
             known = self._flow.outputs_of_states(times, y, phases, output_of, since)
             return known + self._beside(self.channels.squared if squared else self.channels.linear, times, y)
 

@@ -44,7 +44,7 @@ from beamsim.analyses.run.summary import (
     values_of_part,
 )
 from beamsim.errors import ScenarioError
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_extrema, channel_values, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
@@ -117,7 +117,7 @@ class Model:
         """Accelerations behind the filter of the run, at any time; None where there is none."""
         if self.settings.low_pass is None or self.motion.trajectory is None:
             return None
-        acceleration = Observed(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION)).linear
+        acceleration = outputs_of(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION).linear)
         return filtered(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
 
     def between(self, begin: float, end: float) -> Values:
@@ -129,10 +129,10 @@ class Model:
         trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered
         part, channels = trajectory.between(begin, end), searched(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
-        extremes = Observed(part.flow, channels).extremes(part)
+        extremes = channels.split(np.array(channel_extrema(part, channels)[:4]))
         if behind is not None:
             extremes[ACCELERATION] = np.array(behind.extremes(begin, end))
-        inside = trajectory.event_closing & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
+        inside = (trajectory.touch_changes > 0) & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
         closings = np.bincount(trajectory.event_contact[inside], minlength=part.flow.system.contacts.count)
         states = trajectory.states_at(np.sort(extreme_times(extremes)))
         return compared(values_of_part(system, extremes, part.contact_share(), closings, states))
@@ -518,7 +518,7 @@ class DerivedValues:
         else:
             times = self.result["histories"]["time"].values
             times = times[times <= motion.end]
-            values = Observed(motion.flow, channels).values(motion, times)
+            values = channel_values(motion, channels, times)
         after = times >= random.start_s
         rate = (times.size - 1) / float(times[-1] - times[0])
         names = (f"{channel.name} {channel.quantity}" for channel in channels.channels)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_extrema, channel_values
 from beamsim.flow.extrema_kernels import TOLERANCE
 from beamsim.flow.transient import simulate
 from beamsim.responses.loads import exact_flow
@@ -63,7 +63,7 @@ def motion(excitation, **run):
     scenario = load_scenario({**HIT, "excitation": excitation, "run": {**HIT["run"], **run}})
     system = build_system(scenario)
     flow = exact_flow(system, scenario.run.duration)
-    return simulate(flow, system.initial_state), Observed(flow, system.channels.only(lambda each: each.squared))
+    return simulate(flow, system.initial_state), system.channels.only(lambda each: each.squared)
 
 
 @pytest.mark.parametrize(
@@ -76,10 +76,10 @@ def motion(excitation, **run):
 )
 def test_no_sample_lies_above_a_peak(excitation):
     trajectory, energies = motion(excitation)
-    low, _, high, when_high = energies.extrema(trajectory)[:4]
+    low, _, high, when_high = channel_extrema(trajectory, energies)[:4]
     times = np.linspace(0.0, trajectory.end, 200_001)
-    samples = energies.values(trajectory, times)
+    samples = channel_values(trajectory, energies, times)
     assert np.all(samples <= high * (1 + TOLERANCE))
     assert np.all(samples >= low - TOLERANCE * high)
     assert samples.max(axis=0) == pytest.approx(high, rel=1e-3)
-    assert energies.values(trajectory, np.sort(when_high)).max(axis=0) == pytest.approx(high, rel=1e-9)
+    assert channel_values(trajectory, energies, np.sort(when_high)).max(axis=0) == pytest.approx(high, rel=1e-9)

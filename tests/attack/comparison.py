@@ -520,7 +520,7 @@ class _Bare:
             [snubber.name for snubber in system.snubbers],
             trajectory.event_contact[real],
             trajectory.event_time[real],
-            trajectory.event_closing[real],
+            (trajectory.touch_changes > 0)[real],
             int(np.sum(~real)),
         )
         self.displacement = trajectory.states_at(own.motion.time[own.outputs])[:, : system.probes[0].shape.size]

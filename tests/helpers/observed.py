@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.channels import Observed, outputs_of
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.results.values import ACCELERATION
 from beamsim.system.equations import RowsOf, Sizes
@@ -13,12 +13,12 @@ from beamsim.system.structural import StructuralSystem
 
 def all_outputs(system: StructuralSystem, flow: ExactFlow) -> RowsOf:
     """All channels of a system that are no energies."""
-    return Observed(flow, system.channels).linear
+    return outputs_of(flow, system.channels.linear)
 
 
 def accelerations(system: StructuralSystem, flow: ExactFlow) -> RowsOf:
     """Absolute accelerations of the probes."""
-    return Observed(flow, system.channels.of_keys(ACCELERATION)).linear
+    return outputs_of(flow, system.channels.of_keys(ACCELERATION).linear)
 
 
 def rows(flow: ExactFlow, count: int, **given: object) -> RowsOf:

@@ -123,7 +123,7 @@ def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
 def test_the_variation_is_bounded_and_not_much_larger(motion):
     """The changes between all turning points and ends of segments add up to less than the bound."""
     whole, outputs = motion
-    bounds, every = whole.variation(outputs), np.arange(whole.segments)
+    bounds, every = whole.variation(outputs), np.arange(whole.time.size)
     ratios = []
     for k in range(0, bounds.size, 4):
         values = whole.turning_points(lambda phases, k=k: outputs(phases)[[k]], every).value
@@ -136,7 +136,7 @@ def test_the_variation_is_bounded_and_not_much_larger(motion):
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion
-    segments = np.arange(0, whole.segments, max(whole.segments // 20, 1))
+    segments = np.arange(0, whole.time.size, max(whole.time.size // 20, 1))
     for k in range(0, whole.extrema(outputs).low.size, 8):
         one = lambda phases, k=k: outputs(phases)[[k]]  # noqa: E731
         found = whole.turning_points(one, segments)

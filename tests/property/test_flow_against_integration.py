@@ -118,7 +118,7 @@ def test_the_stepping_of_the_package_agrees_too(make_system, two_tones, case):
     stepping = reference.TimeStepping(flow, "DOP853", rtol=1e-12, atol=1e-13)
     stepped = reference.integrate(stepping, start, times)
     np.testing.assert_array_equal(stepped.event_contact, expected.event_stop)
-    np.testing.assert_array_equal(stepped.event_closing, expected.event_closing)
+    np.testing.assert_array_equal(stepped.touch_changes > 0, expected.event_closing)
     assert np.abs(stepped.y[:, : expected.state.shape[1]] - expected.state).max() < 1e-9 * np.abs(expected.state).max()
 
 
@@ -165,7 +165,7 @@ def test_fast_ripple_on_a_slow_motion_is_not_missed(make_system, no_forcing, exc
     curvature = slow + ripple * 400.0**2
     half = np.sqrt(2 * excess / curvature)
     assert half < 0.01 * 2 * np.pi / 400
-    assert trajectory.event_closing.tolist() == [True, False]
+    assert (trajectory.touch_changes > 0).tolist() == [True, False]
     np.testing.assert_allclose(trajectory.event_time, np.pi / 2 + half * np.array([-1, 1]), rtol=0, atol=1e-3 * half)
 
 

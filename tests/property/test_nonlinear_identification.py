@@ -11,7 +11,7 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.fit import Fit, UnpredictableError, inverse_information
 from beamsim.analyses.identify.vibrations import fit_nonlinear, steady_vibration
 from beamsim.errors import ScenarioError
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_values
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.signals.harmonics import harmonics_of
@@ -71,8 +71,8 @@ def test_the_steady_response_is_where_the_transient_ends():
 def test_every_harmonic_of_the_steady_response_is_that_of_ever_finer_samples():
     """From 512 samples of a period the higher ones were off by a thousandth."""
     steady = steady_vibration(load_scenario(CASE, TRUTH))
-    observed = Observed(steady.motion.flow, steady.system.channels.of_keys(("probes", "displacement")))
-    samples = observed.values(steady.motion, steady.motion.end * np.arange(2**15) / 2**15)[:, 0]
+    channels = steady.system.channels.of_keys(("probes", "displacement"))
+    samples = channel_values(steady.motion, channels, steady.motion.end * np.arange(2**15) / 2**15)[:, 0]
     sampled = 2j / samples.size * np.fft.rfft(samples)[1:13]
     displacement = steady.harmonics(0, "displacement", 12)
     assert displacement == pytest.approx(sampled, rel=1e-6)

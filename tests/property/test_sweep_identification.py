@@ -16,7 +16,7 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.records import SweptPeaks
 from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_values
 from beamsim.scenario import load_scenario
 from beamsim.system.parts import SharedBuilds
 
@@ -231,7 +231,7 @@ def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
         up = test.direction == "up"  # after the jump down into contact the amplitude overshoots
         measured.append((*ranges[k], jump[0] if jump else None, peaks(f_free, free, f_held, held) if up else []))
         channels = shown.system.channels.of_keys(("probes", "displacement"), ("probes", "velocity"))
-        start = Observed(shown.motion.flow, channels).values(shown.motion, np.zeros(1))[0]
+        start = channel_values(shown.motion, channels, np.zeros(1))[0]
         end, peak_found = integrated(f_free, test.level, truth, start)
         assert end == pytest.approx(start, rel=1e-5, abs=1e-6)
         assert peak_found == pytest.approx(free, rel=1e-5)

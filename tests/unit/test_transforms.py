@@ -24,7 +24,7 @@ def part_of(changes, stop, highest, duration=5.0):
     system = build_system(Scenario.model_validate({"chain": chain, "run": run, **changes}))
     flow = exact_flow(system, duration)
     motion = simulate(flow, system.initial_state)
-    return MotionPart.of(motion, all_outputs(system, flow), (0.2 * duration, duration), highest)
+    return MotionPart(motion.between(0.2 * duration, duration), all_outputs(system, flow), highest)
 
 
 def test_sums_over_uneven_times():
@@ -88,9 +88,9 @@ def test_deviations_about_a_level_keep_their_digits():
     system = build_system(Scenario.model_validate({"chain": chain, "gravity": 9.81, "run": run}))
     flow = exact_flow(system, 50.0)
     outputs = all_outputs(system, flow)
-    part = MotionPart.of(simulate(flow, system.initial_state), outputs, (0.0, 50.0), 0.0)
-    sampled = part.motion.sample(np.linspace(0.0, 50.0, 20001), outputs)
-    found = part.deviations(part.means)
+    part = MotionPart(simulate(flow, system.initial_state).between(0.0, 50.0), outputs, 0.0)
     swings = np.abs(part.means) > 90.0
     assert swings.any()
-    np.testing.assert_allclose(found[swings], sampled[:, swings].std(axis=0), rtol=1e-3)
+    for begin, found in zip((0.0, 37.5), part.quarter_deviations, strict=True):
+        sampled = part.motion.sample(np.linspace(begin, begin + 12.5, 20001), outputs) - part.means
+        np.testing.assert_allclose(found[swings], np.sqrt((sampled[:, swings] ** 2).mean(axis=0)), rtol=1e-3)

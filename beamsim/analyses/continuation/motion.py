@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.flow.channels import Observed, outputs_of
+from beamsim.flow.channels import channel_extrema, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
@@ -130,7 +130,7 @@ class Measurement:
     def _in_closed_form(self, flow: VariationalFlow, flow_map: FlowMap) -> MeasuredMotion:
         exact = self._under(flow, flow.exact.duration)
         motion = flow_map.trajectory(exact)
-        found = Observed(exact, self.channels).extrema(motion)
+        found = channel_extrema(motion, self.channels)
         displacements = outputs_of(exact, self.channels.of_keys(DISPLACEMENT).linear)
         omega: Floats = 2.0 * np.pi / flow_map.duration * np.arange(self.harmonics + 1.0)
         spectrum = 2.0 / flow_map.duration * motion.fourier_integrals(displacements, omega)

@@ -33,7 +33,7 @@ from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
 from beamsim.errors import InputFileError, rooted
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_extrema, channel_values
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -79,7 +79,7 @@ class Prediction:
     def extremes(self, quantity: str) -> Extrema:
         """Those of a quantity of every snubber."""
         channels = self.system.channels.of_keys(("snubbers", quantity))
-        return Observed(self.motion.flow, channels).extrema(self.motion)
+        return channel_extrema(self.motion, channels)
 
 
 class Compared(NamedTuple):
@@ -290,11 +290,11 @@ class Transient(Test):
         """
         delay, motion = 0.0 if near is None else near.delay, prediction.motion
         channels = prediction.system.channels.of_keys(("probes", self.quantity))
-        observed = Observed(motion.flow, channels.only(lambda channel: channel.name == self.probe))
+        channels = channels.only(lambda channel: channel.name == self.probe)
 
         def values(late: float) -> Floats:
             times = self.time + late
-            found = observed.values(motion, np.clip(times, 0.0, motion.end))[:, 0]
+            found = channel_values(motion, channels, np.clip(times, 0.0, motion.end))[:, 0]
             return gain * np.where((times < 0.0) & (self.quantity != "displacement"), 0.0, found)
 
         def residuals(predicted: Floats) -> Floats:
@@ -319,7 +319,7 @@ class Transient(Test):
 
             if near is None:
                 grid = np.arange(-self.reach, self.duration + interval, interval)
-                known = gain * observed.values(motion, np.clip(grid, 0.0, motion.end))[:, 0]
+                known = gain * channel_values(motion, channels, np.clip(grid, 0.0, motion.end))[:, 0]
                 tried = np.linspace(-self.reach, self.reach, 401)
                 misfits = [np.sum(residuals(np.interp(self.time + late, grid, known)) ** 2) for late in tried]
                 delay = float(tried[np.argmin(misfits)])

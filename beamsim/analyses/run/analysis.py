@@ -319,8 +319,8 @@ def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
             if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:
                 continue
             if largest is None:  # force, N, with which each contact is made
-                contact = trajectory.event_contact[trajectory.event_closing]
-                at = trajectory.event_time[trajectory.event_closing]
+                contact = trajectory.event_contact[trajectory.touch_changes > 0]
+                at = trajectory.event_time[trajectory.touch_changes > 0]
                 forces = trajectory.sample(at, lambda phases: trajectory.flow.at(phases).force)
                 largest = np.zeros(trajectory.flow.system.contacts.count)
                 np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])

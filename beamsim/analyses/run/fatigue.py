@@ -15,7 +15,7 @@ import numpy as np
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
 from beamsim.analyses.run.observers import ChunkObserver, reached
 from beamsim.analyses.run.result import Fatigue, Rainflow
-from beamsim.flow.channels import Observed, outputs_of
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop
 from beamsim.results.values import STRESS, Extreme
@@ -60,7 +60,7 @@ class PlateStress(ChunkObserver):
         if not self._parts or last == self._found:
             return
         at_once = 256  # samples
-        output_of = Observed(chunk.flow, self._channels).linear
+        output_of = outputs_of(chunk.flow, self._channels.linear)
         for first in range(self._found, last, at_once):
             times = np.minimum(self._times[first : min(first + at_once, last)], chunk.end)
             sampled = chunk.sample(times, output_of)

@@ -31,7 +31,7 @@ from beamsim.analyses.run.layouts import MATCHED, SRS
 from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.extrema import search_extrema
 from beamsim.flow.extrema_kernels import Sums
@@ -104,7 +104,7 @@ def smooth_intervals(motion: Trajectory) -> tuple[Floats, Floats]:
     fastest : (E,) rad/s.
     """
     begins, sizes = [np.zeros(0)], [np.zeros(0)]
-    for state, segments in motion.by_state(np.arange(motion.segments)):
+    for state, segments in motion.by_state():
         since, size = _left_after(state.exponent)
         inside = since < motion.length[segments, None]
         begins.append((motion.time[segments, None] + since)[inside])
@@ -473,7 +473,7 @@ class FilteredSegments:
         poles, outputs = self.poles, self.free.shape[2]
         own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
         pole = np.repeat(np.arange(poles.size), outputs)
-        every = np.ones(self.motion.segments, dtype=bool)
+        every = np.ones(self.motion.time.size, dtype=bool)
         for segment, sums in self.motion.sums(self.output_of, every, edges, gain=self._gain):
             fading = self.free[segment].reshape(segment.size, -1)
             yield sums._replace(
@@ -493,15 +493,15 @@ FilteredMotion = FilteredPanels | FilteredSegments
 def _near_poles(trajectory: Trajectory, poles: Complexes) -> bool:
     """Whether a motion has an exponent so close to a pole of the filter that their difference loses its digits."""
     both = np.concatenate([poles, poles.conj()])
-    states = (state for state, _ in trajectory.by_state(np.arange(trajectory.segments)))
+    states = (state for state, _ in trajectory.by_state())
     return any(np.abs(state.exponent[:, None] - both).min() < NEAREST_POLE * abs(poles[0]) for state in states)
 
 
 def _forced(motion: Trajectory, output_of: RowsOf, poles: Complexes) -> tuple[Complexes, Complexes]:
     """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion."""
     outputs = output_of(motion.flow.system.contacts.start).shape[0]
-    begin, end = np.empty((2, motion.segments, poles.size, outputs), dtype=complex)
-    for state, segments in motion.by_state(np.arange(motion.segments)):
+    begin, end = np.empty((2, motion.time.size, poles.size, outputs), dtype=complex)
+    for state, segments in motion.by_state():
         amplitude = motion.amplitudes(state, segments)[:, state.term_source]
         acts = amplitude.any(axis=0)  # what rests may grow without bound
         amplitude, exponent = amplitude[:, acts], state.exponent[state.term_basis[acts]]
@@ -603,7 +603,7 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
         times, fastest = smooth_intervals(motion)
-        accelerations = Observed(motion.flow, system.channels.of_keys(ACCELERATION)).linear
+        accelerations = outputs_of(motion.flow, system.channels.of_keys(ACCELERATION).linear)
         responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
     else:
         times, fastest = motion.time, np.zeros(motion.time.size - 1)

@@ -16,7 +16,7 @@ from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import outputs_of
 from beamsim.labelled import Dataset
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, largest, of_angles
 from beamsim.scenario.connections import OfHinge
@@ -258,7 +258,7 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
     if trajectory is None:
         shares = share_above_half_rate(histories.values[: time.size - 1 + time.size % 2, columns], 0.5)
     else:
-        first, output_of = np.searchsorted(time, trajectory.time[0]), Observed(trajectory.flow, channels).linear
+        first, output_of = np.searchsorted(time, trajectory.time[0]), outputs_of(trajectory.flow, channels.linear)
         shares = share_of_blocks(
             time[first:], histories.values[first:], columns,
             lambda times: trajectory.sample(times, output_of)[:, channels.order],

@@ -216,7 +216,7 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
 def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
     """Whether contact begins at the start of the run, and did not last before."""
     at_start = (trajectory.event_time <= trajectory.time[0]) & (trajectory.event_contact == contact)
-    return bool(np.any(at_start & trajectory.event_closing))
+    return bool(np.any(at_start & (trajectory.touch_changes > 0)))
 
 
 def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:

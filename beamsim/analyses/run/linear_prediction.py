@@ -28,7 +28,7 @@ import numpy as np
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.contacts.laws import ContactLaw
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_extrema
 from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.outcomes import check_stop
@@ -315,7 +315,8 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Ext
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events)
     if not trajectory.outcome.complete:
         return None
-    return Observed(flow, linear.channels.of_keys(*_WATCHED)).extremes(trajectory)
+    channels = linear.channels.of_keys(*_WATCHED)
+    return channels.split(np.array(channel_extrema(trajectory, channels)[:4]))
 
 
 def gapping_of_random(system: StructuralSystem) -> OfSnubbers:

@@ -20,7 +20,7 @@ from beamsim.analyses.run.layouts import events_of
 from beamsim.analyses.run.observers import Histories, HistoryRecorder, reached, samples_until
 from beamsim.analyses.run.result import ContactInstant, Work
 from beamsim.errors import Problem, ScenarioError, locating
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_extrema, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
@@ -199,7 +199,7 @@ class RunMotion:
         self.known = self.trajectory or not_none(self.histories)
         self.work = Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
         chosen = (of.event_contact < count) & (of.touch_changes != 0)
-        self.events = events_of(of.event_time[chosen], of.event_contact[chosen], of.event_closing[chosen])
+        self.events = events_of(of.event_time[chosen], of.event_contact[chosen], (of.touch_changes > 0)[chosen])
 
     @property
     def breakpoints(self) -> int:
@@ -469,13 +469,14 @@ class ChunkValues:
         if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
-            self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
-        largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
-        self._observed = Observed(flow, channels, largest_alone)
+            self._accelerations = outputs_of(flow, system.channels.of_keys(ACCELERATION).linear)
+        self._largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
+        self._channels = channels
 
     def computed(self, chunk: Trajectory) -> Computed:
         """The values of the next chunk, which is not included yet: that takes no time, and is not interrupted."""
-        energies, found, low = energies_of_segments(chunk), self._observed.extremes(chunk), None
+        energies, low = energies_of_segments(chunk), None
+        found = self._channels.split(np.array(channel_extrema(chunk, self._channels, self._largest_alone)[:4]))
         if self.low_passed is not None:
             low = self.low_passed.copy()
             hz, through = low.frequency_hz, low.filter
@@ -488,7 +489,7 @@ class ChunkValues:
         while True:
             part = chunk.only(slice(0, segments))
             found = self.computed(part)
-            if segments >= chunk.segments or processor_time() - begin > KEPT_S:
+            if segments >= chunk.time.size or processor_time() - begin > KEPT_S:
                 return part, found
             segments *= 2
 

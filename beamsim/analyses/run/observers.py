@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.channels import Observed
+from beamsim.flow.channels import channel_values
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, asked_by, check_stop
@@ -109,7 +109,7 @@ class HistoryRecorder:
     histories: Histories  # at the output times up to which the motion was evaluated
 
     def __init__(self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop) -> None:
-        self._observed, self._contacts, self._times = Observed(flow, channels), flow.system.contacts, times
+        self._channels, self._contacts, self._times = channels, flow.system.contacts, times
         self._overdue, self._ended, self._filled = overdue, False, 0
         self._values = np.empty((channels.order.size, times.size)).T  # each column in one piece
         self._touching = np.empty((flow.system.contacts.count, times.size), dtype=bool).T
@@ -130,7 +130,7 @@ class HistoryRecorder:
                     self.record(chunk, min(last, FEWEST_SAMPLES))
         part = slice(0, self._filled)
         self.histories = Histories(
-            self._times[part], self._observed.channels, self._values[part], self._touching[part],
+            self._times[part], self._channels, self._values[part], self._touching[part],
             EnergyHistory(*self._energy[:, part]),
         )  # fmt: skip
 
@@ -140,7 +140,7 @@ class HistoryRecorder:
         for number in range(first, max(last, first + 1), self._at_once):
             part = slice(number, min(number + self._at_once, last))
             at = np.minimum(self._times[part], chunk.end)
-            self._values[part] = self._observed.values(chunk, at)
+            self._values[part] = channel_values(chunk, self._channels, at)
             self._touching[part] = self._contacts.touching(chunk.phases[chunk.segments_at(at)])
             end = at[-1:] if part.stop < last else [chunk.end]
             work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]

@@ -370,7 +370,7 @@ class _Along:
         motion = self.motion
         inner = sorted({p[2:4] for p in peaks if motion.time[p.segment] < p.time and p.later})
         segments, times = (np.array([each[k] for each in inner]) for k in (0, 1))
-        of = np.concatenate([np.arange(motion.segments), segments]).astype(np.int64)
+        of = np.concatenate([np.arange(motion.time.size), segments]).astype(np.int64)
         time = np.concatenate([motion.time, times])
         y = np.concatenate([motion.y, motion.states_at(times) if inner else motion.y[:0]])
         order = np.lexsort((time, of))

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectrum, UnresolvedLine
-from beamsim.flow.channels import MotionPart, Observed
+from beamsim.flow.channels import MotionPart, outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
@@ -150,7 +150,7 @@ def records_of(
     """
     duration = span[1] - span[0]
     highest = max(_highest_shown(system, trajectory, duration), least_hz)
-    part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, span, 2.0 * np.pi * highest)
+    part = MotionPart(trajectory.between(*span), outputs_of(trajectory.flow, channels.linear), 2.0 * np.pi * highest)
     size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
 

@@ -194,7 +194,7 @@ def record_cycles(
     low[:, searched], high[:, searched] = found.low, found.high
     touching = motion.flow.system.contacts.touching(motion.phases)
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
-    closes = motion.event_closing
+    closes = motion.touch_changes > 0
     of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)
     np.add.at(closings, (of_event, motion.event_contact[closes]), 1)
     return CycleRecord(
@@ -240,7 +240,7 @@ def _harmonics(motion: Trajectory, output_of: RowsOf, orders: Sequence[float], p
     """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
     filters = [phase.filters(order, motion.time, motion.length) for order in orders]
     longest = max((polynomial.shape[1] for _, polynomial in filters), default=1)
-    exponent = np.array([exponent for exponent, _ in filters]).reshape(len(filters), motion.segments)
+    exponent = np.array([exponent for exponent, _ in filters]).reshape(len(filters), motion.time.size)
     padded = [np.pad(polynomial, ((0, 0), (0, longest - polynomial.shape[1]))) for _, polynomial in filters]
     polynomial = np.array(padded).reshape(*exponent.shape, longest)
     return np.moveaxis(motion.weighted_integrals(output_of, exponent, polynomial), 0, 2)
@@ -262,7 +262,7 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
     What is lost at once follows the force that presses the contact there. Zero where a segment begins otherwise.
     """
     contacts = motion.flow.system.contacts
-    force = np.zeros((motion.segments, contacts.pressed.size))
+    force = np.zeros((motion.time.size, contacts.pressed.size))
     if contacts.pressed.size:
         phases = motion.phases
         begins = np.zeros(force.shape, dtype=bool)
