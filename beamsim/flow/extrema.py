@@ -16,24 +16,59 @@ Half the sum of the squares of outputs, such as an energy, is searched in the sa
 it and its derivatives.
 
 On a step an output is interpolated through Chebyshev points, ``sum_k c_k T_k(u)`` with ``t = mid + half u``. In powers
-of u it is a sum of terms as those of closed-form motions, and the search of :mod:`beamsim.flow.extrema` takes it.
+of u it is a sum of terms as those of closed-form motions, and the same search takes it.
+
+`search_extrema` and the types come first, then the compiled search.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.contact_state import GROWTH
-from beamsim.flow.extrema_kernels import Known, Sums, search
-from beamsim.flow.kernels import EPS
+from beamsim.flow.kernels import EPS, _exp
 from beamsim.outcomes import check_stop
 from beamsim.typing import Floats, Ints
 
+TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
+PARTS = 4  # of an interval
+NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the ends of the parts about it
+FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
+VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
 PARTS_AT_ONCE = 256  # of segments in a batch, which bounds the memory
+
+
+class Sums(NamedTuple):
+    """K outputs on n parts of segments: sums of T terms of B functions of the time u, a share of the segment.
+
+    Before `in_shares` the time is in s, rates are (B,), 1/s, and the table is complex.
+    """
+
+    rate: Any  # (n, B) of the functions u^power exp(rate u)
+    power: Any  # (B,)
+    basis: Any  # (T,) function of each term
+    amplitude: Any  # (n, T)
+    noise: Any  # (n, T) round-off of the amplitudes
+    table: Any  # (n, 3, T, K), or n = 1: real and imaginary parts and sizes of the coefficients of the outputs
+    place: Any  # (4, n) begin and end of the parts, shares of the segments; begin and length of the segments, s
+    window: Any  # (n,) number of the window of each part
+
+
+class Known(NamedTuple):
+    """The largest values that are known of J functions of the outputs in W windows, and of their negatives."""
+
+    value: Any  # (2, W, J)
+    when: Any  # (2, W, J) s
+    first: Any  # (J + 1,) of the outputs of each function
+    squared: Any  # whether the functions are half the sums of the squares of their outputs
+    rank: Any  # (2, J) of what competes for being the largest: each alone, or rivals with their negatives
+    best: Any  # (W, ranks) the largest values of these
 
 
 class Extrema(NamedTuple):
@@ -145,3 +180,433 @@ def polynomials(values: Floats, start: Floats, length: Floats, window: Ints | No
             np.zeros(NODES + 1, dtype=complex), number, number, one, np.zeros(one.shape), table[rows].astype(complex),
             place[:, rows], window[rows],
         )  # fmt: skip
+
+
+class Look(NamedTuple):
+    """What the ends of P parts of an interval tell; that of a function of outputs stands at the first of these."""
+
+    u: Any  # (P + 1,)
+    wave: Any  # (P + 1, 4, B) real and imaginary parts of the functions of time there, and of their slopes
+    most: Any  # (5, B) bounds on their derivatives of the orders 0 to 4 on the interval
+    near: Any  # (B,) 1, or 0 where they turn too far on a part to be in the cubics
+    value: Any  # (P + 1, 3, K) as a whole; of what is in the cubics, the value and the slope
+    bound: Any  # (9, K) on the derivatives of the orders 0 to 4 of what is in the cubics, on what is not, on round-off,
+    # and on the largest and smallest value
+
+
+FOURTH, ASIDE, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
+
+
+@kernel
+def search(sums, known, resolution):
+    """Raise what is known to the largest values on the parts.
+
+    Parameters
+    ----------
+    sums, known : the outputs, and what is known of them.
+    resolution : by how much turning points, of which all are sought, may differ from what is beside them; negative
+        where only the largest values are sought.
+
+    Returns
+    -------
+    The turning points (m, 2), each the number of its part and its time as a share of the segment; and the number of
+    values that were computed.
+    """
+    B, K = sums.rate.shape[1], sums.table.shape[3]
+    output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
+    ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
+    waiting, turns = np.empty((64, 6)), np.empty((64, 2))
+    used, evaluations = np.empty(2, dtype=np.int64), 0  # rows of these
+    used[0] = used[1] = 0
+    every = np.empty(known.first.size - 1, dtype=np.int64)  # np.arange and np.zeros take longer to compile
+    for j in range(every.size):
+        every[j] = j
+    for i in range(sums.window.size):
+        ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
+        _fill_waves(sums, i, 0.0, ends)
+        _fill_outputs(sums, i, ends, by_output, output, noise)
+        _see(known, sums, i, every, output, noise, ends)
+        evaluations += 2 * every.size
+        pieces, cut = inside, False
+        for j in every:
+            seen = False
+            for sign in range(2):
+                top, scale = _top(known, sign, window, j)
+                if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
+                    continue
+                if not cut:
+                    pieces, cut = _cut(sums, i, ends), True
+                if not seen:
+                    _see(known, sums, i, every[j : j + 1], output, noise, pieces)
+                    evaluations, seen = evaluations + pieces.u.size, True
+                key = (sign, window, j, i)
+                waiting, turns = (
+                    _with_room(waiting, used[0] + pieces.u.size),
+                    _with_room(turns, used[1] + pieces.u.size),
+                )
+                _left(known, key, pieces, resolution, waiting, turns, used)
+                while used[0] > 0:
+                    used[0] -= 1
+                    row = waiting[used[0]]
+                    top, scale = _top(known, sign, window, j)
+                    if row[2] <= _limit(top, scale, row[3], resolution):
+                        continue
+                    _divide(row, inside.u)
+                    _fill_waves(sums, i, row[4], inside)
+                    _see(known, sums, i, every[j : j + 1], output, noise, inside)
+                    evaluations += PARTS - 1
+                    waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
+                    _left(known, key, inside, resolution, waiting, turns, used)
+    return turns[: used[1]], evaluations
+
+
+@kernel
+def variation(sums):
+    """Bounds (n, K) on the total variation of the outputs on the parts, and their values (2, n, K) at the ends.
+
+    That of an output is the variation of its cubics, the integral of the error of their slopes, and that of the slopes
+    of the functions that turn too far to be in the cubics.
+    """
+    n, B, K = sums.window.size, sums.rate.shape[1], sums.table.shape[3]
+    output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
+    ends, first, slopes = _make_look(1, B, K), np.arange(K + 1), np.empty(B)
+    bound, value = np.zeros((n, K)), np.empty((2, n, K))
+    for i in range(n):
+        ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
+        _fill_waves(sums, i, 0.0, ends)
+        _fill_outputs(sums, i, ends, by_output, output, noise)
+        look = _cut(sums, i, ends)
+        _see_outputs(first, first[:K], output, noise, look)
+        for b in range(B):
+            slopes[b] = (1.0 - look.near[b]) * _integral_of_slope(sums, i, b, look)
+        for k in range(K):
+            value[0, i, k], value[1, i, k] = look.value[0, 0, k], look.value[look.u.size - 1, 0, k]
+            for b in range(B):
+                bound[i, k] += output[2, k, b] * slopes[b]
+            for p in range(look.u.size - 1):
+                h, left, right = look.u[p + 1] - look.u[p], look.value[p], look.value[p + 1]
+                bound[i, k] += _cubic_variation(left[1, k], right[1, k], left[2, k] * h, right[2, k] * h)
+                bound[i, k] += SLOPE * look.bound[FOURTH, k] * h * h * h * h
+    return bound, value
+
+
+@kernel
+def _integral_of_slope(sums, i, b, look):
+    """Bound on the integral of the magnitude of the slope of a function of time over an interval."""
+    rate, begin, end = sums.rate[i, b], look.u[0], look.u[look.u.size - 1]
+    if sums.power[b] > 0 or abs(rate.real) * (end - begin) < 1e-6:
+        return look.most[1, b] * (end - begin)
+    size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
+    return size * (math.exp(rate.real * end) - math.exp(rate.real * begin)) / rate.real
+
+
+@kernel
+def _cubic_variation(left, right, first, last):
+    """Total variation of a cubic between 0 and 1, from its values and slopes there."""
+    rise = right - left
+    c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    square, total, before = c * c - 3.0 * e * first, 0.0, left
+    if square > 0.0:
+        q = -(c + math.copysign(math.sqrt(square), c))
+        one, other = first / q if q != 0.0 else 0.0, q / (3.0 * e) if e != 0.0 else 0.0
+        for t in (min(one, other), max(one, other)):
+            if 0.0 < t < 1.0:
+                value = left + t * (first + t * (c + t * e))
+                total, before = total + abs(value - before), value
+    return total + abs(right - before)
+
+
+@kernel
+def _make_look(parts, B, K):
+    """Work arrays."""
+    return Look(
+        np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((5, B)), np.empty(B), np.empty((parts + 1, 3, K)),
+        np.empty((9, K)),
+    )  # fmt: skip
+
+
+@kernel
+def _with_room(rows, used):
+    """Rows, of which more are going to be used."""
+    if used <= rows.shape[0]:
+        return rows
+    out = np.empty((2 * used, rows.shape[1]))
+    for i in range(rows.shape[0]):  # with a slice, the text of an error that cannot occur would be compiled for seconds
+        for j in range(rows.shape[1]):
+            out[i, j] = rows[i, j]
+    return out
+
+
+@kernel
+def _cut(sums, i, ends):
+    """A look at equal parts of an interval, at most 64, so short that all functions are in the cubics."""
+    parts, square = 1, 0.0
+    for b in range(sums.power.size):
+        square = max(square, sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
+    turn = math.sqrt(square) * (ends.u[1] - ends.u[0])
+    while parts < 64 and FARTHEST * parts < turn:
+        parts *= 2
+    if parts == 1:
+        return ends
+    look = _make_look(parts, ends.near.size, ends.bound.shape[1])
+    for p in range(parts + 1):
+        look.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
+    _fill_waves(sums, i, 0.0, look)
+    return look
+
+
+@summing
+def _fill_outputs(sums, i, ends, by_output, output, noise):
+    """(3, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients; (K,) round-off."""
+    n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
+    farthest, round_off = max(abs(ends.u[0]), abs(ends.u[1])), np.empty(B)
+    for b in range(B):
+        for k in range(K):
+            by_output[0, b, k] = by_output[1, b, k] = 0.0
+    for k in range(K):
+        noise[k] = 0.0
+    for t in range(sums.basis.size):
+        b = sums.basis[t]
+        real, imag, rounded = sums.amplitude[i, t].real, sums.amplitude[i, t].imag, sums.noise[i, t] * ends.most[0, b]
+        for k in range(K):
+            by_output[0, b, k] += sums.table[n, 0, t, k] * real - sums.table[n, 1, t, k] * imag
+            by_output[1, b, k] += sums.table[n, 0, t, k] * imag + sums.table[n, 1, t, k] * real
+            noise[k] += sums.table[n, 2, t, k] * rounded
+    for b in range(B):
+        rate = math.sqrt(sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
+        round_off[b] = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
+    for k in range(K):
+        for b in range(B):
+            output[0, k, b], output[1, k, b] = by_output[0, b, k], by_output[1, b, k]
+        for b in range(B):
+            output[2, k, b] = math.sqrt(output[0, k, b] ** 2 + output[1, k, b] ** 2)
+            noise[k] += round_off[b] * output[2, k, b]
+
+
+@kernel
+def _fill_waves(sums, i, top, look):
+    """The functions of time at the ends of the parts of an interval, and bounds between these.
+
+    The parts are about the place of its top, or equal where that is 0 (no flag, for which two versions are compiled).
+    From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
+    """
+    u, wave, most, last = look.u, look.wave, look.most, look.u.size - 1
+    step, farthest = 0.0, max(abs(u[0]), abs(u[last]))
+    for p in range(last):
+        step = max(step, u[p + 1] - u[p])
+    for b in range(sums.power.size):
+        rate, power, times = sums.rate[i, b], sums.power[b], 1
+        size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
+        given = b - 1  # the function that is multiplied by the time
+        if b == 0 or rate != sums.rate[i, given] or power != sums.power[given] + 1:
+            given, times = b, power
+            e = _exp(rate.real, rate.imag, u[0])
+            wave[0, 0, b], wave[0, 1, b] = e.real, e.imag
+            done, doubled = 1, 0
+            while done <= last:  # as many again, by what the function grows on these
+                e = e * e if doubled % 3 > 0 else _exp(rate.real, rate.imag, u[done] - u[0])
+                for p in range(done, min(2 * done, last + 1)):
+                    if top > 0.0:
+                        e = _exp(rate.real, rate.imag, u[p] - u[p - done])
+                    x, y = wave[p - done, 0, b], wave[p - done, 1, b]
+                    wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real
+                done, doubled = 2 * done, doubled + 1
+            for p in range(last + 1):
+                x, y = wave[p, 0, b], wave[p, 1, b]
+                wave[p, 2, b], wave[p, 3, b] = x * rate.real - y * rate.imag, x * rate.imag + y * rate.real
+            bound = math.exp(max(rate.real * u[0], rate.real * u[last]))
+            for order in range(5):
+                most[order, b] = bound
+                bound *= size
+        for _ in range(times):
+            for p in range(last + 1):
+                for q in range(2):
+                    wave[p, 2 + q, b] = u[p] * wave[p, 2 + q, given] + wave[p, q, given]
+                    wave[p, q, b] = u[p] * wave[p, q, given]
+            for order in range(4, 0, -1):
+                most[order, b] = farthest * most[order, given] + order * most[order - 1, given]
+            most[0, b] = farthest * most[0, given]
+        look.near[b] = 1.0 if size * step <= FARTHEST else 0.0
+
+
+@kernel
+def _see(known, sums, i, which, output, noise, look):
+    """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
+    is known, of equal values the first counts."""
+    value, bound, window = look.value, look.bound, sums.window[i]
+    _see_outputs(known.first, which, output, noise, look)
+    for j in which:
+        k = known.first[j]
+        if known.squared:
+            _add_squares(look, k, known.first[j + 1])
+        high, low = -math.inf, math.inf  # of the hulls of the cubics
+        for p in range(look.u.size - 1):
+            h = look.u[p + 1] - look.u[p]
+            left, right = value[p, 1, k], value[p + 1, 1, k]
+            after, before = left + value[p, 2, k] * h / 3.0, right - value[p + 1, 2, k] * h / 3.0
+            error = VALUE * bound[FOURTH, k] * h * h * h * h
+            high = max(high, max(max(left, right), max(after, before)) + error)
+            low = min(low, min(min(left, right), min(after, before)) - error)
+        bound[HIGHEST, k] = _beside(high, bound[ASIDE, k], 1.0, known.squared) - bound[ROUND_OFF, k]
+        bound[HIGHEST + 1, k] = _beside(-low, bound[ASIDE, k], -1.0, known.squared) - bound[ROUND_OFF, k]
+        for p in range(look.u.size):
+            for sign in range(2):
+                reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
+                if reached > known.value[sign, window, j]:
+                    known.value[sign, window, j] = reached
+                    known.best[window, known.rank[sign, j]] = max(known.best[window, known.rank[sign, j]], reached)
+                    known.when[sign, window, j] = sums.place[2, i] + sums.place[3, i] * look.u[p]
+
+
+@summing
+def _see_outputs(first, which, output, noise, look):
+    """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
+    for k in range(first[which[0]], first[which[which.size - 1] + 1]):
+        for p in range(look.u.size):
+            whole, value, slope = 0.0, 0.0, 0.0
+            for b in range(look.near.size):
+                real, imag = output[0, k, b], output[1, k, b]
+                part = real * look.wave[p, 0, b] - imag * look.wave[p, 1, b]
+                whole += part
+                value += look.near[b] * part
+                slope += look.near[b] * (real * look.wave[p, 2, b] - imag * look.wave[p, 3, b])
+            look.value[p, 0, k], look.value[p, 1, k], look.value[p, 2, k] = whole, value, slope
+        n0, n1, n2, n3, n4, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(look.near.size):
+            size, near = output[2, k, b], output[2, k, b] * look.near[b]
+            n0 += near * look.most[0, b]
+            n1 += near * look.most[1, b]
+            n2 += near * look.most[2, b]
+            n3 += near * look.most[3, b]
+            n4 += near * look.most[4, b]
+            aside += (size - near) * look.most[0, b]
+        look.bound[0, k], look.bound[1, k], look.bound[2, k], look.bound[3, k] = n0, n1, n2, n3
+        look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k] = n4, aside, noise[k]
+
+
+@kernel
+def _add_squares(look, first, last):
+    """Half the sum of the squares of the outputs from one to another, in the place of the first of them."""
+    value, bound = look.value, look.bound
+    for p in range(look.u.size):
+        whole, near, slope = 0.0, 0.0, 0.0
+        for k in range(first, last):
+            whole += 0.5 * value[p, 0, k] ** 2
+            near += 0.5 * value[p, 1, k] ** 2
+            slope += value[p, 1, k] * value[p, 2, k]
+        value[p, 0, first], value[p, 1, first], value[p, 2, first] = whole, near, slope
+    for q in range(HIGHEST):  # lengths
+        total = 0.0
+        for k in range(first, last):
+            total += bound[q, k] ** 2
+        bound[q, first] = math.sqrt(total)
+    n0, n1, n2, n3, n4 = bound[0, first], bound[1, first], bound[2, first], bound[3, first], bound[4, first]
+    bound[FOURTH, first] = n0 * n4 + 4.0 * n1 * n3 + 3.0 * n2**2  # by Leibniz and Schwarz
+    bound[ROUND_OFF, first] *= n0 + bound[ASIDE, first] + 0.5 * bound[ROUND_OFF, first]
+
+
+@kernel
+def _top(known, sign, window, j):
+    """The largest value of all that a function competes with, and the size of these."""
+    of_window = known.best[window]
+    return of_window[known.rank[sign, j]], of_window[known.rank[0 if known.squared else sign, j]]
+
+
+@kernel
+def _limit(top, scale, reached, resolution):
+    """What a function has to exceed on an interval at whose ends a value is reached.
+
+    Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one
+    does. The size of values is scale.
+    """
+    if resolution >= 0.0:
+        return -math.inf
+    return top + (4.0 * EPS if reached == top else TOLERANCE) * abs(scale)
+
+
+@kernel
+def _divide(interval, u):
+    """Ends of the parts of an interval: about the place of its top, if that is certain, else equal ones."""
+    begin, length = interval[0], interval[1] - interval[0]
+    if interval[4] > 0.0:
+        near = interval[5]
+        middle = min(max(interval[4], 2.0 * near), 1.0 - 2.0 * near)
+        u[1], u[2], u[3] = begin + length * (middle - near), begin + length * middle, begin + length * (middle + near)
+    else:
+        u[1], u[2], u[3] = begin + 0.25 * length, begin + 0.5 * length, begin + 0.75 * length
+    u[0], u[4] = begin, interval[1]
+
+
+@kernel
+def _left(known, key, look, resolution, waiting, turns, used):
+    """Parts that may hold more than what is known, written behind those that wait, the first part last.
+
+    Parameters
+    ----------
+    known, look, resolution : see `search`.
+    key : sign, window, function, part.
+    waiting : begin, end, bound, the value that is reached at the ends, the place of the top, 0 if not certain, and how
+        near to that it is.
+    turns : see `search`.
+    used : (2,) rows of these two that are used.
+    """
+    sign = 1.0 if key[0] == 0 else -1.0
+    value, k = look.value, known.first[key[2]]
+    top, scale = _top(known, key[0], key[1], key[2])
+    fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
+    for p in range(look.u.size - 2, -1, -1):
+        begin, h = look.u[p], look.u[p + 1] - look.u[p]
+        left, right = sign * value[p, 1, k], sign * value[p + 1, 1, k]
+        first, last = sign * value[p, 2, k] * h, sign * value[p + 1, 2, k] * h
+        error = fourth * h * h * h * h
+        reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
+        limit = _limit(top, scale, reached, resolution)
+        highest, place, curvature, flattest, steepest = _cubic(left, right, first, last)
+        bound = _beside(highest + VALUE * error, aside, sign, known.squared) - noise
+        climbs = flattest > SLOPE * error or steepest < -SLOPE * error
+        if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
+            continue
+        if resolution >= 0.0 and VALUE * error + aside <= resolution + noise:
+            if place > 0.0 or (first > 0.0 and last <= 0.0):
+                turns[used[1], 0] = key[3]
+                turns[used[1], 1] = begin + h * (place if place > 0.0 else 1.0)
+                used[1] += 1
+            continue
+        row = waiting[used[0]]
+        row[0], row[1], row[2], row[3], row[4], row[5] = begin, look.u[p + 1], bound, reached, 0.0, 0.0
+        if aside == 0.0 and 2.0 * SLOPE * error < -NEAR * curvature:  # else the top may be elsewhere
+            row[4], row[5] = place, max(NEAREST, -2.0 * SLOPE * error / curvature)
+        used[0] += 1
+
+
+@kernel
+def _beside(bound, aside, sign, squared):
+    """Bound on a function from that on what is in the cubic and that on what is not."""
+    if not squared:
+        return bound + aside
+    root, rest = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * aside
+    return (root + rest) ** 2 if sign > 0.0 else -(max(root - rest, 0.0) ** 2)
+
+
+@kernel
+def _cubic(left, right, first, last):
+    """A cubic from its values and slopes at 0 and 1.
+
+    Returns
+    -------
+    Its largest value, the place of its maximum inside (0 if it has none) and the curvature there; its smallest and
+    largest slope.
+    """
+    rise = right - left
+    c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    square, place = c * c - 3.0 * e * first, 0.0
+    if square > 0.0:
+        place = first / (math.sqrt(square) - c) if c <= 0.0 else -(c + math.sqrt(square)) / (3.0 * e)
+    if not 0.0 < place < 1.0:
+        place = 0.0
+    top = max(max(left, right), left + place * (first + place * (c + place * e)))
+    flattest, steepest = min(first, last), max(first, last)
+    if 0.0 < -c * e < 3.0 * e * e:  # where the slope is extreme
+        extreme = first - c * c / (3.0 * e)
+        flattest, steepest = min(flattest, extreme), max(steepest, extreme)
+    return top, place, 2.0 * c + 6.0 * place * e, flattest, steepest

@@ -11,8 +11,18 @@ import numpy as np
 
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import PARTS_AT_ONCE, Extrema, in_shares, nothing_known, search_extrema, values_in_shares
-from beamsim.flow.extrema_kernels import TOLERANCE, Sums, search, variation
+from beamsim.flow.extrema import (
+    PARTS_AT_ONCE,
+    TOLERANCE,
+    Extrema,
+    Sums,
+    in_shares,
+    nothing_known,
+    search,
+    search_extrema,
+    values_in_shares,
+    variation,
+)
 from beamsim.flow.moments import (
     MANY_VALUES,
     blocks,

@@ -5,7 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.flow.channels import channel_extrema, channel_values
-from beamsim.flow.extrema_kernels import TOLERANCE
+from beamsim.flow.extrema import TOLERANCE
 from beamsim.flow.transient import simulate
 from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 import beamsim
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import search_extrema
-from beamsim.flow.extrema_kernels import Sums
+from beamsim.flow.extrema import Sums, search_extrema
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.responses.loads import exact_flow

@@ -33,8 +33,7 @@ from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import ContactState
-from beamsim.flow.extrema import search_extrema
-from beamsim.flow.extrema_kernels import Sums
+from beamsim.flow.extrema import Sums, search_extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
