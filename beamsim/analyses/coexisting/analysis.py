@@ -38,7 +38,7 @@ from beamsim.responses.orbit_energies import balanced, largest_error
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ResponseBranch
-from beamsim.results.validity import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts

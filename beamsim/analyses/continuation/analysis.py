@@ -58,7 +58,7 @@ from beamsim.results.branch import (
     of_states,
     special_result,
 )
-from beamsim.results.validity import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, reduction_checked
 from beamsim.results.values import (
     DISPLACEMENT,
     LIMITED,

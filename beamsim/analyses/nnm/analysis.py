@@ -45,7 +45,7 @@ from beamsim.outcomes import (
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ModeBranch, SpecialPointResult
-from beamsim.results.validity import forces_beyond_tables, reduction_checked
+from beamsim.results.result import forces_beyond_tables, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import FullPeriodMethod, RelaxedMinimisationMethod

@@ -38,7 +38,7 @@ from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
-from beamsim.results.validity import (
+from beamsim.results.result import (
     compressed_beyond_tables,
     deflection_warnings,
     line_warnings,

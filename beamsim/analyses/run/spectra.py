@@ -17,10 +17,11 @@ from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
-from beamsim.signals.close_lines import LOBE, Remainder
 from beamsim.signals.records import (
+    LOBE,
     Levels,
     MotionRecord,
+    Remainder,
     SampledRecord,
     SpectrumRecord,
     Window,

@@ -33,7 +33,7 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.results.validity import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, reduction_checked
 from beamsim.results.values import (
     ALWAYS,
     BY_ENTRY,
