@@ -14,9 +14,10 @@ Everything is imported when it is first asked for, so that importing the package
 
 from __future__ import annotations
 
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return named(f"{_HOME[name]}:{name}")
+    return resolve_name(f"{_HOME[name]}:{name}")
 
 
 def __dir__() -> list[str]:

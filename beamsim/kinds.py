@@ -2,14 +2,13 @@
 
 One entry makes a kind known to the command line, to result files (writing, reading, ``info``, ``plot``, ``export``),
 to their documentation, and to Python as a function and a class of the package. Functions and classes are given as
-``module:name`` and imported when they are needed.
+``module:name``, which `pkgutil.resolve_name` imports when they are needed.
 """
 
 from __future__ import annotations
 
 from enum import StrEnum
-from importlib import import_module
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 
 class Kind(NamedTuple):
@@ -100,28 +99,19 @@ KINDS = {
 }  # fmt: skip
 
 
-def named(place: str) -> Any:
-    """The function or class at ``module:name``."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
-
-
 class TemplateKind(StrEnum):
-    """Scenarios that ``beamsim new`` writes, and the command that each is for."""
+    """Scenarios that ``beamsim new`` writes."""
 
-    beam = "beam", "run"
-    chain = "chain", "run"
-    sweep = "sweep", "sweep"
-    shock = "shock", "run"
-    random = "random", "run"
-    panel_pair = "panel-pair", "run"
-    nnm = "nnm", "nnm"
-    identify = "identify", "identify-stiffness"
+    beam = "beam"
+    chain = "chain"
+    sweep = "sweep"
+    shock = "shock"
+    random = "random"
+    panel_pair = "panel-pair"
+    nnm = "nnm"
+    identify = "identify"
 
-    command: str
-
-    def __new__(cls, value: str, command: str) -> Self:
-        """A member that is its value, and knows its command."""
-        kind = str.__new__(cls, value)
-        kind._value_, kind.command = value, command
-        return kind
+    @property
+    def command(self) -> str:
+        """The command that it is for."""
+        return {"sweep": "sweep", "nnm": "nnm", "identify": "identify-stiffness"}.get(self, "run")

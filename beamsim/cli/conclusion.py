@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 from beamsim.cli.session import Given, Interruption, Progress, interruptible, print_json, progress_of, say, show
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
@@ -99,7 +100,7 @@ def conclude(
         files = [target, *others]
         if not given.no_plots and not interrupted():
             with progress_of(f"plotting {target.name}", shown=not given.quiet):
-                pictures = named(KINDS[kind].figures)(result)
+                pictures = resolve_name(KINDS[kind].figures)(result)
                 files += save_figures(pictures, target.parent, target.stem, stop=interrupted)
         for warning in () if first_screen else result.warnings:
             say(f"beamsim: warning: {warning}")
@@ -108,7 +109,7 @@ def conclude(
             more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
             print_json({**about, **result.summary, **more})
         elif first_screen:
-            show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
+            show(resolve_name(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
         elif not given.quiet:
             from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
 
@@ -156,7 +157,7 @@ def analysed(
 
     def computed(progress: Progress, stop: Interruption) -> Result:
         with scenario.locating():
-            return then(named(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
+            return then(resolve_name(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
 
     name = given.case.name
     concluded(kind, target, given, computed, f"{doing} {name}", f"evaluating the motion of {name}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from beamsim.analyses.run.animation import frames_of_orbit, frames_of_run
@@ -14,7 +15,7 @@ from beamsim.cli.session import Given, print_files, progress_of, say
 from beamsim.cli.tables import table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import output_file, output_folder, replacing
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots import animation
 from beamsim.plots.animation import Scene
 from beamsim.plots.bodies import stops_of
@@ -69,8 +70,9 @@ def report(given: Given) -> None:
     kind = kind_of(path)
     with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
-        figures = named(KINDS[kind].figures)(result)
-        screen = named(KINDS[kind].screen)(result).text(result, [path.name]).rpartition("\n")[0]  # without the files
+        figures = resolve_name(KINDS[kind].figures)(result)
+        screen = resolve_name(KINDS[kind].screen)(result).text(result, [path.name])
+        screen = screen.rpartition("\n")[0]  # without the files
         limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
         scene = _scene(result, model, shown=not (given.json or given.quiet))

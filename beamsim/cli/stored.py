@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import resolve_name
 
 from beamsim.cli.session import Given, print_files, print_json, progress_of, say
 from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import shown_in
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
@@ -47,7 +48,7 @@ def plot(given: Given, form: str) -> None:
     path = given.case
     folder = output_folder(given.output, path.stem)
     with progress_of(f"plotting {path.name}", shown=not (given.json or given.quiet)):
-        figures = named(KINDS[kind_of(path)].figures)
+        figures = resolve_name(KINDS[kind_of(path)].figures)
         with stored_result(path) as result, shown_in(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
     print_files(files, json=given.json, quiet=given.quiet)

@@ -11,12 +11,13 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
 from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned
 from beamsim.cli.session import show
 from beamsim.fields import Entry, Plain, described, place_in_words, unit_in, words
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots.style import amount, shown_in, value_text
 from beamsim.results.result import Result
 
@@ -38,7 +39,7 @@ class Cell(NamedTuple):
 
 def all_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: what its first screen shows, then the whole summary."""
-    screen = named(KINDS[kind].screen)(result)
+    screen = resolve_name(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
     yield from _labelled("result", screen.body())
     yield from table_rows(result)

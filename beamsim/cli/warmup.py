@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from beamsim.cli.session import print_json, progress_of
 from beamsim.flow.compiled import cache_folder
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.scenario import load_scenario, template
 
 # analyses of short forms of the templates: between them they call every kernel
@@ -28,7 +29,7 @@ def compile_kernels(*, shown: bool, as_json: bool) -> None:
             case = Path(at) / f"{name}.yaml"
             case.write_text(template(name), encoding="utf-8")
             progress(done / len(CASES))
-            named(KINDS[kind].analysis)(load_scenario(case, changes))
+            resolve_name(KINDS[kind].analysis)(load_scenario(case, changes))
     folder = cache_folder()
     if as_json:
         print_json({"folder": None if folder is None else str(folder)})

@@ -6,10 +6,10 @@ from collections import Counter
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 
 from beamsim.errors import InputFileError
 from beamsim.input_files import open_input, reading
-from beamsim.kinds import named
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.measurements.tables import read_csv
 from beamsim.scenario.files import DecimalMark
@@ -62,7 +62,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
     if decimal is not None and ending in _BY_ENDING:
         raise InputFileError("is no text table, which alone has a decimal mark", "leave decimal out")
     called, reader = _BY_ENDING.get(ending, ("a text table", ""))
-    read = named(f"beamsim.measurements.{reader}") if reader else partial(read_csv, decimal=decimal)
+    read = resolve_name(f"beamsim.measurements.{reader}") if reader else partial(read_csv, decimal=decimal)
     with reading(path, called):
         signals: list[MeasuredSignal] = read(path)
     several = Counter(signal.name for signal in signals)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots.drawing import plain_text
 from beamsim.plots.style import shown_in
 from beamsim.results.result import Result
@@ -24,5 +25,5 @@ def figures_of(result: Result) -> dict[str, Figure]:
     if shell is not None:
         import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
     with shown_in(result.scenario.display_scales), plain_text():
-        pictures = named(KINDS[result.KIND].figures)(result)
+        pictures = resolve_name(KINDS[result.KIND].figures)(result)
         return {name: picture.figure() for name, picture in pictures.items()}

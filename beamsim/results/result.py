@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from functools import cache
 from html import escape
 from importlib.metadata import version
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -34,7 +35,6 @@ from beamsim.fields import (
     summary_of,
 )
 from beamsim.inputs.statements import InputStatement
-from beamsim.kinds import named
 from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import Outcome, OutcomeKind, interruption
 from beamsim.results.values import OUTPUT, judged, limit_unit
@@ -164,7 +164,7 @@ class Result:
 
     def __str__(self) -> str:
         """The printed table."""
-        return str(named("beamsim.cli.tables:text_table")(self.KIND, self))
+        return str(resolve_name("beamsim.cli.tables:text_table")(self.KIND, self))
 
     def with_summary(self, **computed: Any) -> Self:
         """The result with its summary: the values given, and those that repeat fields of the result.
@@ -234,7 +234,7 @@ class Result:
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""
-        return named("beamsim.plots.notebook:figures_of")(self)  # type: ignore[no-any-return]
+        return resolve_name("beamsim.plots.notebook:figures_of")(self)  # type: ignore[no-any-return]
 
     def to_pandas(self) -> dict[str, pandas.DataFrame]:
         """Return the tables of the CSV export, by name.
@@ -244,7 +244,7 @@ class Result:
         ImportError
             If pandas is not installed.
         """
-        return named("beamsim.store.export:data_frames")(self)  # type: ignore[no-any-return]
+        return resolve_name("beamsim.store.export:data_frames")(self)  # type: ignore[no-any-return]
 
     def to_xarray(self) -> xarray.DataTree:
         """Return the groups of the result file as a tree of datasets with their axes, units and meanings.
@@ -254,7 +254,7 @@ class Result:
         ImportError
             If xarray or h5netcdf is not installed.
         """
-        return named("beamsim.store.export:data_tree")(self)  # type: ignore[no-any-return]
+        return resolve_name("beamsim.store.export:data_tree")(self)  # type: ignore[no-any-return]
 
     def _repr_html_(self) -> str:
         """Return the printed table as HTML, for notebooks."""

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
 from beamsim.fields import (
@@ -25,7 +26,7 @@ from beamsim.fields import (
     described,
     members_of,
 )
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.labelled import Variable, last, parent
 from beamsim.results.result import Result
 from beamsim.store.layout import Spot, StoragePlace, place_in, places_in, root_place, spot
@@ -54,7 +55,7 @@ def documentation() -> str:
     """All kinds of result files, dataset by dataset, as Markdown."""
     parts = [_root()]
     for name, kind in KINDS.items():
-        cls = named(kind.result)
+        cls = resolve_name(kind.result)
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in sections_of(cls)]

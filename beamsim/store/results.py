@@ -23,6 +23,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -34,7 +35,7 @@ from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, rec
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.input_files import FileState, demand_memory, state_of
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
@@ -259,7 +260,7 @@ def open_with_items(
         actual = _kind(file, path)
         if kind and actual != kind:
             raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
-        items, cls = read_items(file), named(KINDS[actual].result)
+        items, cls = read_items(file), resolve_name(KINDS[actual].result)
         _check_times(items)
         if whole:
             for item in items.values():

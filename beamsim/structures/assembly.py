@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, vstack
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.kinds import named
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.body import Located
@@ -121,7 +121,7 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
     """By ``assemble_<kind>`` of the module that is called as its kind; only those needed are imported."""
     kind = scenario.all_bodies[name].body_kind
-    assemble_body = named(f"beamsim.structures.{kind}:assemble_{kind}")
+    assemble_body = resolve_name(f"beamsim.structures.{kind}:assemble_{kind}")
     ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
     points = [end.point for end in ends if end.body == name]  # where something joins the body
     section = scenario.all_bodies[name]

@@ -9,13 +9,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import NamedTuple
 
 from PIL import Image
 
 import beamsim
 from beamsim.cli.html_report import draw_model
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots.drawing import save_figures
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -116,8 +117,8 @@ def _pictures(entry: Entry, folder: Path) -> list[Path]:
     if kind == "designs":
         result = beamsim.design_study(beamsim.plan_designs(scenario))
     else:
-        result = named(KINDS[kind].analysis)(scenario)
-    return save_figures(named(KINDS[kind].figures)(result), folder, entry.config)
+        result = resolve_name(KINDS[kind].analysis)(scenario)
+    return save_figures(resolve_name(KINDS[kind].figures)(result), folder, entry.config)
 
 
 if __name__ == "__main__":

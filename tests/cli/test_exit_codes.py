@@ -3,13 +3,14 @@
 import gzip
 from itertools import product
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
 from beamsim.cli.conclusion import conclude
 from beamsim.cli.session import Given, Interruption
 from beamsim.errors import VerdictError
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
 from beamsim.results.values import judged, margins_of
 from beamsim.scenario.reporting import Limits
@@ -48,7 +49,7 @@ def test_an_outcome_has_its_code_and_its_first_line(kind, fabricated_run):
     assert ended(result) == CODES[kind]
     assert outcome.usable == (CODES[kind] == 0)
     assert outcome.complete == (kind not in FIRST_LINES)  # what is marked NOT CONVERGED was called complete
-    first = named(KINDS["run"].screen)(result).text(result, ["case.h5"]).splitlines()[0]
+    first = resolve_name(KINDS["run"].screen)(result).text(result, ["case.h5"]).splitlines()[0]
     assert first.partition("  ")[2].startswith(FIRST_LINES.get(kind, "not checked"))
 
 

@@ -2,13 +2,14 @@
 
 import gzip
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 import yaml
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.plots.style import shown_in
 from beamsim.store.results import kind_of, load
 
@@ -106,7 +107,7 @@ def test_every_kind_says_first_what_is_decided_by(name, tmp_path):
     path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
     result = load(path)
     with shown_in(result.scenario.display_scales):
-        text = named(KINDS[kind_of(path)].screen)(result).text(result, [f"{name}.h5", "picture.png"])
+        text = resolve_name(KINDS[kind_of(path)].screen)(result).text(result, [f"{name}.h5", "picture.png"])
     for words in SHOWN[name]:
         assert words in text, text
     lines = text.splitlines()

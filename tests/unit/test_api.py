@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
+from pkgutil import resolve_name
 
 import pytest
 
 import beamsim
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 
 pytestmark = pytest.mark.quick
 
@@ -22,12 +23,12 @@ def test_every_name_resolves_and_is_documented(name):
 def test_everything_that_belongs_to_a_kind_is_there(name):
     kind = KINDS[name]
     for place in (kind.analysis, kind.result, kind.figures):
-        assert callable(named(place)), place
+        assert callable(resolve_name(place)), place
     for place in (kind.analysis, kind.result):
-        assert getattr(beamsim, place.partition(":")[2]) is named(place)
+        assert getattr(beamsim, place.partition(":")[2]) is resolve_name(place)
         assert place.partition(":")[2] in beamsim.__all__  # type checkers know those alone
-    entries = {entry.name for entry in named(kind.result).SUMMARY}
-    assert {entry.shown for entry in named(kind.result).SUMMARY} - {""} <= entries
+    entries = {entry.name for entry in resolve_name(kind.result).SUMMARY}
+    assert {entry.shown for entry in resolve_name(kind.result).SUMMARY} - {""} <= entries
 
 
 def test_other_names_are_refused():
@@ -47,8 +48,8 @@ def test_a_run_needs_few_modules_of_the_package():
     """Those of a case with a beam, with writing, printing and plotting; fourteen of them read files of measurements."""
     code = (
         "import sys, beamsim.cli.app, beamsim.cli.conclusion, beamsim.structures.beam;"
-        "from beamsim.kinds import KINDS, named;"
-        "[named(place) for place in KINDS['run'] if place.startswith('beamsim.')];"
+        "from beamsim.kinds import KINDS; from pkgutil import resolve_name;"
+        "[resolve_name(place) for place in KINDS['run'] if place.startswith('beamsim.')];"
         "print(sum(name.partition('.')[0] == 'beamsim' for name in sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)

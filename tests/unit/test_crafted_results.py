@@ -4,6 +4,7 @@ import gzip
 import json
 from hashlib import sha256
 from pathlib import Path
+from pkgutil import resolve_name
 
 import h5py
 import numpy as np
@@ -14,7 +15,7 @@ import beamsim
 from beamsim.cli.session import say, show
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.hdf5 import seal
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.report.page import embedded
 from beamsim.scenario import load_scenario
 from beamsim.store.results import CHECKSUM, checksum, load, read_items, write_result
@@ -144,7 +145,7 @@ def test_other_summary_entries_have_the_declared_type(whole):
 
 def test_every_summary_entry_has_a_type():
     for kind in KINDS.values():
-        cls = named(kind.result)
+        cls = resolve_name(kind.result)
         for entry in cls.SUMMARY:
             assert (entry.form is None) or not entry.of
             TypeAdapter(entry.form)

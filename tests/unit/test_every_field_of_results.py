@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import h5py
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from beamsim.fields import ArrayField, Attribute, Counter, Folded, Group, Key, Members, Table, members_of
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
 from beamsim.store.datasets import Reader, items_of
@@ -179,7 +180,7 @@ def differences(one, other, path=""):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_field_comes_back_from_the_file(kind, seed, tmp_path):
-    cls = named(KINDS[kind].result)
+    cls = resolve_name(KINDS[kind].result)
     result = Maker(seed).make(cls, {"value": 6})
     items = items_of(result)
     write_items(items, tmp_path / "made.h5")

@@ -1,11 +1,12 @@
 """Labelled datasets: parts by label, units of members, what is missing, and files that do not hold what is declared."""
 
 from dataclasses import replace
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
 
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.labelled import Item, LargeArray, Layout, Variable
 from beamsim.store.results import read_items, write_items
 
@@ -149,7 +150,7 @@ def test_every_declared_dataset_comes_back_from_a_file(kind, tmp_path):
         float: rng.random, int: lambda shape: rng.integers(0, 9, shape), bool: lambda shape: rng.random(shape) > 0.5,
         str: lambda shape: np.array(NAMES[: shape[0]], dtype=object),
     }  # fmt: skip
-    for layout in named(KINDS[kind].result).DATASETS:
+    for layout in resolve_name(KINDS[kind].result).DATASETS:
         sizes = {name: 3 + k for k, (name, of) in enumerate(layout.variables.items()) if of.dims == (name,)}
         sizes = {name: min(size, len(NAMES)) for name, size in sizes.items()}
         given = {name: makers[of.type](tuple(sizes[dim] for dim in of.dims)) for name, of in layout.variables.items()}

@@ -3,6 +3,7 @@
 import dataclasses
 import subprocess
 import sys
+from pkgutil import resolve_name
 
 import h5py
 import numpy as np
@@ -21,7 +22,7 @@ from beamsim.fields import (
     members_of,
     table,
 )
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.store.datasets import Reader, items_of
 from beamsim.store.export import tables_of
 from beamsim.store.layout import place_in, places_in, root_place, spot
@@ -95,7 +96,7 @@ def test_a_file_that_xarray_has_open_is_replaced(fabricated_run, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_variable_has_a_place_of_its_own(kind):
     """No two fields of a kind of result share one, and none is along two axes that differ from member to member."""
-    cls = named(KINDS[kind].result)
+    cls = resolve_name(KINDS[kind].result)
     found = []
     for of, place in places_in(cls, root_place(cls)):
         for member in members_of(of):

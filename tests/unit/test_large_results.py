@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from pkgutil import resolve_name
 
 import h5py
 import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.labelled import LabelledArray
 from beamsim.store import results
 from beamsim.store.datasets import items_of
@@ -71,7 +72,7 @@ def test_info_reads_no_large_array(long_run, read_bytes):
 def test_plots_read_what_they_draw(long_run, read_bytes):
     path, run = long_run
     result = load(path)
-    pictures = named(KINDS["run"].figures)(result)
+    pictures = resolve_name(KINDS["run"].figures)(result)
     read = large(read_bytes)
     assert "displacement" in pictures
     assert len(run["histories"].labels("probe")) == 2

@@ -2,6 +2,7 @@
 
 import gzip
 from pathlib import Path
+from pkgutil import resolve_name
 
 import h5py
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS
 from beamsim.store.results import SCHEMA_VERSION, kind_of
 
 FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
@@ -99,7 +100,7 @@ def test_xarray_opens_every_group_of_every_kind(kept):
 
 def test_there_is_a_file_of_every_kind(tmp_path):
     assert {kind_of(unpacked(packed, tmp_path)) for packed in FILES} == set(KINDS)
-    assert {name: named(kind.result).KIND for name, kind in KINDS.items()} == {name: name for name in KINDS}
+    assert {name: resolve_name(kind.result).KIND for name, kind in KINDS.items()} == {name: name for name in KINDS}
     assert max(path.stat().st_size for path in FILES) < 100_000
 
 
