@@ -1,6 +1,7 @@
 """Files that are written: completely or not at all, and never at the cost of what was solved before.
 
 One function, `destination`, decides what becomes of a file in the place of a new one; everything that writes asks it.
+A result file ends with the seal of its content, which says whether it still is as it was written.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import Enum
-from hashlib import sha256
+from functools import lru_cache
+from hashlib import file_digest, sha256
 from itertools import count
 from pathlib import Path
 
 from beamsim.errors import NotWrittenError, ResultFileError
-from beamsim.input_files import FileState, state_of
+from beamsim.input_files import FileState, open_input, state_of
 
 _LOG = logging.getLogger(__name__)
+_SEAL = b"\nbeamsim sha256 "
+_SEAL_BYTES = len(_SEAL) + 65  # with the digest and the end of the line
 PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
 
 
@@ -385,3 +389,49 @@ def output_folder(output: Path | None, stem: str) -> Path:
     folder = output or Path()
     check_writable(folder / f"{stem}_")
     return folder
+
+
+# --- Files as they were written ---------------------------------------------------------------------------------------
+
+
+def seal(path: Path | str) -> None:
+    """Append the SHA-256 of a closed file to it; HDF5 does not read what is behind its own end.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    with open_input(path) as file:
+        digest = file_digest(file, "sha256").hexdigest()
+    with open(path, "ab") as file_to_seal:
+        file_to_seal.write(_SEAL + digest.encode() + b"\n")
+
+
+def is_as_written(path: Path | str) -> bool:
+    """Whether a file ends with the seal of its content, so that nothing in it has changed since.
+
+    Raises
+    ------
+    InputFileError
+        As `beamsim.input_files.open_input`.
+    """
+    with open_input(path) as file:
+        state = os.fstat(file.fileno())
+    return _is_intact(str(path), state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=256)
+def _is_intact(path: str, modified: int, size: int) -> bool:
+    """As `is_as_written`, once for each change of the file."""
+    del modified
+    with open_input(path) as file:
+        file.seek(max(size - _SEAL_BYTES, 0))
+        if not (end := file.read(_SEAL_BYTES)).startswith(_SEAL):
+            return False
+        file.seek(0)
+        digest, rest = sha256(), size - _SEAL_BYTES
+        while rest and (part := file.read(min(rest, 1 << 20))):
+            digest.update(part)
+            rest -= len(part)
+    return end == _SEAL + digest.hexdigest().encode() + b"\n"

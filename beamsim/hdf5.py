@@ -7,7 +7,6 @@ library: a file that does not carry the right seal of this program is read by an
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import subprocess
@@ -23,6 +22,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError
+from beamsim.files import is_as_written
 from beamsim.input_files import bytes_text, demand_memory, no_memory, open_input
 
 MOST_UNPACKED = 1100.0
@@ -32,8 +32,6 @@ ALWAYS_READ = 100_000_000
 
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_SEAL = b"\nbeamsim sha256 "
-_SEAL_BYTES = len(_SEAL) + 65  # with the digest and the end of the line
 
 
 def open_hdf5(path: Path | str) -> h5py.File:
@@ -86,49 +84,6 @@ def _demand_signature(path: Path | str, file: BufferedReader, size: int) -> None
             return
         place = max(512, 2 * place)
     raise _not_hdf5(path)
-
-
-def seal(path: Path | str) -> None:
-    """Append the SHA-256 of a closed HDF5 file to it, behind what HDF5 reads.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
-    with open_input(path) as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    with open(path, "ab") as file_to_seal:
-        file_to_seal.write(_SEAL + digest.encode() + b"\n")
-
-
-def is_as_written(path: Path | str) -> bool:
-    """Whether a file ends with the seal of its content, so that nothing in it has changed since.
-
-    Raises
-    ------
-    InputFileError
-        As `beamsim.input_files.open_input`.
-    """
-    with open_input(path) as file:
-        state = os.fstat(file.fileno())
-    return _is_intact(str(path), state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(maxsize=256)
-def _is_intact(path: str, modified: int, size: int) -> bool:
-    """As `is_as_written`, once for each change of the file."""
-    del modified
-    with open_input(path) as file:
-        file.seek(max(size - _SEAL_BYTES, 0))
-        if not (end := file.read(_SEAL_BYTES)).startswith(_SEAL):
-            return False
-        file.seek(0)
-        digest, rest = hashlib.sha256(), size - _SEAL_BYTES
-        while rest and (part := file.read(min(rest, 1 << 20))):
-            digest.update(part)
-            rest -= len(part)
-    return end == _SEAL + digest.hexdigest().encode() + b"\n"
 
 
 def _external(name: bytes, link: h5py.h5l.LinkInfo) -> bytes | None:

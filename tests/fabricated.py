@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
 from beamsim.analyses.run.histories import contact_units
-from beamsim.analyses.run.layouts import BODIES, HISTORIES, events_of
+from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import ModeTable, RunResult, Work
 from beamsim.analyses.run.spectra import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
@@ -90,7 +90,10 @@ def fabricate(
     histories = HISTORIES.dataset(values, {"snubber": [contact_units("m")] * len(snubbers)}, base_unit="m")
     instants = np.arange(1, int(2 * duration * 65)) / 130.0
     n = instants.size if snubbers else 0
-    events = events_of(instants[:n], np.zeros(n, dtype=np.int64), np.arange(n) % 2 == 0)
+    number = np.arange(n)
+    events = EVENTS.dataset(
+        {"event": number + 1, "time": instants[:n], "snubber": np.zeros_like(number), "closing": number % 2 == 0}
+    )
     settings = SimpleNamespace(last=duration / 2, periods=None, window="hann", frequencies=())
     spectra = {
         (name, quantity): spectrum(

@@ -633,9 +633,11 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if (matched := result.datasets.get("matched")) is not None:
         panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
-    if told := [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]:
-        tornados = [partial(plot_tornado, result, response=name) for name in told]
-        figures["sensitivities"] = Picture(result.title, tornados)
+    if result.sensitivities:
+        names = [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]
+        tornados = [partial(plot_tornado, result, response=name) for name in names]
+        if tornados:
+            figures["sensitivities"] = Picture(result.title, tornados)
     places = [("snubber", name) for name in of_run.labels("snubber")[:MOST_CURVES]]
     places = places or [("probe", name) for name in of_run.labels("probe")[:1]]
     portraits = [

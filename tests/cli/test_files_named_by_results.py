@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from beamsim.hdf5 import seal
+from beamsim.files import seal
 from beamsim.store.results import CHECKSUM, checksum, read_items
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import BeamsimError
-from beamsim.hdf5 import seal
+from beamsim.files import seal
 from beamsim.labelled import Item, parent
 from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, load, read_items, write_items
 from tests.helpers.commands import invoke

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 import beamsim
 from beamsim.cli.session import say, show
 from beamsim.errors import ResultFileError, ScenarioError
-from beamsim.hdf5 import seal
+from beamsim.files import seal
 from beamsim.kinds import KINDS
 from beamsim.report.page import embedded
 from beamsim.scenario import load_scenario

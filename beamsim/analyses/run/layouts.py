@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
-from beamsim.labelled import Dataset, Layout, Variable
-from beamsim.typing import Floats
+from beamsim.labelled import Layout, Variable
 
 _TIME, _PROBE, _SNUBBER, _SPRING, _FRICTION, _OUTPUT = (
     ("time",), ("probe",), ("snubber",), ("spring",), ("friction",), ("output",)
@@ -237,16 +232,3 @@ FRICTION_INTERVALS = Layout(
     },
     optional=True,
 )
-
-
-def events_of(time: Floats, snubber: Any, closing: Any) -> Dataset:
-    """The dataset of contact events.
-
-    Parameters
-    ----------
-    time : (n,) s.
-    snubber : (n,) number of each, from 0.
-    closing : (n,) whether contact begins.
-    """
-    number = np.arange(1, time.size + 1)
-    return EVENTS.dataset({"event": number, "time": time, "snubber": snubber, "closing": closing})

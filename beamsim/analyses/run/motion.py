@@ -16,7 +16,7 @@ import numpy as np
 from beamsim.analyses.run.fatigue import PlateStress, StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
-from beamsim.analyses.run.layouts import events_of
+from beamsim.analyses.run.layouts import EVENTS
 from beamsim.analyses.run.observers import Histories, HistoryRecorder, reached, samples_until
 from beamsim.analyses.run.result import ContactInstant, Work
 from beamsim.errors import Problem, ScenarioError, locating
@@ -199,7 +199,11 @@ class RunMotion:
         self.known = self.trajectory or not_none(self.histories)
         self.work = Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
         chosen = (of.event_contact < count) & (of.touch_changes != 0)
-        self.events = events_of(of.event_time[chosen], of.event_contact[chosen], (of.touch_changes > 0)[chosen])
+        events = {
+            "event": np.arange(1, chosen.sum() + 1), "time": of.event_time[chosen],
+            "snubber": of.event_contact[chosen], "closing": (of.touch_changes > 0)[chosen],
+        }  # fmt: skip
+        self.events = EVENTS.dataset(events)
 
     @property
     def breakpoints(self) -> int:
