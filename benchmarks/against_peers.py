@@ -17,8 +17,8 @@ import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as dop
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from benchmarks import peer_curves
 from benchmarks.measure import CASE, processor_time

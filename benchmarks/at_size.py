@@ -18,8 +18,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads woul
 import numpy as np
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from benchmarks.measure import CASE, processor_time
 

@@ -11,8 +11,8 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 
 CASE = "configs/one_sided_65hz.yaml"

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from benchmarks.measure import processor_time
 

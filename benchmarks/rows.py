@@ -13,8 +13,8 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.designs.plan import check_cases, plan_designs
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from beamsim.trust.studies import design_study
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time, spent

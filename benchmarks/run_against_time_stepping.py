@@ -21,9 +21,9 @@ from numba import njit
 from scipy.integrate import ode
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.reference import TimeStepping, integrate
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from benchmarks.newmark import HHT_ALPHA, newmark
 

@@ -27,7 +27,7 @@ from beamsim.flow.invariant_blocks import (
     neighbouring_modes,
     second_order_blocks,
 )
-from beamsim.flow.sources import Sources
+from beamsim.inputs.signal import Sources
 from beamsim.system.equations import PiecewiseLinearSystem, StateEquations
 from beamsim.typing import Bools, Complexes, Floats, Ints
 

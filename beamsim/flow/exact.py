@@ -16,9 +16,18 @@ from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.invariant_blocks import LEAST_COORDINATES
 from beamsim.flow.kernels import Inputs, Tables
-from beamsim.flow.sources import ORDERS, Sources, compile_sources, sources_of_pieces
-from beamsim.inputs.signal import CubicRecord, Signal, common_record
+from beamsim.inputs.signal import (
+    ORDERS,
+    CubicRecord,
+    Signal,
+    Sources,
+    common_record,
+    compile_sources,
+    refuse_many_pieces,
+    sources_of_pieces,
+)
 from beamsim.system.equations import Equations, Forcing, PiecewiseLinearSystem, RowsOf, StateEquations
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
@@ -26,6 +35,7 @@ ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative count
 EPS = 1e-15  # round-off of a state and of what makes up its rate
 HIGHEST_DERIVATIVE = ORDERS - 2  # that is looked at: with the slope of its inputs, from order 0 on
 USUAL_DERIVATIVE = 3  # that decides under most loads: higher ones are computed where it does not
+TABLES_SHARE = 0.2  # of the memory, for tables of contact states
 FITTED = 6  # power of time from which on an input is a polynomial that was fitted (swept sines)
 
 
@@ -513,3 +523,33 @@ class ExactFlow:
             length = float(sources.longest_piece[of].max())
             fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders
         return fit
+
+
+def exact_flow(
+    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = 2e9,
+    pieces: tuple[int, int] | None = None,
+) -> ExactFlow:  # fmt: skip
+    """The exact flow of a built system; its first observer is the base's acceleration.
+
+    Parameters
+    ----------
+    system : with its forcing.
+    duration : longest time that it is asked for, s.
+    most_states : contact states that are kept at once; by default those that fit into their share of the memory.
+    memory : bytes.
+    pieces : see `ExactFlow`.
+
+    Returns
+    -------
+    ExactFlow
+
+    Raises
+    ------
+    ScenarioError
+        For a record of too many pieces to be taken as a whole.
+    """
+    observers = () if system.base_acceleration is None else (system.base_acceleration,)
+    most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
+    if pieces is None:
+        refuse_many_pieces((*system.forcing.signal, *observers))
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)

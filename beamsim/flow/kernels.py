@@ -60,7 +60,7 @@ class Tables(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Sources on pieces (see :mod:`beamsim.flow.sources`)."""
+    """Sources on pieces (see :mod:`beamsim.inputs.signal`)."""
 
     start: Any  # (P,)
     amplitude: Any  # (P, F)

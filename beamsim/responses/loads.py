@@ -1,67 +1,20 @@
-"""The flows of a built system: transient under its own loads, periodic under a sine of any frequency and level."""
+"""The loads of a built system under a sine of any frequency and level, and the periodic flow that they drive."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.periodic_flow import PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.profiles import phase_of_acceleration
-from beamsim.inputs.signal import Signal, StreamedSignal
+from beamsim.inputs.signal import Signal
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import not_none
-
-MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
-TABLES_SHARE = 0.2  # of the memory, for tables of contact states
-
-
-def exact_flow(
-    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = 2e9,
-    pieces: tuple[int, int] | None = None,
-) -> ExactFlow:  # fmt: skip
-    """The exact flow of a built system; its first observer is the base's acceleration.
-
-    Parameters
-    ----------
-    system : with its forcing.
-    duration : longest time that it is asked for, s.
-    most_states : contact states that are kept at once; by default those that fit into their share of the memory.
-    memory : bytes.
-    pieces : see `ExactFlow`.
-
-    Returns
-    -------
-    ExactFlow
-
-    Raises
-    ------
-    ScenarioError
-        For a record of too many pieces to be taken as a whole.
-    """
-    observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
-    if pieces is None:
-        for record in (s.record for s in (*system.forcing.signal, *observers) if isinstance(s, StreamedSignal)):
-            if record.pieces > MOST_PIECES:
-                raise ScenarioError(_too_many_pieces(record.pieces))
-    return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
-
-
-def _too_many_pieces(pieces: int) -> Problem:
-    """An input has more pieces than a motion that is kept as a whole may have."""
-    return Problem(
-        "excitation",
-        f"has {pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
-        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random excitation and "
-        "method: exact takes any number",
-    )
 
 
 def sine_of(excitation: Sine, omega: float, level: float) -> complex:

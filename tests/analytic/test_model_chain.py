@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.structures.chain import floating_groups
 from beamsim.system.build import build_system

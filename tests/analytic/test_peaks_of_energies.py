@@ -5,9 +5,9 @@ import pytest
 
 import beamsim
 from beamsim.flow.channels import channel_extrema, channel_values
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.extrema import TOLERANCE
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from beamsim.structures.places import UPWARDS

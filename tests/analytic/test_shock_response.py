@@ -7,8 +7,8 @@ from scipy.signal import lfilter, lsim
 import beamsim
 from beamsim.analyses.run.filters import geomspaced, longest_panel, shock_response, shock_spectra, smooth_intervals
 from beamsim.errors import ScenarioError
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.store.export import export_result

@@ -504,8 +504,8 @@ class _Bare:
 
     def __init__(self, case, end, own):
         import beamsim
+        from beamsim.flow.exact import exact_flow
         from beamsim.flow.transient import simulate
-        from beamsim.responses.loads import exact_flow
         from beamsim.system.build import build_system
 
         rate = 400 / end + 3 * _fastest(case)

@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import beamsim
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.extrema import Sums, search_extrema
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from tests.helpers.observed import all_outputs

@@ -8,8 +8,8 @@ from independent import Beam, Stop, chain, integrate, static_equilibrium
 from sampling import slow_after
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -11,11 +11,11 @@ from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.flow import transient
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.trajectory import too_many_events
 from beamsim.flow.transient import motion_of, simulate
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.responses.energies import LARGEST_ERROR, EnergyBalance, EnergyHistory
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

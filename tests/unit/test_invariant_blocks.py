@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from beamsim.flow.contact_state import ContactState
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
-from beamsim.flow.sources import compile_sources
-from beamsim.responses.loads import exact_flow
+from beamsim.inputs.signal import compile_sources
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Equations, StateEquations

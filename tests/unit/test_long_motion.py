@@ -184,6 +184,6 @@ def test_a_disturbance_is_followed_to_the_end(monkeypatch):
 
 
 def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.responses.loads.MOST_PIECES", 2000)
+    monkeypatch.setattr("beamsim.inputs.signal.MOST_PIECES", 2000)
     with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
         beamsim.run(scenario(method="reference"))

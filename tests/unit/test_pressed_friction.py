@@ -13,10 +13,9 @@ from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
 from beamsim.contacts.sliders import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.errors import MethodError
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem

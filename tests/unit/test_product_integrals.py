@@ -5,9 +5,9 @@ import pytest
 
 import beamsim
 from beamsim.flow.channels import MotionPart
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.responses.energies import power_factors
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
 from beamsim.system.build import build_system

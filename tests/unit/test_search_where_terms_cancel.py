@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.system.build import build_system
 
 DURATION = 0.3

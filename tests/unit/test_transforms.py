@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from beamsim.flow.channels import MotionPart
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_sums, interpolated
 from beamsim.flow.transient import simulate
-from beamsim.responses.loads import exact_flow
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 from tests.helpers.observed import all_outputs

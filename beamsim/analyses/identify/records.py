@@ -34,6 +34,7 @@ from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
 from beamsim.errors import InputFileError, rooted
 from beamsim.flow.channels import channel_extrema, channel_values
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -47,7 +48,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import BranchStep, Predictor, Settings, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
-from beamsim.responses.loads import exact_flow, periodic_forcing
+from beamsim.responses.loads import periodic_forcing
 from beamsim.responses.points import cut
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text

@@ -29,6 +29,7 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import channel_extrema
+from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.outcomes import check_stop
@@ -38,7 +39,6 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.responses.loads import exact_flow
 from beamsim.results.values import FORCE, PENETRATION, Extremes
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Run

@@ -22,7 +22,7 @@ from beamsim.analyses.run.result import ContactInstant, Work
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import channel_extrema, outputs_of
 from beamsim.flow.compiled import processor_time
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInChunks
@@ -31,7 +31,6 @@ from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
-from beamsim.responses.loads import exact_flow
 from beamsim.results.values import (
     ACCELERATION,
     ALWAYS_THERE,

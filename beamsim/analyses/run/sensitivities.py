@@ -26,11 +26,10 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import Derivative
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
-from beamsim.responses.loads import exact_flow
 from beamsim.results.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values

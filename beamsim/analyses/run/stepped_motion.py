@@ -10,10 +10,9 @@ import numpy as np
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import RunMotion, contact_instant, largest_contact, with_limit
 from beamsim.analyses.run.observers import Histories
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
-from beamsim.responses.loads import exact_flow
 from beamsim.responses.stepped_channels import SteppedChannels
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
 from beamsim.scenario.run import Run
