@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.channels import MotionPart
+from beamsim.flow.channels import NEIGHBOURS, MotionPart, evenly_spaced_sums, interpolated
 from beamsim.flow.exact import exact_flow
-from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_sums, interpolated
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
