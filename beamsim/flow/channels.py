@@ -1,8 +1,8 @@
 r"""Channels along a motion: their values and extremes, and Fourier integrals and means of outputs.
 
-Fourier integrals :math:`X(\omega) = \int x(t) e^{-i \omega t} dt` at equally spaced frequencies are free of aliasing: up
-to a frequency they are what an ideal low-pass filter leaves of a motion. On a segment an output is a sum of functions
-:math:`\tau^p e^{\lambda \tau}`:
+Fourier integrals :math:`X(\omega) = \int x(t) e^{-i \omega t} dt` at equally spaced frequencies are free of aliasing:
+up to a frequency they are what an ideal low-pass filter leaves of a motion. On a segment an output is a sum of
+functions :math:`\tau^p e^{\lambda \tau}`:
 
 - Functions that are not much faster than the highest frequency, on this segment, are sampled at the nodes of a
   Gauss-Legendre rule. Panels are so short that the rule integrates them times :math:`e^{-i \omega \tau}` to round-off.

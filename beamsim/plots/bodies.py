@@ -17,8 +17,7 @@ from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
-from beamsim.system.modes import ModeTable
-from beamsim.system.structural import SnubberNumbers
+from beamsim.system.structural import ModeTable, SnubberNumbers
 from beamsim.typing import Floats
 
 LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers

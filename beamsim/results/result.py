@@ -43,7 +43,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.scenario import Record
 from beamsim.system.force_tables import curves_of
-from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats
 from beamsim.version import __version__
 

@@ -30,7 +30,7 @@ from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION, NODES, Stations
-from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats, Ints
 
 Coordinates = tuple[float, float, float]  # m

@@ -31,7 +31,7 @@ from beamsim.fields import (
 from beamsim.results.branch import FoldBranch, ResponseBranch
 from beamsim.results.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import DISPLACEMENT, VALUES
-from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats
 
 NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out

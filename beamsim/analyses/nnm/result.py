@@ -31,7 +31,7 @@ from beamsim.responses.orbit_energies import largest_error
 from beamsim.results.branch import ModeBranch, OrbitMotion
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.structures.places import Stations
-from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 SAFELY = 3.0  # factors this much below the expansion's reach count as small

@@ -36,8 +36,7 @@ from beamsim.labelled import Dataset
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, VALUES, of_angles
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.system.modes import ModeTable
-from beamsim.system.structural import ContactUnits
+from beamsim.system.structural import ContactUnits, ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own

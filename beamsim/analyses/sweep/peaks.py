@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
 from beamsim.results.values import ALWAYS
 from beamsim.signals.quality import LEAST_PROMINENCE
-from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response

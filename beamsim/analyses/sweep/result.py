@@ -38,8 +38,7 @@ from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurv
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.signals.quality import QualityPeak, peaks_of
-from beamsim.system.modes import ModeTable
-from beamsim.system.structural import ContactUnits
+from beamsim.system.structural import ContactUnits, ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 OFFSET = 1e-6  # of the peak
