@@ -32,9 +32,9 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import Scale, amount, level_text, scale_for
+from beamsim.responses.histories import NOTABLE
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.scenario.reporting import limited_quantity
-from beamsim.signals.aliasing import NOTABLE
 from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches

@@ -32,7 +32,6 @@ import numpy as np
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
-from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, Spectrum, highest_of_srs, srs_over_limit
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
@@ -50,6 +49,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, never
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
+from beamsim.responses.histories import Histories
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run

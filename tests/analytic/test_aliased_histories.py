@@ -8,8 +8,8 @@ import beamsim
 from beamsim.analyses.compare.analysis import compare
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.sweep import plot_spectrogram
+from beamsim.responses.histories import NOTABLE, between_samples, share_above_half_rate
 from beamsim.scenario import load_scenario
-from beamsim.signals.aliasing import NOTABLE, between_samples, share_above_half_rate
 
 RATE = 1000.0
 

@@ -397,7 +397,7 @@ INPUTS = {
 }
 STAGES = [  # input, module and function in which the signal comes, what is said to be missing
     ("harmonic", "analyses.run.motion", "energies_of_segments", "before the spectra"),
-    ("harmonic", "analyses.run.observers", "sampled_stored_energy", "before the spectra"),
+    ("harmonic", "responses.histories", "sampled_stored_energy", "before the spectra"),
     ("harmonic", "analyses.run.analysis", "spectra_of", "before the spectra"),
     ("random", "analyses.run.summary", "gapping_of_run", "before the level that changes contact"),
     ("random", "analyses.run.random_response", "random_response", "before densities and statistics"),

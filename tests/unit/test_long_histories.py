@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import observers
 from beamsim.flow import moments, trajectory
+from beamsim.responses import histories
 from beamsim.store import export, results
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
@@ -26,7 +26,7 @@ def long_run(**changes):
 @pytest.fixture
 def small_parts(monkeypatch):
     """Parts of a few thousand samples."""
-    monkeypatch.setattr(observers, "VALUES_AT_ONCE", 2**17)
+    monkeypatch.setattr(histories, "VALUES_AT_ONCE", 2**17)
     monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 2**14)
     monkeypatch.setattr(moments, "VALUES_AT_ONCE", 2**15)
     monkeypatch.setattr(export, "ROWS_AT_ONCE", PART)
@@ -41,7 +41,7 @@ def along_time(path):
 
 def test_histories_are_the_same_in_one_piece_and_in_parts(monkeypatch, tmp_path):
     whole = long_run()
-    monkeypatch.setattr(observers, "VALUES_AT_ONCE", 2**17)
+    monkeypatch.setattr(histories, "VALUES_AT_ONCE", 2**17)
     write_result(long_run(), tmp_path / "parts.h5")
     stored = along_time(tmp_path / "parts.h5")
     probes = ("displacement", "velocity", "absolute_displacement", "absolute_acceleration")

@@ -68,12 +68,13 @@ def undisturbed():
 @pytest.fixture
 def no_grace(monkeypatch):
     """No time to evaluate what was marched, as if the motion were a very long one."""
-    from beamsim.analyses.run import motion, observers
+    from beamsim.analyses.run import motion
+    from beamsim.responses import histories
 
     for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SEGMENTS": 8}.items():
         monkeypatch.setattr(motion, name, value)
     for name, value in {"FEWEST_SAMPLES": 10, "VALUES_AT_ONCE": 20_000}.items():
-        monkeypatch.setattr(observers, name, value)
+        monkeypatch.setattr(histories, name, value)
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,6 @@ from beamsim.analyses.run.motion import (
     refuse_long_histories,
     steps_in_time,
 )
-from beamsim.analyses.run.observers import reached
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
@@ -39,6 +38,7 @@ from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
+from beamsim.responses.histories import reached
 from beamsim.results.result import (
     compressed_beyond_tables,
     deflection_warnings,

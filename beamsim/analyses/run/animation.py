@@ -17,11 +17,11 @@ from beamsim.analyses.run.motion import Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.outcomes import Progress, never
+from beamsim.responses.histories import between_samples
 from beamsim.results.branch import OrbitMotion
 from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
-from beamsim.signals.aliasing import between_samples
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import IN_PLANE, Place, Site, StationPart, Stations, ends_of
 from beamsim.system.build import build_system

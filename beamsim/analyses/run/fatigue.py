@@ -13,11 +13,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
-from beamsim.analyses.run.observers import ChunkObserver, reached
+from beamsim.analyses.run.observers import ChunkObserver
 from beamsim.analyses.run.result import Fatigue, Rainflow
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop
+from beamsim.responses.histories import reached
 from beamsim.results.values import STRESS, Extreme
 from beamsim.scenario.run import StressLife
 from beamsim.signals.rainflow import damage, distinct_cycles, equivalent_range, reversals

@@ -28,7 +28,6 @@ from functools import partial
 import numpy as np
 
 from beamsim.analyses.run.layouts import MATCHED, SRS
-from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
@@ -39,6 +38,7 @@ from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
+from beamsim.responses.histories import Histories, reached
 from beamsim.results.values import ACCELERATION, outer
 from beamsim.scenario.base import Path
 from beamsim.scenario.body import MovedSupport

@@ -12,15 +12,14 @@ import numpy as np
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
 from beamsim.analyses.run.layouts import BODIES, FRICTION_INTERVALS, HISTORIES
 from beamsim.analyses.run.motion import Evaluation, RunMotion
-from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.labelled import Dataset
+from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, largest, of_angles
 from beamsim.scenario.connections import OfHinge
-from beamsim.signals.aliasing import NOTABLE, share_above_half_rate, share_of_blocks
 from beamsim.system.structural import FORCE_UNITS, StructuralSystem
 from beamsim.typing import Floats
 

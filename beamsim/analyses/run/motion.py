@@ -17,7 +17,6 @@ from beamsim.analyses.run.fatigue import PlateStress, StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
 from beamsim.analyses.run.layouts import EVENTS
-from beamsim.analyses.run.observers import Histories, HistoryRecorder, reached, samples_until
 from beamsim.analyses.run.result import ContactInstant, Work
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import channel_extrema, outputs_of
@@ -31,6 +30,7 @@ from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
+from beamsim.responses.histories import Histories, HistoryRecorder, reached, samples_until
 from beamsim.results.values import (
     ACCELERATION,
     ALWAYS_THERE,

@@ -9,10 +9,10 @@ import numpy as np
 
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import RunMotion, contact_instant, largest_contact, with_limit
-from beamsim.analyses.run.observers import Histories
 from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
+from beamsim.responses.histories import Histories
 from beamsim.responses.stepped_channels import SteppedChannels
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
 from beamsim.scenario.run import Run

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.observers import reached, samples_until
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import (
@@ -31,13 +30,13 @@ from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, part_of
+from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
 from beamsim.results.values import Margins, judged
 from beamsim.results.values import limited as limited_value
 from beamsim.scenario.quantities import level_unit, power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
-from beamsim.signals.aliasing import between_samples, share_above_half_rate
 from beamsim.system.equations import Forcing, RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind

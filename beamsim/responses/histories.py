@@ -1,0 +1,183 @@
+r"""A motion at the output times: how it is sampled while it is marched, and what its samples leave out.
+
+What lies above half the rate of samples is at lower frequencies in a spectrum of them. The acceleration of a motion with
+impacts jumps, so that no rate is high enough. What lies above half the rate shows between the samples. A share
+:math:`s` of a step after a sample, content below half the rate is a weighted sum of the samples around; content that
+:math:`m` times the rate has to be added to is turned by :math:`2 \pi m s`. Its difference from the sum is
+:math:`2 |\sin \pi m s|` times its size, which the golden ratio as :math:`s` keeps away from zero. It is divided by the
+value of :math:`m = 1`, since most of the content lies there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.flow.channels import channel_values
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import Interrupted, Stop, asked_by
+from beamsim.responses.energies import EnergyHistory, sampled_stored_energy, work_factors
+from beamsim.system.equations import ChannelSet, Key
+from beamsim.typing import Bools, Floats, Ints
+
+VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
+FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
+ROUND_OFF = 1e-12  # relative, of the last output time
+NOTABLE = 1e-3  # share of the root mean square that is named: 60 dB, below which no line is listed
+_NEIGHBOURS = 20  # samples on either side that the sum takes
+_SHARPNESS = 7.0  # of its Kaiser window: -70 dB, and a transition of a tenth of the rate about half of it
+BETWEEN = 0.5 * (3.0 - 5.0**0.5)  # place between two samples at which the motion is compared, of a step
+_BLOCKS, _BLOCK = 16, 4096  # parts of a long record that are looked at, evenly spread, and samples in each
+
+
+def samples_until(end: float, rate: float) -> int:
+    """Number of samples from 0 to an end, s, which the last one may pass by round-off."""
+    return int(end * rate * (1.0 + ROUND_OFF)) + 1
+
+
+def reached(end: float, times: Floats) -> Floats:
+    """The times up to the end of a motion, s."""
+    return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
+
+
+@dataclass(frozen=True)
+class Histories:
+    """A motion at the output times."""
+
+    time: Floats  # (nt,) s
+    channels: ChannelSet
+    values: Floats  # (nt, C) of the channels
+    touching: Bools  # (nt, m) whether each contact touches
+    energy: EnergyHistory
+
+    def of(self, key: Key) -> Floats:
+        """(nt, k) of the channels of a section and quantity: no copy where they are evenly spaced, as most are."""
+        columns = self.channels.places[key]
+        distance = np.diff(columns)
+        if columns.size and np.all(distance == distance[:1]) and np.all(distance > 0):
+            return self.values[:, columns[0] : columns[-1] + 1 : distance[0] if distance.size else 1]
+        return np.asarray(self.values[:, columns])
+
+
+class HistoryRecorder:
+    """Channels, contacts and energies at the output times.
+
+    Parameters
+    ----------
+    flow : of the motion.
+    channels : that are sampled.
+    times : (nt,) increasing, s; those after the end of the motion are left out.
+    overdue : asked now and then whether to end.
+    """
+
+    histories: Histories  # at the output times up to which the motion was evaluated
+
+    def __init__(self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop) -> None:
+        self._channels, self._contacts, self._times = channels, flow.system.contacts, times
+        self._overdue, self._ended, self._filled = overdue, False, 0
+        self._values = np.empty((channels.order.size, times.size)).T  # each column in one piece
+        self._touching = np.empty((flow.system.contacts.count, times.size), dtype=bool).T
+        self._energy, self._work = np.empty((3, times.size)), 0.0
+        self._factors = work_factors(flow)
+        self._at_once = max(VALUES_AT_ONCE // (channels.order.size + flow.size), 1)
+
+    def add(self, chunk: Trajectory) -> None:
+        """Sample the next chunk, unless an earlier one was left out."""
+        if not self._ended:
+            last = reached(chunk.end, self._times).size
+            try:
+                with asked_by(self._overdue, at_once=True):
+                    self.record(chunk, last)
+            except Interrupted:
+                self._ended = True
+                if not self._filled:
+                    self.record(chunk, min(last, FEWEST_SAMPLES))
+        part = slice(0, self._filled)
+        self.histories = Histories(
+            self._times[part], self._channels, self._values[part], self._touching[part],
+            EnergyHistory(*self._energy[:, part]),
+        )  # fmt: skip
+
+    def record(self, chunk: Trajectory, last: int) -> None:
+        """Values at the next output times, up to a number of all, and the work until the end of the chunk."""
+        begin, first = float(chunk.time[0]), self._filled
+        for number in range(first, max(last, first + 1), self._at_once):
+            part = slice(number, min(number + self._at_once, last))
+            at = np.minimum(self._times[part], chunk.end)
+            self._values[part] = channel_values(chunk, self._channels, at)
+            self._touching[part] = self._contacts.touching(chunk.phases[chunk.segments_at(at)])
+            end = at[-1:] if part.stop < last else [chunk.end]
+            work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
+            self._energy[0, part], self._energy[2, part] = work[:-1], sampled_stored_energy(chunk, at)
+            self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
+            begin, self._work = float(end[0]), float(work[-1])
+            self._filled = part.stop
+
+
+def between_samples(time: Floats) -> Floats:
+    """(2 n - 1,) s, times of samples (n,), s, with those in between at which `share_above_half_rate` compares."""
+    both = np.repeat(time, 2)[:-1]
+    both[1::2] += BETWEEN * np.diff(time)
+    return both
+
+
+def share_above_half_rate(values: Floats, place: float = BETWEEN) -> Floats:
+    """Root mean square of what lies above half the rate of samples, over the standard deviation.
+
+    Parameters
+    ----------
+    values : (2 n - 1, k) samples, and the values between each two of them.
+    place : of the latter, of a step.
+
+    Returns
+    -------
+    (k,)
+        Zero of what does not move, nan of fewer samples than the sum takes.
+    """
+    samples = values[::2]
+    if samples.shape[0] <= 2 * _NEIGHBOURS:
+        return np.full(values.shape[1], np.nan)
+    variance = np.var(samples, axis=0)
+    ratio = np.divide(_content(values, place), variance, out=np.zeros_like(variance), where=variance > 0.0)
+    return np.asarray(np.sqrt(ratio))
+
+
+def share_of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[Floats], Floats]) -> Floats:
+    """Shares (k,) of signals that are known at any times, from blocks of their samples; no copy of all is made.
+
+    Parameters
+    ----------
+    time : (n,) s, of the samples.
+    samples : (n, c) with the signals in some columns (k,).
+    columns : (k,).
+    at : (k,) signals at times.
+    """
+    length = min(time.size, _BLOCK)
+    if length <= 2 * _NEIGHBOURS:
+        return np.full(columns.size, np.nan)
+    content = []
+    for first in np.linspace(0, time.size - length, min(_BLOCKS, time.size // length)).astype(int).tolist():
+        values = np.empty((2 * length - 1, columns.size))
+        values[::2] = samples[first : first + length, columns]
+        at_samples = time[first : first + length]
+        values[1::2] = at(at_samples[:-1] + BETWEEN * np.diff(at_samples))
+        content.append(_content(values, BETWEEN))
+    variance = np.array([np.var(samples[:, column]) for column in columns])
+    ratio = np.divide(np.mean(content, axis=0), variance, out=np.zeros_like(variance), where=variance > 0.0)
+    return np.asarray(np.sqrt(ratio))
+
+
+def _content(values: Floats, place: float) -> Floats:
+    """(k,) mean square of what lies above half the rate, from values (2 n - 1, k), see `share_above_half_rate`."""
+    samples, between = values[::2], values[1::2]
+    distance = np.arange(-_NEIGHBOURS, _NEIGHBOURS) + place
+    inside = np.sqrt(np.maximum(1.0 - (distance / _NEIGHBOURS) ** 2, 0.0))
+    weight = np.sinc(distance) * np.i0(_SHARPNESS * inside)
+    weight /= weight.sum()
+    expected = np.array([np.convolve(x, weight, "valid") for x in samples.T]).T
+    first = _NEIGHBOURS - 1
+    difference = between[first : first + expected.shape[0]] - expected
+    return np.asarray(np.mean(difference**2, axis=0) / (2.0 * np.sin(np.pi * place)) ** 2)
