@@ -364,15 +364,13 @@ def _evaluate(guards, tau, H, out):
                 bound = (r2 * reach * reach + 2.0 * p * r * reach + p * (p - 1.0)) * rp * level
             noise = EPS * (8.0 + p + r * tau) * level * tp * tau
         vr, vi, sr, si = value.real, value.imag, slope.real, slope.imag
-        g = gamma[b, 0]
-        a = size[b, 0]
+        g, a = gamma[b, 0], size[b, 0]
         first_value += g.real * vr - g.imag * vi
         first_slope += g.real * sr - g.imag * si
         first_bound += a * bound
         first_noise += a * noise
         for j in range(1, count):
-            g = gamma[b, j]
-            a = size[b, j]
+            g, a = gamma[b, j], size[b, j]
             values[j] += g.real * vr - g.imag * vi
             slopes[j] += g.real * sr - g.imag * si
             bounds[j] += a * bound

@@ -1,7 +1,7 @@
 r"""A motion at the output times: how it is sampled while it is marched, and what its samples leave out.
 
-What lies above half the rate of samples is at lower frequencies in a spectrum of them. The acceleration of a motion with
-impacts jumps, so that no rate is high enough. What lies above half the rate shows between the samples. A share
+What lies above half the rate of samples is at lower frequencies in a spectrum of them. The acceleration of a motion
+with impacts jumps, so that no rate is high enough. What lies above half the rate shows between the samples. A share
 :math:`s` of a step after a sample, content below half the rate is a weighted sum of the samples around; content that
 :math:`m` times the rate has to be added to is turned by :math:`2 \pi m s`. Its difference from the sum is
 :math:`2 |\sin \pi m s|` times its size, which the golden ratio as :math:`s` keeps away from zero. It is divided by the

@@ -37,14 +37,9 @@ SAVED_EVERY_S = 30.0  # interval between updates of the result file
 
 
 def stored_study(
-    plan: DesignPlan,
-    journal: Journal,
-    target: Path,
-    *,
-    workers: int = 1,
-    scheduler: str | Cluster | None = None,
+    plan: DesignPlan, journal: Journal, target: Path, *, workers: int = 1, scheduler: str | Cluster | None = None,
     progress: Callable[[float], None] | None = None,
-) -> tuple[DesignsResult, Path]:
+) -> tuple[DesignsResult, Path]:  # fmt: skip
     """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
 
     The file is written now and then, and with what there is at the end, whatever that is. The journal is removed once

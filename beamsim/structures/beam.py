@@ -397,21 +397,13 @@ def assemble_beam(
         factor = vstack([factor, pulling / np.sqrt(stiffness_scale)], format="csr")
         if dragging.nnz:
             drag = dragging.T @ dragging if drag is None else drag + dragging.T @ dragging
-    held = [
-        2 * node + dof for node, kind in zip((0, mesh.elements), beam.supports.kinds, strict=True) for dof in HELD[kind]
-    ]
+    ends = zip((0, mesh.elements), beam.supports.kinds, strict=True)
+    held = np.array([2 * node + dof for node, kind in ends for dof in HELD[kind]], dtype=np.int64)
     return BeamStructure(
-        name=name,
-        section=beam,
-        stated_damping=beam.damping,
-        mass_scale=mass_scale,
-        stiffness_scale=stiffness_scale,
-        stretch_of=stretch_of,
-        bending=bending,
-        line_mass=line_mass,
-        end_springs=springs,
-        **on_supports(mesh, (moving.T @ moving, factor, drag), np.array(held, dtype=np.int64), stretch),
-    )
+        name=name, section=beam, stated_damping=beam.damping, mass_scale=mass_scale, stiffness_scale=stiffness_scale,
+        stretch_of=stretch_of, bending=bending, line_mass=line_mass, end_springs=springs,
+        **on_supports(mesh, (moving.T @ moving, factor, drag), held, stretch),
+    )  # fmt: skip
 
 
 def _at_elastic_supports(springs: Sequence[Coupling], length: float, mesh: Mesh) -> tuple[Any, Any, Floats]:

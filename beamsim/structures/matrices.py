@@ -371,14 +371,13 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     table = given.table.part(free)
     mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
     expansion, share, condensed = _without_massless(mass, stiffness, table)
-    remarks = [*given.remarks, *condensed]
     products = (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     reduced_mass, reduced_stiffness = (((m + m.T) / 2).tocsc() for m in products)
     order = None
     if expansion.shape[0] == expansion.shape[1]:  # nothing was condensed, so that rows are those of nodes
         order = dissection(abs(reduced_stiffness) + abs(reduced_mass), table.coordinates)
     rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, table, expansion, order)
-    remarks += [_not_held(table, expansion @ rigid)] if held.size and rigid.shape[1] else []
+    loose = [_not_held(table, expansion @ rigid)] if held.size and rigid.shape[1] else []
     viscous = None if given.damping is None else (expansion.T @ given.damping[free][:, free] @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
@@ -402,7 +401,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         given_stiffness=(reduced_stiffness / stiffness_scale).tocsc(),
         factors=factors,
         order=order,
-        notes=tuple(remarks),
+        notes=(*given.remarks, *condensed, *loose),
     )
     structure.base_load(UPWARDS)  # refuses a base that moves against springs or dashpots
     return structure

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.flow import moments, trajectory
+from beamsim.flow import moments
 from beamsim.responses import histories
 from beamsim.store import export, results
 from beamsim.store.export import export_result
@@ -27,7 +27,6 @@ def long_run(**changes):
 def small_parts(monkeypatch):
     """Parts of a few thousand samples."""
     monkeypatch.setattr(histories, "VALUES_AT_ONCE", 2**17)
-    monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 2**14)
     monkeypatch.setattr(moments, "VALUES_AT_ONCE", 2**15)
     monkeypatch.setattr(export, "ROWS_AT_ONCE", PART)
 

@@ -113,11 +113,8 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
             crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         )  # fmt: skip
 
-    shaken = system.base_acceleration is not None
-    acting = Acting.of(scenario)
-    _, shown = acting.base or (*acting.forces, *acting.supports)[0]
-    quantity, alone = str(shown.takes[0]), len(scenario.excitation.items) == 1
-    given = (histories["base_acceleration"].values if shaken else system.forcing.signal[0](times))[first:]
+    quantity, given = _input_of(system, histories)
+    shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given[first:]
     entered = statistics("input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], {}, {}
     for name, quantity, unit, values in _responses(result):
@@ -135,6 +132,15 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS,
         test_duration_s=tested,
     )  # fmt: skip
+
+
+def _input_of(system: StructuralSystem, histories: Dataset) -> tuple[str, Floats]:
+    """Quantity and history (nt,) of the input that is shown: the base's, or else that of the first force or support."""
+    acting = Acting.of(system.scenario)
+    _, shown = acting.base or (*acting.forces, *acting.supports)[0]
+    shaken = system.base_acceleration is not None
+    history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)
+    return str(shown.takes[0]), history
 
 
 def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
