@@ -22,8 +22,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.files import is_as_written
-from beamsim.input_files import bytes_text, demand_memory, no_memory, open_input
+from beamsim.files import bytes_text, demand_memory, is_as_written, no_memory, open_input
 
 MOST_UNPACKED = 1100.0
 """Bytes of values for a stored byte: deflate, the densest compression in use, reaches 1032."""
@@ -42,7 +41,7 @@ def open_hdf5(path: Path | str) -> h5py.File:
     Raises
     ------
     InputFileError
-        As `beamsim.input_files.open_input`; also if it is no HDF5 file, damaged, or has a link to another file.
+        As `beamsim.files.open_input`; also if it is no HDF5 file, damaged, or has a link to another file.
     """
     with open_input(path) as file:
         state = os.fstat(file.fileno())

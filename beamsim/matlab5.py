@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.input_files import demand_memory, free_memory, no_memory, read_input
+from beamsim.files import demand_memory, free_memory, no_memory, read_input
 from beamsim.sparse_parts import from_columns
 
 _HEADER = 128  # bytes before the first element

@@ -25,9 +25,8 @@ from scipy.sparse import coo_array, csc_array, issparse, save_npz
 
 from beamsim.dofs import DIRECTIONS, MODAL, Dof
 from beamsim.errors import InputFileError, MethodError
-from beamsim.files import replacing
+from beamsim.files import bytes_text, demand_memory, open_input, read_input, reading, replacing
 from beamsim.hdf5 import open_hdf5, read_array
-from beamsim.input_files import bytes_text, demand_memory, open_input, read_input, reading
 from beamsim.matlab5 import checked_matlab5
 from beamsim.sparse_parts import (
     MOST_ROWS,

@@ -11,7 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.input_files import found_in
+from beamsim.files import found_in
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.measurements.columns import column_named, only_column

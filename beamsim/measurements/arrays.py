@@ -17,8 +17,8 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError
+from beamsim.files import demand_memory
 from beamsim.hdf5 import LIST, open_hdf5, read_array, scale_along, values_size
-from beamsim.input_files import demand_memory
 from beamsim.labelled import ABSENT, OF_EACH
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of

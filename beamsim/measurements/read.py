@@ -9,7 +9,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from beamsim.errors import InputFileError
-from beamsim.input_files import open_input, reading
+from beamsim.files import open_input, reading
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.measurements.tables import read_csv
 from beamsim.scenario.files import DecimalMark

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.input_files import demand_memory, read_text
+from beamsim.files import demand_memory, read_text
 from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
 from beamsim.measurements.functions import is_unit_of
 from beamsim.measurements.signal import MeasuredSignal, axis_kind, counts_samples, split_heading, stated

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.input_files import read_input, reading
+from beamsim.files import read_input, reading
 from beamsim.measurements.functions import (
     BY_NUMBER,
     RATIOS,

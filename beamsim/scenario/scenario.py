@@ -20,8 +20,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import Field, ValidationError
 
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.files import protect
-from beamsim.input_files import is_as_opened, open_input, state_of
+from beamsim.files import is_as_opened, open_input, protect, state_of
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (

@@ -27,8 +27,7 @@ from typing import Any
 import yaml
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.files import protect
-from beamsim.input_files import read_input
+from beamsim.files import protect, read_input
 from beamsim.scenario.base import (
     NOWHERE,
     Mark,

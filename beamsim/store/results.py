@@ -32,9 +32,19 @@ from pydantic import TypeAdapter
 
 from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
-from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, seal, temporary_file
+from beamsim.files import (
+    Content,
+    FileState,
+    demand_memory,
+    destination,
+    partial_file,
+    put_in_place,
+    remove_own,
+    seal,
+    state_of,
+    temporary_file,
+)
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, values_size
-from beamsim.input_files import FileState, demand_memory, state_of
 from beamsim.kinds import KINDS
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.scenario import Scenario

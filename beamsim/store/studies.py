@@ -22,8 +22,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.errors import NotWrittenError, ResultFileError
-from beamsim.files import Content, check_writable, destination, move_aside
-from beamsim.input_files import demand_memory, open_to_append
+from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome
 from beamsim.parallel import Cluster
 from beamsim.scenario import Scenario

@@ -33,7 +33,7 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
 from beamsim.dofs import DIRECTIONS, MODAL, Dof
 from beamsim.errors import InputFileError, MethodError
-from beamsim.input_files import reading
+from beamsim.files import reading
 from beamsim.measurements.tables import NamedColumns, read_named_columns
 from beamsim.scenario import units as si
 from beamsim.scenario.files import DecimalMark

@@ -13,7 +13,7 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.input_files import found_in, open_input
+from beamsim.files import found_in, open_input
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import axis_kind

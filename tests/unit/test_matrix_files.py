@@ -12,7 +12,7 @@ import scipy.io
 from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
-from beamsim.input_files import bytes_text
+from beamsim.files import bytes_text
 from beamsim.matrix_files import FORMATS, read_matrices, read_matrix, read_op4, write_matrices
 from tests.helpers.damaged_files import FORMATS as FORMATS_OF_FILES
 from tests.helpers.damaged_files import MATRIX, sound
@@ -176,8 +176,8 @@ def test_a_matrix_file_without_room_in_memory_is_refused_with_its_size(name, wha
     path = tmp_path / f"k{FORMATS_OF_FILES[name][0]}"
     path.write_bytes(sound(name, tmp_path))
     size = bytes_text(path.stat().st_size)
-    monkeypatch.setattr("beamsim.input_files.ALWAYS_TRIED", 0)
-    monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 200.0)
+    monkeypatch.setattr("beamsim.files.ALWAYS_TRIED", 0)
+    monkeypatch.setattr("beamsim.files.free_memory", lambda: 200.0)
     what = what.format(size=size)
     with pytest.raises(
         MethodError, match=rf"= {path.name} needs .* of memory {what}, and 200 bytes are free"

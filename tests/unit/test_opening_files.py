@@ -9,8 +9,8 @@ import pytest
 
 from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.errors import BeamsimError, InputFileError
+from beamsim.files import open_input, open_to_append, read_input, read_text
 from beamsim.hdf5 import open_hdf5
-from beamsim.input_files import open_input, open_to_append, read_input, read_text
 from beamsim.matrix_files import FORMATS, read_matrices
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import TEXT

@@ -69,9 +69,9 @@ def test_lines_cells_and_characters_are_bounded(bound, most, text, message, tmp_
 
 def test_a_table_without_room_in_memory_is_refused_before_it_is_taken_apart(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("t (s),a (g)\n" + 40_000 * "1,2\n")
-    monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 13_500_000.0)
+    monkeypatch.setattr("beamsim.files.free_memory", lambda: 13_500_000.0)
     with pytest.raises(InputFileError, match=r"needs 20 MB of memory for its 80002 cells, and 13\.5 MB are free"):
         read_file(tmp_path / "a.csv")
-    monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 11_000_000.0)
+    monkeypatch.setattr("beamsim.files.free_memory", lambda: 11_000_000.0)
     with pytest.raises(InputFileError, match=r"needs 13\.1 MB of memory for its 40002 lines, and 11 MB are free"):
         read_file(tmp_path / "a.csv")

@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
-from beamsim.input_files import reading
+from beamsim.files import reading
 from beamsim.measurements.read import TEXT, UNIVERSAL, ending_of
 from beamsim.measurements.signal import split_heading
 from beamsim.measurements.tables import read_named_columns

@@ -16,7 +16,7 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.input_files import reading
+from beamsim.files import reading
 from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell

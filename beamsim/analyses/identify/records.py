@@ -33,13 +33,13 @@ from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
 from beamsim.errors import InputFileError, rooted
+from beamsim.files import reading
 from beamsim.flow.channels import channel_extrema, channel_values
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
-from beamsim.input_files import reading
 from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, split_heading

@@ -32,9 +32,8 @@ from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_run
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.files import is_as_written
+from beamsim.files import is_as_written, reading
 from beamsim.hdf5 import open_hdf5
-from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
