@@ -132,7 +132,7 @@ class ContactState:
         turned = tau[:, None] * self.exponent
         basis = np.exp(np.where(turned.real < GROWTH, turned, 0.0))
         if not self.exponential:
-            basis *= np.vander(tau, self.power.max() + 1, increasing=True)[:, self.power]
+            basis *= np.vander(tau, int(self.power.max()) + 1, increasing=True)[:, self.power]
         return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
