@@ -98,7 +98,8 @@ def cache_folder() -> Path | None:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     place = Path(chosen) if chosen else _user_caches() / "beamsim"
     digest = hashlib.sha256(numba.__version__.encode())  # of the sources of all kernels, and of how they are compiled
-    for file in [Path(__file__), *sorted(Path(__file__).parents[1].rglob("*kernels.py"))]:
+    here = Path(__file__)
+    for file in [here, here.with_name("extrema.py"), *sorted(here.parent.glob("*kernels.py"))]:
         digest.update(file.read_bytes())
     folder = place / f"kernels-{digest.hexdigest()[:16]}"
     try:

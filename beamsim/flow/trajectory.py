@@ -592,7 +592,7 @@ class Trajectory:
             functions = np.append(state.exponent, state.exponent.conj()), np.tile(state.power, 2)
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])
             moments = weighted_moments(*functions, np.tile(self.length[some], count), *weights)
-            each, other = np.split(moments.reshape(count, some.size, -1), 2, axis=2)
+            each, other = np.split(moments.reshape(count, some.size, functions[0].size), 2, axis=2)
             half = 0.5 * self.amplitudes(state, some)[:, state.term_source]
             terms, conjugates = each[..., state.term_basis] * half, other[..., state.term_basis] * half.conj()
             out[:, some] = terms @ table + conjugates @ table.conj()
