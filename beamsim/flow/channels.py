@@ -317,24 +317,33 @@ def _values_at_nodes(
     ------
     Times (n,) since the motion began, s, and values (n, K).
     """
-    length, nodes = motion.length[segments], np.array(NODES_OF_RULES)
+    acting = np.flatnonzero(table.any(axis=1))
+    acting = acting[np.argsort(state.term_basis[acting], kind="stable")]  # terms of one function follow each other
+    functions, first = np.unique(state.term_basis[acting], return_index=True)
+    length, nodes, outputs = motion.equal_lengths[segments], np.array(NODES_OF_RULES), table.shape[1]
     panels = np.maximum(np.ceil(fastest * length[:, None] / _LONGEST_TURN), 1.0).astype(np.int64)
-    best = np.argmin(panels * nodes, axis=1)
-    factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], table.shape[1])
+    best, (lengths, of_length) = np.argmin(panels * nodes, axis=1), np.unique(length, return_inverse=True)
     for rule in np.unique(best).tolist():
         rows, (node, weight) = np.flatnonzero(best == rule), _rule(NODES_OF_RULES[rule])
         count = panels[rows, rule]
         panel = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         row = np.repeat(rows, count)
         width = length[row] / panels[row, rule]
-        for part in blocks(row.size, node.size * max(factors.shape), MANY_VALUES):
+        values_of_panel = max(node.size * max(2 * functions.size, outputs), acting.size * outputs)
+        for part in blocks(row.size, values_of_panel, MANY_VALUES):
             tau = width[part, None] * (panel[part, None] + 0.5 + 0.5 * node)
+            # panels of one number, in segments of one length, share the values of the functions
+            number = panel[part] * lengths.size + of_length[row[part]]
+            _, one, kind = np.unique(number, return_index=True, return_inverse=True)
+            shared = state.functions_after(tau[one].ravel(), functions).view(float).reshape(one.size, node.size, -1)
             visits, of = np.unique(row[part], return_inverse=True)
-            amplitude = motion.amplitudes(state, segments[visits])[np.repeat(of, node.size)]
-            values = state.terms_after(amplitude, tau.ravel()).view(float) @ factors
-            values *= (0.5 * np.multiply.outer(width[part], weight)).reshape(-1, 1)
+            amplitude = motion.amplitudes(state, segments[visits])[:, state.term_source[acting], None]
+            coefficient = np.add.reduceat(amplitude * table[acting], first, axis=1)  # of the functions
+            factors = np.stack([coefficient.real, -coefficient.imag], axis=2).reshape(visits.size, -1, outputs)
+            values = shared[kind] @ factors[of]
+            values *= (0.5 * np.multiply.outer(width[part], weight))[:, :, None]
             begun = motion.time[segments[row[part]], None] - motion.time[0]
-            yield (begun + tau).ravel(), values
+            yield (begun + tau).ravel(), values.reshape(-1, outputs)
 
 
 def _values_about_ends(
