@@ -157,7 +157,8 @@ class Entry(NamedTuple):
     unit: str = ""
     meaning: str = ""
     section: str = ""
-    of: str = ""  # the field with the value, ``work.cycles``; the entry is left out where the field is None
+    # the variable with the value, ``modes/kept_modes``, or the field, ``work.cycles``; left out where there is none
+    of: str = ""
     columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
     form: Any = None  # type of the value as it is stored, `Number` by default; that of the field where it repeats one
     ranked_by: str = ""  # of many records: what those that are printed have most of
@@ -287,6 +288,11 @@ def _form(value: Any) -> Any:
 
 
 def _at(owner: Any, path: str) -> Any:
+    """The value of a variable or of a field of a result; None where it has none."""
+    dataset, _, variable = path.partition("/")
+    if variable:
+        of = owner.datasets.get(dataset, {})
+        return of[variable].values if variable in of else None
     for name in path.split("."):
         owner = None if owner is None else getattr(owner, name)
     return owner
@@ -304,6 +310,10 @@ def described(cls: Any, entry: Entry) -> Entry:
     """The entry of a result's summary with the unit and the meaning of the field that it repeats."""
     if entry.meaning:
         return entry
+    dataset, _, variable = entry.of.partition("/")
+    if variable:
+        layout = next(layout for layout in cls.DATASETS if layout.name == dataset)
+        return entry._replace(unit=layout.variables[variable].unit, meaning=layout.variables[variable].meaning)
     *path, name = entry.of.split(".")
     for part in path:
         cls = next(member.declaration.of for member in members_of(cls) if member.name == part)

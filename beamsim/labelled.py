@@ -50,6 +50,11 @@ class Described:
         """What the values are."""
         return str(self.attributes.get("long_name", ""))
 
+    @property
+    def absent(self) -> frozenset[int]:
+        """Numbers of the members that have no values, in C order over the dimensions of members."""
+        return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
+
 
 # --- As a file stores it ---------------------------------------------------------------------------------------------
 
@@ -68,11 +73,6 @@ class Item(Described):
     def values(self) -> Any:
         """The values of the array, which are read from its file if they were not; None of a group."""
         return None if self.array is None else np.asarray(self.array)
-
-    @property
-    def absent(self) -> frozenset[int]:
-        """Numbers of the members that have no values, in C order over the dimensions of members."""
-        return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
 
 
 Items = dict[str, Item]  # by path, "/" of the root, "/histories" of a dataset, "/histories/time" of a variable
@@ -363,9 +363,7 @@ class Layout:
                 continue
             if name not in values:
                 raise TypeError(f"{self.name} lacks {name}")
-            given, kind = values[name], object if declared.type is str else declared.type
-            known = isinstance(given, np.ndarray) and kind is not object  # text as objects
-            array = given if known else np.asarray(given, dtype=kind)
+            array, absent = _array_of(values[name], declared.type)
             if array.shape != tuple(sizes[dim] for dim in declared.dims):
                 raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
             each = (of_members or {}).get(declared.dims[0] if declared.dims else "", ())
@@ -375,10 +373,33 @@ class Layout:
                 attributes |= {"units": MIXED, OF_EACH: json.dumps(units, ensure_ascii=False)}
             attributes |= flagged(declared.flags) if declared.flags else {}
             attributes |= {NAMES: declared.names} if declared.names else {}
+            attributes |= {ABSENT: json.dumps(absent)} if absent else {}
             scale = declared.dims == (name,)
             axes = () if scale else tuple(f"/{self.name}/{dim}" for dim in declared.dims)
             items[f"/{self.name}/{name}"] = Item(attributes, array, axes, scale)
         return Dataset(self.name, items)
+
+    def table(self, rows: Sequence[Any], of_rows: Sequence[Words] = (), **values: Any) -> Dataset:
+        """The dataset of a table whose columns are attributes of its rows.
+
+        Parameters
+        ----------
+        rows : objects, with an attribute for each variable along the first dimension alone that is not in ``values``.
+        of_rows : what each row says in units and meanings.
+        values : of the other variables; those of the first dimension are numbers from 1 unless they are given.
+
+        Returns
+        -------
+        Dataset
+        """
+        dim = next(iter(self.variables))
+        columns: dict[str, Any] = {dim: 1 + np.arange(len(rows))}
+        for name, declared in self.variables.items():
+            if declared.dims == (dim,) and name not in (dim, *values):
+                column = [getattr(row, name) for row in rows]
+                lacking = declared.optional and all(value is None for value in column)
+                columns[name] = None if lacking else column
+        return self.dataset(columns | values, {dim: of_rows})
 
     def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
         """The dimensions of a dataset with these variables."""
@@ -424,6 +445,22 @@ class Layout:
             if item.array.dtype.kind not in _KINDS[declared.type]:
                 raise ValueError(f"{start}{name} holds {item.array.dtype}, not {declared.type.__name__}")
         return Dataset(self.name, found)
+
+
+def _array_of(given: Any, kind: type) -> tuple[NDArray[Any], list[int]]:
+    """An array of values of a type, text as objects, and the places, in C order, of integers, flags or texts not known.
+
+    Values that are not known are given as None. A number is NaN there, an integer 0, a flag false, a text empty.
+    """
+    if isinstance(given, np.ndarray) and kind is not str:
+        return given, []
+    if kind is float:
+        return np.asarray(given, dtype=float), []
+    array = np.array(given, dtype=object)
+    unknown = np.array([value is None for value in array.flat], dtype=bool).reshape(array.shape)
+    if unknown.any():
+        array[unknown] = kind()
+    return np.asarray(array, dtype=object if kind is str else kind), np.flatnonzero(unknown).tolist()
 
 
 def _texts(text: str, each: Sequence[Words], words: Words) -> list[str]:

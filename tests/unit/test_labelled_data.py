@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pkgutil import resolve_name
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -210,3 +211,30 @@ def test_xarray_has_the_same():
     assert set(other.coords) == {"time", "place"}
     np.testing.assert_array_equal(other.motion.sel(place="größe"), made["motion"].sel(place="größe"))
     assert other.met.attrs["long_name"] == "whether it met something"
+
+
+COUNTS = Layout(
+    "counts",
+    "A table of counts.",
+    {
+        "number": Variable(("number",), "1", "number of the row", int),
+        "length": Variable(("number",), "{unit}", "a length"),
+        "hits": Variable(("number",), "1", "how many hits", int, optional=True),
+        "word": Variable(("number",), "", "a word", str, optional=True),
+    },
+)
+
+
+def test_a_table_takes_its_columns_from_the_attributes_of_its_rows():
+    rows = [SimpleNamespace(length=1.5, hits=None, word="a"), SimpleNamespace(length=None, hits=7, word="b")]
+    made = COUNTS.table(rows, [{"unit": "m"}, {"unit": "rad"}])
+    assert made["number"].values.tolist() == [1, 2]
+    np.testing.assert_array_equal(made["length"].values, [1.5, np.nan])
+    assert (made["hits"].values.dtype.kind, made["hits"].absent) == ("i", {0})
+    assert made["hits"].values[1] == 7
+    assert made["length"].sel(number=2).unit == "rad"
+    given = COUNTS.table(rows, [{"unit": "m"}] * 2, number=np.array([4, 9]), word=["c", None])
+    assert given["number"].values.tolist() == [4, 9]
+    assert (given["word"].values.tolist(), given["word"].absent) == (["c", ""], {1})
+    nobody = COUNTS.table([SimpleNamespace(length=1.0, hits=None, word=None)], [{"unit": "m"}])
+    assert list(nobody) == ["number", "length"]
