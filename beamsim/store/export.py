@@ -153,6 +153,8 @@ def tables_of(items: Items, cls: type[Result]) -> list[ExportTable]:
         table = tables.setdefault(key, ExportTable(name, [_axis(items[axis], axis) for axis in rows], []))
         absent = members.absent(items, path)
         for labels, index, unit in columns_of(items, path, rows):
+            if absent is not None and labels and absent[index].all():
+                continue
             values = _named(items, path, part_of(item.array, index) if len(rows) < len(item.axes) else item.array)
             title = header(" ".join((*labels, last(path))), unit)
             while title in {column.header for column in (*table.axes, *table.columns)}:
@@ -190,7 +192,7 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
     for flat, numbers in enumerate(np.ndindex(*sizes)):
         known = dict(zip(across, numbers, strict=True))
         units = {unit for unit in (of_each[flat::count] if of_each else [item.unit]) if unit}
-        if across and flat in absent and len(of_each or absent) <= count:
+        if across and flat in absent and len(of_each or absent) <= count and item.array.dtype.kind not in "iub":
             continue
         index = tuple(known.get(axis, slice(None)) for axis in item.axes)
         labels = tuple(str(items[axis].values[k]) for axis, k in known.items())
@@ -221,6 +223,7 @@ class MembersIn:
             datasets = [place.dataset, *(axis.table for axis in place.axes.values() if axis.table)]
             self._dims |= {f"/{name}/{dim}" for name in datasets for dim in (*place.dims, *mappings) if dim}
             self._rows |= {axis.table: axis.place for axis in place.axes.values() if axis.table}
+        self._labelled = {f"/{layout.name}" for layout in cls.DATASETS}
 
     def absent(self, items: Items, path: str) -> NDArray[np.bool_] | None:
         """Which of the integers or truth values of an array are absent, in its shape; None where none is.
@@ -230,6 +233,10 @@ class MembersIn:
         item = items[path]
         if not item.absent or item.array.dtype.kind not in "iub":
             return None
+        if parent(path) in self._labelled:
+            flat = np.zeros(item.array.size, dtype=bool)
+            flat[sorted(item.absent)] = True
+            return flat.reshape(item.array.shape)
         kept = [axis in self._dims for axis in item.axes]
         shape = item.array.shape[: kept.index(False) if False in kept else len(kept)]
         ragged = next((k for k, axis in enumerate(item.axes) if items[axis].meaning == ROW), None)
