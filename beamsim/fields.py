@@ -86,17 +86,7 @@ def as_json(null: float = math.nan) -> Codec:
 JSON = as_json()
 
 
-def _outcome_attributes(_: str, outcome: Outcome) -> dict[str, str]:
-    values = outcome.as_dict()
-    code = values.pop("code")
-    return {"status": outcome.text, "outcome": code, "outcome_numbers": json.dumps(values, ensure_ascii=False)}
-
-
-def _read_outcome(_: str, attributes: Mapping[str, Any]) -> Outcome:
-    return Outcome.from_dict({"code": str(attributes["outcome"]), **json.loads(attributes["outcome_numbers"])})
-
-
-OUTCOME = Codec(_outcome_attributes, _read_outcome)
+OUTCOME = Codec(lambda _, outcome: outcome.as_texts(), lambda _, attributes: Outcome.from_texts(attributes))
 
 
 _DECLARED = "declared"

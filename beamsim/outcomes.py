@@ -15,6 +15,7 @@ returns what it has. What a kind of outcome comes to, a limit, and the exit code
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -408,6 +409,23 @@ class Outcome:
         numbers = {name: _plain(value) for name, value in values.get("numbers", {}).items()}
         parts = tuple(cls.from_dict(part) for part in values.get("parts", ()))
         return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, parts=parts)
+
+    def as_texts(self) -> dict[str, str]:
+        """Texts that a file stores: ``status`` for people, its code ``outcome``; as JSON ``outcome_numbers``."""
+        values = self.as_dict()
+        code = str(values.pop("code"))
+        return {"status": self.text, "outcome": code, "outcome_numbers": json.dumps(values, ensure_ascii=False)}
+
+    @classmethod
+    def from_texts(cls, texts: Mapping[str, Any]) -> Self:
+        """The outcome that `as_texts` describes.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If a text is missing, or describes none.
+        """
+        return cls.from_dict({"code": str(texts["outcome"]), **json.loads(texts["outcome_numbers"])})
 
 
 COMPLETE = Outcome(OutcomeKind.COMPLETE, "complete")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from html import escape
@@ -20,18 +20,13 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve
 from beamsim.fields import (
-    JSON,
     ByName,
     Entry,
     Flag,
     Number,
     Text,
-    attribute,
     by_name,
-    declared,
-    ending,
     record,
-    stored,
     summary_of,
 )
 from beamsim.inputs.statements import InputStatement
@@ -125,9 +120,9 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
-@declared(kw_only=True, repr=False)  # that of a dataclass holds all arrays
+@dataclass(frozen=True, kw_only=True, repr=False)  # that of a dataclass holds all arrays
 class Result:
-    """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
+    """Base of the results of all commands: scenario, outcome, summary, datasets, warnings and provenance."""
 
     KIND: ClassVar[str]  # one of `beamsim.kinds.KINDS`
     DATASET: ClassVar[str] = "result"  # of the file, with the arrays of the result itself
@@ -135,17 +130,14 @@ class Result:
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
     scenario: Scenario  # as it was written
-    outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
+    outcome: Outcome  # how the computation ended
     summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
     datasets: dict[str, Dataset] = field(default_factory=dict)  # by name, those of `DATASETS`
-    warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec=JSON, default=())
-    wall_time_s: float = attribute("s", "wall time", default=0.0)
-    beamsim_version: str = attribute("", "version of beamsim that computed the result", default=__version__)
-    created: str = attribute("", "when the result was made, ISO 8601, UTC", default_factory=_now)
-    provenance: dict[str, str] = attribute(
-        "", "versions of Python and of the packages that the numbers depend on, JSON object", codec=JSON,
-        default_factory=_versions,
-    )  # fmt: skip
+    warnings: tuple[str, ...] = ()
+    wall_time_s: float = 0.0
+    beamsim_version: str = __version__  # that computed the result
+    created: str = field(default_factory=_now)  # ISO 8601, UTC
+    provenance: dict[str, str] = field(default_factory=_versions)  # of Python and packages the numbers depend on
 
     def __getitem__(self, name: str) -> Dataset:
         """One of the labelled datasets, ``result["histories"]``.
@@ -197,18 +189,11 @@ class Result:
         return self.outcome.complete
 
     @property
-    @stored(attribute("", "title of the scenario"))
     def title(self) -> str:
         """The scenario's title."""
         return self.scenario.title
 
     @property
-    @stored(
-        attribute(
-            "", "JSON object: by key of the scenario the file that it names, the folder that this is relative to, size "
-            "and SHA-256 of the content; none where no file is named", codec=JSON,
-        )
-    )  # fmt: skip
     def input_files(self) -> dict[str, Record] | None:
         """What the files of the scenario held; None where it names none."""
         return dict(self.scenario.file_records(as_read=True)) or None

@@ -28,8 +28,8 @@ from beamsim.fields import (
 )
 from beamsim.kinds import KINDS
 from beamsim.labelled import Variable, last, parent
-from beamsim.results.result import Result
 from beamsim.store.layout import Spot, StoragePlace, place_in, places_in, root_place, spot
+from beamsim.store.results import ROOT
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
 
@@ -66,14 +66,8 @@ def documentation() -> str:
 
 
 def _root() -> str:
-    rows = [
-        Row("schema_version", "", "attribute", "version of the layout"),
-        Row("checksum", "", "attribute", "SHA-256 of attributes, texts, axes and all arrays of up to 1 MiB"),
-        Row("command", "", "attribute", "command that wrote the file"),
-        Row("scenario", "", "attribute", "the case as written, YAML in SI units; sufficient to run it again"),
-    ]
-    common = next(section for section in sections_of(Result) if section.path == "/")
-    return "## Every file\n\n" + _markdown(Section("/", "Attributes of every file.", rows + common.rows))
+    rows = [Row(name, "", "attribute", meaning) for name, meaning in ROOT.items()]
+    return "## Every file\n\n" + _markdown(Section("/", "Attributes of every file.", rows))
 
 
 def sections_of(cls: Any) -> list[Section]:
@@ -88,7 +82,6 @@ def sections_of(cls: Any) -> list[Section]:
     list of Section
         That of the root first, without what every file has.
     """
-    inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
     sections: dict[str, Section] = {}
     for layout in cls.DATASETS:
         rows = [_row_of(name, variable) for name, variable in layout.variables.items()]
@@ -96,8 +89,6 @@ def sections_of(cls: Any) -> list[Section]:
     for of, place in places_in(cls, root_place(cls)):
         about = inspect.cleandoc(of.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
         for member in members_of(of):
-            if of is cls and member.name in inherited:
-                continue
             for path, row in _rows(member, place):
                 rows_of = path if path == "/" or path == f"/{place.dataset}" else ""
                 text = about if rows_of else "The rows of all members, one member after the other."

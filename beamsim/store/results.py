@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
+from beamsim.fields import by_name, demand_summary, made_of, plain, record
 from beamsim.files import (
     Content,
     FileState,
@@ -47,6 +47,7 @@ from beamsim.files import (
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, values_size
 from beamsim.kinds import KINDS
 from beamsim.labelled import Item, Items, LargeArray, last
+from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
 from beamsim.store.datasets import InParts, Reader, items_of
@@ -87,11 +88,7 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
     items = items_of(result)
-    items["/"].attributes |= {
-        "schema_version": SCHEMA_VERSION,
-        "command": KINDS[result.KIND].command,
-        "scenario": result.scenario.to_yaml(),
-    }
+    items["/"].attributes |= root_attributes(result)
     items["/summary"] = Item(encode_summary(result.summary))
     items["/"].attributes[CHECKSUM] = checksum(items)
     cut_short = result.outcome.cut_short
@@ -100,6 +97,73 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
     if not cut_short:
         remove_own(partial_file(Path(path)))
     return written
+
+
+ROOT = {
+    "schema_version": "version of the layout",
+    "checksum": "SHA-256 of attributes, texts, axes and all arrays of up to 1 MiB",
+    "command": "command that wrote the file",
+    "scenario": "the case as written, YAML in SI units; sufficient to run it again",
+    "title": "title of the scenario",
+    "status": "how the computation ended: complete, or why it stopped early and what to try",
+    "outcome": "code of how it ended",
+    "outcome_numbers": "its kind, sentence, remedy, place, numbers and parts, JSON object",
+    "warnings": "warnings, JSON list",
+    "wall_time_s": "wall time, s",
+    "beamsim_version": "version of beamsim that computed the result",
+    "created": "when the result was made, ISO 8601, UTC",
+    "provenance": "versions of Python and of the packages that the numbers depend on, JSON object",
+    "input_files": "JSON object: by key of the scenario the file that it names, the folder that this is relative to, "
+    "size and SHA-256 of the content; none where no file is named",
+}
+"""Attributes of the root of a result file, with their meanings."""
+
+
+def root_attributes(result: Result) -> dict[str, Any]:
+    """What every result file says of its result, but for the checksum."""
+    attributes = {
+        "schema_version": SCHEMA_VERSION,
+        "command": KINDS[result.KIND].command,
+        "scenario": result.scenario.to_yaml(),
+        "title": result.title,
+        **result.outcome.as_texts(),
+        "warnings": _json(result.warnings),
+        "wall_time_s": result.wall_time_s,
+        "beamsim_version": result.beamsim_version,
+        "created": result.created,
+        "provenance": _json(result.provenance),
+    }
+    return attributes if result.input_files is None else attributes | {"input_files": _json(result.input_files)}
+
+
+def _json(value: Any) -> str:
+    return json.dumps(plain(value), ensure_ascii=False)
+
+
+_TEXTS: TypeAdapter[Any] = TypeAdapter(tuple[str, ...])
+_TEXT_BY_NAME: TypeAdapter[Any] = TypeAdapter(dict[str, str])
+_TEXT: TypeAdapter[Any] = TypeAdapter(str)
+_NUMBER: TypeAdapter[Any] = TypeAdapter(float)
+
+
+def _described_by(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a result that are attributes of the root.
+
+    Raises
+    ------
+    KeyError
+        If one is missing.
+    ValueError
+        If one is of another type.
+    """
+    return {
+        "outcome": Outcome.from_texts(attributes),
+        "warnings": _TEXTS.validate_json(attributes["warnings"], strict=True),
+        "wall_time_s": _NUMBER.validate_python(attributes["wall_time_s"]),
+        "beamsim_version": _TEXT.validate_python(attributes["beamsim_version"], strict=True),
+        "created": _TEXT.validate_python(attributes["created"], strict=True),
+        "provenance": _TEXT_BY_NAME.validate_json(attributes["provenance"], strict=True),
+    }
 
 
 def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
@@ -119,7 +183,7 @@ def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
         with opened(path) as file:
             _kind(file, path)
             found = dict(file.attrs)
-            cut_short = OUTCOME.read("status", found).cut_short
+            cut_short = Outcome.from_texts(found).cut_short
             same = all(found.get(name) == new.get(name) for name in ("command", "scenario", "input_files"))
     except ResultFileError:
         return Content.UNKNOWN
@@ -211,7 +275,7 @@ def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
             attributes[name] = value
         else:
-            attributes[name] = json.dumps(plain(value), ensure_ascii=False)
+            attributes[name] = _json(value)
             encoded.append(name)
     attributes[JSON_ENCODED] = " ".join(encoded)
     return attributes
@@ -279,7 +343,7 @@ def open_with_items(
         about = {"scenario": _scenario(items["/"], path, open_files), "summary": summary}
         layouts = [each for each in cls.DATASETS if not each.optional or f"/{each.name}" in items]
         about["datasets"] = {layout.name: layout.read(items) for layout in layouts}
-        result = made_of(cls, {**about, **Reader(items).fields(cls)})
+        result = made_of(cls, {**about, **_described_by(items["/"].attributes), **Reader(items).fields(cls)})
         if items["/"].attributes.get(CHECKSUM) != checksum(items):
             raise ValueError("its checksum does not fit: it was changed after it was written")
         demand_summary(result)

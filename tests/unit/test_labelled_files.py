@@ -163,6 +163,7 @@ class Branch:
 class Branches:
     """Branches."""
 
+    DATASETS = ()
     DATASET = "result"
     branches: tuple[Branch, ...] = members("branches", Branch, "branch", rows="points")
 
