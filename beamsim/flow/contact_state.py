@@ -260,6 +260,25 @@ def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: 
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance
         forced[acting, p] = w @ X.T
+    if near.any() or modes.blocks:
+        return _with_series(forced, modes, polynomial, sources, longest, near)
+    return forced
+
+
+def _with_series(
+    forced: Complexes, modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats, near: Bools
+) -> Complexes:
+    """The same with the responses of blocks and of modes whose eigenvalue is near an exponent, which are power series.
+
+    Parameters
+    ----------
+    forced : (F, degree + 1, N) the responses of other modes.
+    modes, polynomial, sources, longest : as for `_forced`.
+    near : (a, modes) whether an eigenvalue is near the exponent, of the sources that act.
+    """
+    X, left, lam = modes.simple
+    acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
+    window, limit, beta = longest[acting], sources.limit[acting], polynomial[acting] @ left.T
     series: list[tuple[int, int, Complexes]] = []  # input, power of time, factor
     for a in range(acting.size) if modes.blocks else np.flatnonzero(near.any(axis=1)).tolist():
         f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
@@ -299,22 +318,20 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     along = contacts.sign[which, None] * equations.push[which] if crossed else shape
     acting = _Acting(shape, k[which], c[which], along, which, crossed)
     across = equations.held if equations.held.shape[1] else None
-    omega2, psi, stretch, d = _undamped_modes(system, acting, across)
+    undamped = _undamped_modes(system, acting, across)
+    if crossed or contacts.coupled(phases):
+        return _general_modes(equations, acting, undamped, window, across)
+    omega2, psi, stretch, d = undamped
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    general = contacts.coupled(phases) or crossed
-    if general:
-        coupled[:] = True
     free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
     modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
-    if together.size or general:
+    if together.size:
         some = _UndampedModes(omega2[together], psi[:, together], stretch[:, together], d[np.ix_(together, together)])
-        modes = modes.joined(_coupled_modes(equations, acting, some, window, across if general else None))
-    if across is None or general:
-        return modes
-    return _joined_with_rest(modes, equations, acting, (omega2, psi), across)
+        modes = modes.joined(_coupled_modes(some, N, window))
+    return modes if across is None else _joined_with_rest(modes, equations, acting, (omega2, psi), across)
 
 
 def _joined_with_rest(
@@ -341,39 +358,67 @@ def _joined_with_rest(
     return modes.placed(np.eye(N), about).joined(BlockForm(at_rest, []))
 
 
-def _coupled_modes(
+class _FirstOrder(NamedTuple):
+    """r modes as z' = A z for z = (scale times their coordinates, rates of these)."""
+
+    scale: Floats  # (r,) 1/s, from metres to velocities
+    A: Floats  # (2 r, 2 r) 1/s
+    out: Floats  # (N, 2 r) state for a unit of z
+    back: Floats  # (2 r, N) z of a state
+
+    @classmethod
+    def of(cls, undamped: _UndampedModes, states: int) -> _FirstOrder:
+        """That of modes in a state vector of so many states."""
+        omega2, psi, _, d = undamped
+        n, r = psi.shape
+        # masses that nothing but dashpots joins have no frequency
+        fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
+        scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
+        A = np.block([[np.zeros((r, r)), np.diag(scale)], [-np.diag(omega2 / scale), -d]])
+        out, back = np.zeros((states, 2 * r)), np.zeros((2 * r, states))
+        out[:n, :r], out[n : 2 * n, r:] = psi / scale, psi
+        back[:r, :n], back[r:, n : 2 * n] = psi.T * scale[:, None], psi.T
+        return cls(scale, A, out, back)
+
+
+def _coupled_modes(undamped: _UndampedModes, states: int, window: float) -> BlockForm:
+    """Modes that damping couples, in a state vector of so many states, for times up to the window, s."""
+    scale, A, out, back = _FirstOrder.of(undamped, states)
+
+    def inverse() -> Floats:
+        compliance = scale / undamped.omega_squared
+        left = -compliance[:, None] * undamped.damping / scale
+        return np.block([[left, -np.diag(compliance)], [np.diag(1.0 / scale), np.zeros(undamped.damping.shape)]])
+
+    known = inverse if undamped.omega_squared.min() > 0.0 else None
+    return block_diagonalise(A, window, known).placed(out, back)
+
+
+def _general_modes(
     equations: StateEquations, acting: _Acting, undamped: _UndampedModes, window: float, across: Floats | None
 ) -> BlockForm:
-    """Those of the general form.
+    """Modes that internal states couple, or forces along other directions than those that make them.
 
     Parameters
     ----------
     equations, acting : of the contact state, and its contacts.
-    undamped : r modes, which are coupled.
+    undamped : all r modes.
     window : s, longest time for which the blocks will be used.
-    across : (n, c) motions that are held, whose values load modes and drive internal states; None where they do not.
+    across : (n, c) motions that are held, whose values load modes and drive internal states; None without.
     """
     system, contacts = equations.equations.system, equations.equations.contacts
     n, together = system.size, contacts.coupled(equations.phases)
-    N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
-    omega2, psi, stretch, d = undamped
-    r = omega2.size
-    # masses that nothing but dashpots joins have no frequency
-    fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
-    scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
+    inside, held = contacts.internal_states if together else 0, 0 if across is None else across.shape[1]
+    _, psi, stretch, _ = undamped
+    scale, A, out, back = _FirstOrder.of(undamped, equations.equations.states)
+    r, first = scale.size, 2 * scale.size + inside
     usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
-    first = 2 * r + inside
-    size = first + (0 if across is None else across.shape[1])
-    A, out, back = np.zeros((size, size)), np.zeros((N, size)), np.zeros((size, N))
-    A[:r, r : 2 * r] = np.diag(scale)
-    A[r : 2 * r, :r] = -np.diag(omega2 / scale)
-    A[r : 2 * r, r : 2 * r] = -d
+    more = (0, inside + held)
+    A, out, back = np.pad(A, (more, more)), np.pad(out, ((0, 0), more)), np.pad(back, (more, (0, 0)))
     if acting.crossed:
         aside = psi.T @ (acting.along - acting.shape).T
         A[r : 2 * r, :r] -= (aside * acting.stiffness) @ stretch / scale
         A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ stretch
-    out[:n, :r], out[n : 2 * n, r : 2 * r] = psi / scale, psi
-    back[:r, :n], back[r : 2 * r, n : 2 * n] = psi.T * scale[:, None], psi.T
     if across is not None:
         strained = (acting.along.T * acting.stiffness) @ (acting.shape @ across)
         A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * across + strained) / usual
@@ -390,14 +435,7 @@ def _coupled_modes(
             A[states, first:] = -unit / usual * (equations.internal_drive[:, PENETRATION, None] * resting)
         out[2 * n :, states] = np.eye(inside) / unit
         back[states, 2 * n :] = np.eye(inside) * unit
-
-    def inverse() -> Floats:
-        compliance = scale / omega2
-        left = -compliance[:, None] * d / scale
-        return np.block([[left, -np.diag(compliance)], [np.diag(1.0 / scale), np.zeros((r, r))]])
-
-    known = inverse if not together and not acting.crossed and omega2.min() > 0.0 else None
-    return block_diagonalise(A, window, known).placed(out, back)
+    return block_diagonalise(A, window).placed(out, back)
 
 
 def _internal_coupling(
@@ -407,7 +445,7 @@ def _internal_coupling(
 
     Parameters
     ----------
-    equations, acting, undamped : as for `_coupled_modes`.
+    equations, acting, undamped : as for `_general_modes`.
 
     Returns
     -------
@@ -440,17 +478,9 @@ def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floa
     n, phi, k = system.size, acting.shape, acting.stiffness
     if not k.size and across is None:
         return _UndampedModes(system.stiffness, np.eye(n), phi, system.damping)
-    feeling = phi if across is None else np.vstack([phi, across.T])
-    rigid = np.flatnonzero(system.stiffness == 0.0)
-    basis = np.eye(n)
-    free = 0
-    if rigid.size:
-        _, singular, turned = np.linalg.svd(feeling[:, rigid])
-        rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
-        free = rigid.size - rank
-        basis[np.ix_(rigid, rigid)] = turned.T
-        basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
-    held = basis[:, free:]
+    held, unfelt = np.eye(n), np.zeros((n, 0))
+    if (system.stiffness == 0.0).any():
+        held, unfelt = _with_rigid_motions(system, phi if across is None else np.vstack([phi, across.T]))
     if across is not None:
         held = held @ np.linalg.svd(across.T @ held)[2][across.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
@@ -467,10 +497,21 @@ def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floa
         stretch = phi @ held @ psi
         elastic = k > 0.0
         stretch[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
-    shapes = np.hstack([basis[:, :free], held @ psi])
-    stretch = np.hstack([np.zeros((k.size, free)), stretch])
+    free = unfelt.shape[1]
+    shapes, stretch = np.hstack([unfelt, held @ psi]), np.hstack([np.zeros((k.size, free)), stretch])
     damping = shapes.T @ system.damping @ shapes + (stretch.T * acting.dashpot) @ stretch
     return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, stretch, damping)
+
+
+def _with_rigid_motions(system: PiecewiseLinearSystem, feeling: Floats) -> tuple[Floats, Floats]:
+    """Motions that contacts with shapes (a, n) feel or springs of the structure resist, then rigid-body ones."""
+    rigid, basis = np.flatnonzero(system.stiffness == 0.0), np.eye(system.size)
+    _, singular, turned = np.linalg.svd(feeling[:, rigid])
+    rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
+    free = rigid.size - rank
+    basis[np.ix_(rigid, rigid)] = turned.T
+    basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
+    return basis[:, free:], basis[:, :free]
 
 
 def _residual(forced: Complexes, equations: StateEquations, sources: Sources) -> Complexes:

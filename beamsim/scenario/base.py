@@ -11,7 +11,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -549,16 +549,13 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: s
         yield problem(path, f"= {name} is an unknown {kind}", remedy)
 
 
-def named_twice(lists: Sequence[tuple[Path, Sequence[Any]]]) -> Problems:
-    """Names that are not unique within lists, which are given by their paths."""
+def named_twice(named: Iterable[tuple[Path, Any]]) -> Problems:
+    """Names that are not unique among sections, which are given with their paths."""
     first: dict[str, Path] = {}
-    for path, items in lists:
-        for index, item in enumerate(items):
-            if item.name in first:
-                other = path_text(first[item.name])
-                message = f"= {item.name} is already the name of {other}"
-                yield problem((*path, index, "name"), message, "choose another name")
-            first.setdefault(item.name, (*path, index))
+    for path, item in named:
+        if (other := first.setdefault(item.name, path)) is not path:
+            message = f"= {item.name} is already the name of {path_text(other)}"
+            yield problem((*path, "name"), message, "choose another name")
 
 
 def single_line(value: object) -> str:

@@ -891,7 +891,7 @@ class HingeJoint(_Turning):
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Stops with one name, beside what is wrong with any joint."""
         yield from super().problems(scenario, at)
-        yield from named_twice([((*at, "stops"), self.stops)])
+        yield from named_twice(((*at, "stops", k), stop) for k, stop in enumerate(self.stops))
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Stops at large angles."""

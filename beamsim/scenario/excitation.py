@@ -175,18 +175,15 @@ class Driven(Input):
     def check(self) -> None:
         """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
         super().check()
-        levels = self.levels()
-        said: str | None = self.quantity_
-        for path, level in levels:
-            of = q.meant(level)
-            if of is not None and said is not None and of != said:
-                message = f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant"
+        quantity = self.quantity
+        for path, level in self.levels():
+            if (of := q.meant(level)) not in (None, quantity):
+                message = f"is given in a unit of {spoken(of)}, where {_with_article(quantity)} is meant"
                 raise Unfit(message, "give the level in another unit, or set quantity", path)
-            said = said or of
-        if (quantity := self.quantity) not in self.takes:
+        if quantity not in self.takes:
             why, remedy = not_taken(quantity, self.takes)
-            stated = self.quantity_ is not None or not levels
-            raise Unfit(f"is {why}", remedy, ("quantity",) if stated else levels[0][0])
+            of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
+            raise Unfit(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
         if self.direction is not None and not self.on_base:
             raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -308,14 +308,11 @@ class Scenario(Schema):
         for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
             if component != 0:
                 found += base_problems(self, ("gravity", k), "xyz"[k], f"acts along {'xyz'[k]}, which")
-        keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
-        acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
-        for name, body in bodies.items():
-            acting += [((*self.body_path(name), key), getattr(body, key, ())) for key in keys]
-        of_run = () if self.run is None else self.run.outputs
-        shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
-        for lists in (acting, shown, [(("joints",), self.joints)]):
-            found += named_twice(lists)
+        acting = self.listed("snubbers", "springs_to_ground", "springs_between", "friction")
+        found += named_twice((at.path, at.item) for at in acting if at.path[0] != "joints")
+        probes = ((("probes", k), probe) for k, probe in enumerate(self.probes))
+        found += named_twice((*probes, *self.requested_outputs))
+        found += named_twice((at.path, at.item) for at in self.listed("joints"))
         for at, part in walk(self):
             if not isinstance(part, Body) and not left_out.intersection(at[:1]):
                 found += part.problems(self, at)

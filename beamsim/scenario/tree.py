@@ -406,8 +406,13 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
     named, where = root.pop("extends", None), root.marks.get("extends", NOWHERE)
-    if named is None:
-        return root
+    return root if named is None else _extending(root, named, where, folder, chain)
+
+
+def _extending(
+    root: WrittenMapping, named: Any, where: Mark, folder: FilePath, chain: tuple[FilePath, ...]
+) -> WrittenMapping:
+    """A document merged into the file that it names, at a mark, as the one that it extends; see `resolve_extends`."""
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
         raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", where))
