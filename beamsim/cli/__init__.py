@@ -39,15 +39,27 @@ def main() -> None:
         print(f"beamsim: {obstacle}", file=sys.stderr)
         sys.exit(2)
 
-    def stop(number: int, _frame: object) -> None:
-        sys.exit(128 + number)  # an exception, so that temporary files are removed
+    heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
+    ending = False
 
-    signal.signal(signal.SIGTERM, stop)
+    def stop(number: int, _frame: object) -> None:
+        nonlocal ending
+        if not ending:  # a second signal would end the clean-up, and with another exit code
+            ending = True
+            raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+
+    for number in heeded:
+        signal.signal(number, stop)
     warnings.showwarning = show_warning
     try:
-        from beamsim.cli.app import app
+        try:
+            from beamsim.cli.app import app
 
-        app(prog_name="beamsim")
+            app(prog_name="beamsim")
+        finally:
+            for number in heeded:  # the exit code is known; Python gives up its own handlers as it exits
+                signal.signal(number, signal.SIG_IGN)
+            gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
 

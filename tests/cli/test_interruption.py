@@ -382,6 +382,33 @@ def test_a_termination_of_which_a_library_makes_an_error_of_its_own():
     assert ended.value.code == 143
 
 
+TWICE = """
+import os, signal, sys, types
+from beamsim import cli
+
+class Late:  # deleted after Python has given up its handlers
+    def __del__(self, kill=os.kill, process=os.getpid()):
+        kill(process, {number})
+
+def app(prog_name):
+    try:
+        signal.raise_signal({number})
+    finally:
+        signal.raise_signal({number})
+
+sys.late = Late()
+sys.modules["beamsim.cli.app"] = types.SimpleNamespace(app=app)
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_that_follow_while_a_command_loads_or_ends_keep_its_exit_code(number, code):
+    done = subprocess.run([sys.executable, "-c", TWICE.format(number=int(number))], check=False, capture_output=True)
+    assert (done.returncode, done.stderr) == (code, b"")
+
+
 # --- while a motion is evaluated --------------------------------------------------------------------------------------
 
 EVALUATED = """
