@@ -127,20 +127,26 @@ class MotionPart:
     motion : the part.
     rows_of : the outputs.
     highest : rad/s, up to which Fourier integrals are asked for; the side lobes of windows may lie beyond.
-    known : of what is known already: (K, count) Fourier integrals at multiples of half the inverse of the duration.
     """
 
-    def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float, known: Complexes | None = None) -> None:
+    def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float) -> None:
         self.motion = motion.held() if motion.flow.dropped else motion
         self.rows_of, self.highest, self.begin = rows_of, highest, float(motion.time[0])
         self.duration = motion.end - self.begin  # s
-        if known is None:
-            step, outputs = np.pi / self.duration, rows_of(motion.flow.system.contacts.start).shape[0]
-            count = int(highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
-            values = values_to_sum(self.motion, rows_of, step * (count - 1))
-            known = evenly_spaced_sums(values, step, count, outputs).T
-        self.known, self.means = known, known[:, 0].real / self.duration
         self._weighted: dict[Exponentials, Complexes] = {}
+
+    @cached_property
+    def known(self) -> Complexes:
+        """(K, count) Fourier integrals at multiples of half the inverse of the duration."""
+        step, outputs = np.pi / self.duration, self.rows_of(self.motion.flow.system.contacts.start).shape[0]
+        count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
+        values = values_to_sum(self.motion, self.rows_of, step * (count - 1))
+        return evenly_spaced_sums(values, step, count, outputs).T
+
+    @property
+    def means(self) -> Floats:
+        """(K,) means."""
+        return self.known[:, 0].real / self.duration
 
     def weighted(self, window: Exponentials) -> Complexes:
         """(K, count) Fourier integrals under a window, at the same frequencies but the last, which it needs."""
@@ -207,11 +213,14 @@ class MotionPart:
         begin, middle, end = np.linspace(self.begin, self.motion.end, 3).tolist()
         early = MotionPart(self.motion.between(begin, middle), self.rows_of, self.highest)
         whole = self.known[:, ::2]
-        left = (whole - early.known[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
-        return early, MotionPart(self.motion.between(middle, end), self.rows_of, self.highest, left)
+        late = MotionPart(self.motion.between(middle, end), self.rows_of, self.highest)
+        late.known = (whole - early.known[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
+        return early, late
 
     def divided(self, parts: int) -> list[MotionPart]:
         """Equal parts of the time, one after the other."""
+        if parts == 1:
+            return [self]
         edges = np.linspace(self.begin, self.motion.end, parts + 1).tolist()
         return [MotionPart(self.motion.between(*span), self.rows_of, self.highest) for span in pairwise(edges)]
 
@@ -331,19 +340,26 @@ def _values_at_nodes(
         width = length[row] / panels[row, rule]
         values_of_panel = max(node.size * max(2 * functions.size, outputs), acting.size * outputs)
         for part in blocks(row.size, values_of_panel, MANY_VALUES):
-            tau = width[part, None] * (panel[part, None] + 0.5 + 0.5 * node)
+            middle, half = width[part] * (panel[part] + 0.5), 0.5 * width[part]
             # panels of one number, in segments of one length, share the values of the functions
             number = panel[part] * lengths.size + of_length[row[part]]
             _, one, kind = np.unique(number, return_index=True, return_inverse=True)
-            shared = state.functions_after(tau[one].ravel(), functions).view(float).reshape(one.size, node.size, -1)
+            halves, of_half = np.unique(half[one], return_inverse=True)
+            tau = np.multiply.outer(halves, node)  # of the nodes about the middles
+            about = state.exponentials_after(tau.ravel(), functions).reshape(*tau.shape, -1)
+            shared = state.exponentials_after(middle[one], functions)[:, None] * about[of_half]
+            if not state.exponential:
+                after = (middle[one, None] + tau[of_half]).ravel()
+                shared *= state.powers_after(after, functions).reshape(shared.shape)
+            shared = shared.view(float)
             visits, of = np.unique(row[part], return_inverse=True)
             amplitude = motion.amplitudes(state, segments[visits])[:, state.term_source[acting], None]
             coefficient = np.add.reduceat(amplitude * table[acting], first, axis=1)  # of the functions
             factors = np.stack([coefficient.real, -coefficient.imag], axis=2).reshape(visits.size, -1, outputs)
             values = shared[kind] @ factors[of]
-            values *= (0.5 * np.multiply.outer(width[part], weight))[:, :, None]
-            begun = motion.time[segments[row[part]], None] - motion.time[0]
-            yield (begun + tau).ravel(), values.reshape(-1, outputs)
+            values *= np.multiply.outer(half, weight)[:, :, None]
+            begun = motion.time[segments[row[part]]] - motion.time[0]
+            yield ((begun + middle)[:, None] + np.multiply.outer(half, node)).ravel(), values.reshape(-1, outputs)
 
 
 def _values_about_ends(

@@ -129,16 +129,20 @@ class ContactState:
 
     def terms_after(self, zeta: Complexes, tau: Floats) -> Complexes:
         """(n, T) terms at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
-        functions = self.functions_after(tau, np.arange(self.exponent.size))
+        every = np.arange(self.exponent.size)
+        functions = self.exponentials_after(tau, every)
+        if not self.exponential:
+            functions *= self.powers_after(tau, every)
         return zeta.take(self.term_source, axis=1) * functions.take(self.term_basis, axis=1)
 
-    def functions_after(self, tau: Floats, functions: Ints) -> Complexes:
-        """(n, b) some of the functions ``tau^power e^(exponent tau)`` at times tau (n,)."""
+    def exponentials_after(self, tau: Floats, functions: Ints) -> Complexes:
+        """(n, b) exponentials of some of the functions ``tau^power e^(exponent tau)`` at times tau (n,)."""
         turned = np.multiply.outer(tau, self.exponent[functions])
-        values = np.exp(np.where(turned.real < GROWTH, turned, 0.0))
-        if not self.exponential:
-            values *= np.vander(tau, int(self.power.max()) + 1, increasing=True)[:, self.power[functions]]
-        return values
+        return np.exp(np.where(turned.real < GROWTH, turned, 0.0))
+
+    def powers_after(self, tau: Floats, functions: Ints) -> Floats:
+        """(n, b) powers of some of the functions at times tau (n,)."""
+        return np.vander(tau, int(self.power.max()) + 1, increasing=True)[:, self.power[functions]]
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
