@@ -183,7 +183,7 @@ class LabelledArray(Described):
         """The part at some numbers along dimensions, None for all along one."""
         if key not in self._parts:
             attributes = dict(self.attributes)
-            if key[0] is not None and OF_EACH in attributes:
+            if key and key[0] is not None and OF_EACH in attributes:
                 attributes["units"] = json.loads(attributes.pop(OF_EACH))[key[0]]
             dims = tuple(dim for dim, at in zip(self.dims, key, strict=True) if at is None)
             whole = vars(self).get("values", self.array)  # not read for a part alone

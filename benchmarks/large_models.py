@@ -158,7 +158,7 @@ def main() -> None:
             return
         with measured("run"):
             result = run(scenario)
-        frequencies = ", ".join(f"{f:.5g}" for f in result.modes.open_frequencies_hz[:5])
+        frequencies = ", ".join(f"{f:.5g}" for f in result["modes"]["open_frequencies_hz"].values[:5])
         print(f"natural frequencies {frequencies} Hz; {result.summary['events']} events")
 
 

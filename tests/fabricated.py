@@ -10,15 +10,15 @@ import numpy as np
 
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
-from beamsim.analyses.run.histories import contact_units
 from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
-from beamsim.analyses.run.result import ModeTable, RunResult, Work
+from beamsim.analyses.run.result import RunResult, Work
 from beamsim.analyses.run.spectra import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.structures.places import ALONG, MASSES, Recovery, Stations
+from beamsim.system.structural import MODES, contact_units
 
 YAML = """\
 title: Fabricated, 65 Hz
@@ -111,10 +111,15 @@ def fabricate(
     }  # fmt: skip
     body = ("chain", MASSES) if chain else ("beam", ALONG)
     stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])
-    modes = ModeTable(
-        stations, np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]),
-        np.array([0.01, np.nan]), np.array([0.02, np.nan]), 2, len(snubbers), 1000.0, 1e-5, {},
-    )  # fmt: skip
+    of_modes = {
+        "mode": np.array([1, 2]), "open_frequencies_hz": np.array([52.7, 328.5]),
+        "closed_frequencies_hz": np.array([196.0, 447.1]), "damping_ratios": np.array([0.01, np.nan]),
+        "closed_damping_ratios": np.array([0.02, np.nan]), "kept_modes": 2, "static_vectors": len(snubbers),
+        "highest_frequency_hz": 1000.0, "reduction_bound": 1e-5, "shapes": np.vstack([curve, curve**2]),
+        "snubber": snubbers, "dashpot": np.zeros(len(snubbers)), "dashpot_from": ["none written"] * len(snubbers),
+        **stations.columns(),
+    }  # fmt: skip
+    modes = MODES.dataset(of_modes, {"snubber": [contact_units("m")] * len(snubbers)}, **stations.position_words)
     summary = {
         "peak_displacement_m": dict.fromkeys(probes, 4e-4),
         "min_displacement_m": dict.fromkeys(probes, -1e-4),
@@ -147,13 +152,13 @@ def fabricate(
     }  # fmt: skip
     if not chain:
         summary |= {"largest_bending_stress_pa": 2e7, "largest_bending_stress_position_m": 0.0}
+    datasets = {"histories": histories, "events": events, "modes": modes}
     return RunResult(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
         method="exact",
         outcome=outcome,
-        datasets={"histories": histories, "events": events} | ({} if chain else {"bodies": BODIES.dataset(along)}),
+        datasets=datasets | ({} if chain else {"bodies": BODIES.dataset(along)}),
         spectra=spectra,
-        modes=modes,
         work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),
         summary=summary,
         warnings=("a fabricated warning",),

@@ -27,6 +27,7 @@ from beamsim.report.contents import Printed, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.store.results import kind_of, stored_result
+from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -129,7 +130,9 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
 def sketched(result: Any, model: StructuralSystem | None) -> Sketch | None:
     """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
-        return Sketch(result.scenario.model_copy(update={"sweep": None}), result.modes.stations, stops_of(result))
+        return Sketch(
+            result.scenario.model_copy(update={"sweep": None}), Stations.of_modes(result["modes"]), stops_of(result)
+        )
     return None if model is None else _sketch_of(result.scenario.model_copy(update={"run": None}), model)
 
 
@@ -179,6 +182,6 @@ def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool,
         if motion is None:
             return None
         model = model or build_system(result.scenario)
-        frames = frames_of_orbit(model, result.modes.stations, motion)
+        frames = frames_of_orbit(model, Stations.of_modes(result["modes"]), motion)
     sketch = sketched(result, model)
     return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

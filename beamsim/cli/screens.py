@@ -217,14 +217,16 @@ def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
 
 def modes(result: Any) -> Iterator[str]:
     """The first natural frequency of a result with modes, with its damping: contacts open, closed, and as at rest."""
-    table = result.modes
-    states = {"open": (table.open_frequencies_hz, table.damping_ratios)}
+    table = result["modes"]
+    states = {"open": ("open_frequencies_hz", "damping_ratios")}
     if result.scenario.located_snubbers:
-        states["closed"] = table.closed_frequencies_hz, table.closed_damping_ratios
-        states["at rest"] = table.resting_frequencies_hz, table.resting_damping_ratios
+        states["closed"] = "closed_frequencies_hz", "closed_damping_ratios"
+        if "resting_frequencies_hz" in table:
+            states["at rest"] = "resting_frequencies_hz", "resting_damping_ratios"
     texts: dict[str, str] = {}
-    for state, (frequencies, ratios) in states.items():
-        elastic = [] if frequencies is None else [k for k, f in enumerate(frequencies[: table.kept_modes]) if f > 0.0]
+    for state, names in states.items():
+        frequencies, ratios = (table[name].values for name in names)
+        elastic = [k for k, hz in enumerate(frequencies[: table["kept_modes"].item()]) if hz > 0.0]
         if elastic:
             damping = f" ({percent(ratios[elastic[0]], 2)})" if is_known(ratios[elastic[0]]) else ""
             texts[state] = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"

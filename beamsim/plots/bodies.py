@@ -16,8 +16,8 @@ from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, P
 from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import Place
-from beamsim.system.structural import ModeTable, SnubberNumbers
+from beamsim.structures.places import Place, Stations
+from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats
 
 LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
@@ -40,7 +40,7 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
     bodies = result["bodies"].groups("station_body")
     beam, position = bodies[name], bodies[name]["position"].values
     snubbers = [s for s in stops_of(result).values() if s.gap_unit == "m"]
-    if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
+    if len(result["modes"].labels("body")) > 1:  # those that stand on the base or the ground, at this body
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
     curves = [Curve(label, position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
@@ -87,7 +87,7 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     ax.set_title(title, fontsize="medium", loc="left")
 
 
-def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> None:
+def plot_plate_mode(modes: Dataset, ax: Axes, body: str, number: int) -> None:
     """A mode shape of the open structure on a plate, by its number from 1; a line of no deflection is thick.
 
     Parameters
@@ -97,11 +97,11 @@ def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> None:
     body : name of the plate.
     number : of the mode, from 1.
     """
-    stations = modes.stations
-    on = next(part for part in stations.parts if part.body == body or len(stations.parts) == 1).stations
+    stations = Stations.of_modes(modes)
+    on = next(part for part in stations.parts if part.body == body).stations
     assert stations.across is not None
-    title = f"mode {number}, {modes.open_frequencies_hz[number - 1]:.4g} Hz"
-    plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)
+    title = f"mode {number}, {modes['open_frequencies_hz'].values[number - 1]:.4g} Hz"
+    plot_contours(ax, stations.position[on], stations.across[on], modes["shapes"].values[number - 1, on], title)
 
 
 def plot_plate_deflection(result: RunResult, ax: Axes, plate: Dataset, shape: Floats, title: str) -> None:
@@ -141,7 +141,7 @@ def _shapes(result: RunResult, body: Dataset) -> list[tuple[Floats, str]]:
 
 
 def _sketch(result: RunResult) -> Sketch:
-    return Sketch(result.scenario, result.modes.stations, stops_of(result))
+    return Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result))
 
 
 def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
@@ -153,9 +153,12 @@ def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
     ax : to draw on.
     number : of the mode, from 1.
     """
-    shape = result.modes.shapes[number - 1]
+    modes = result["modes"]
+    shape = modes["shapes"].sel(mode=number).values
     _sketch(result).draw(ax, shape * HEIGHT / (float(np.abs(shape).max()) or 1.0))
-    ax.set_title(f"mode {number}, {result.modes.open_frequencies_hz[number - 1]:.4g} Hz", fontsize="medium", loc="left")
+    ax.set_title(
+        f"mode {number}, {modes['open_frequencies_hz'].sel(mode=number).item():.4g} Hz", fontsize="medium", loc="left"
+    )
 
 
 def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
@@ -163,7 +166,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     contact = result.contact
     if contact is None:
         raise ValueError("no snubber was in contact")
-    shape = contact.deflection(result.modes)
+    shape = contact.deflection(result["modes"])
     stops = stops_of(result)
     known = {} if contact.opening is None else dict(zip(stops, contact.opening.tolist(), strict=True))
     openings = {name: known.get(name, s.gap) for name, s in stops.items() if s.gap_unit == "m"}
@@ -187,7 +190,7 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     for name, plate in plates.items():
         of_plate = plate_figures(result, name, plate)
         figures |= {what if len(bodies) == 1 else f"{what}_{name}": picture for what, picture in of_plate.items()}
-    if len(result.modes.stations.parts) > 1:
+    if len(result["modes"].labels("body")) > 1:
         figures |= assembly_figures(result)
     return figures
 
@@ -209,14 +212,14 @@ def plate_figures(result: RunResult, name: str, plate: Dataset) -> dict[str, Pic
     ]
     if shapes:
         figures["plate_deflections"] = Picture(result.title, shapes, columns=2, legend_below=True)
-    count = min(MOST_PANELS, result.modes.shapes.shape[0])
-    modes = [partial(plot_plate_mode, result.modes, body=name, number=k + 1) for k in range(count)]
+    count = min(MOST_PANELS, len(result["modes"]["mode"].values))
+    modes = [partial(plot_plate_mode, result["modes"], body=name, number=k + 1) for k in range(count)]
     return figures | {"plate_modes": Picture(result.title, modes, columns=2)}
 
 
 def assembly_figures(result: RunResult) -> dict[str, Picture]:
     """Mode shapes of several bodies, and their deflection at the largest contact force."""
-    rows, count = _sketch(result).count, min(MOST_PANELS, result.modes.shapes.shape[0])
+    rows, count = _sketch(result).count, min(MOST_PANELS, len(result["modes"]["mode"].values))
     drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
     size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
     figures = {"assembly_modes": Picture(result.title, drawn, columns=2, size=size, legend_below=True)}

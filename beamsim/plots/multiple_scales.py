@@ -90,7 +90,7 @@ def expansion_figures(result: NormalModeResult) -> dict[str, Picture]:
     ]
     figures = {"multiple_scales": Picture(f"Mode {c.path.mode} by multiple scales", charts, sharex=True)}
     if np.any(np.isfinite(c.exact.frequency_hz)):
-        vectors = partial(plot_initial_vectors, c, stations=result.stations)
+        vectors = partial(plot_initial_vectors, c, stations=Stations.of_modes(result["modes"]))
         figures["multiple_scales_initial"] = Picture("", [vectors])
     return figures
 

@@ -29,6 +29,7 @@ from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale
 from beamsim.results.branch import ModeBranch
+from beamsim.structures.places import Stations
 from beamsim.typing import Floats
 
 FLOOR = -120.0  # dB, of a spectrum
@@ -124,7 +125,7 @@ def _special(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -
 def plot_shapes(result: NormalModeResult, ax: Axes, shapes: Sequence[tuple[str, Floats]]) -> None:
     """Deflected shapes (nx,), m, with their names."""
     ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
-    draw_along(ax, result.stations, "Deflection", [(name, shape, {}) for name, shape in shapes])
+    draw_along(ax, Stations.of_modes(result["modes"]), "Deflection", [(name, shape, {}) for name, shape in shapes])
 
 
 def _shown_branch(result: NormalModeResult) -> ModeBranch:
@@ -136,7 +137,8 @@ def _nodes(result: NormalModeResult) -> list[tuple[int, str]]:
     moving = np.flatnonzero(np.abs(result.motion.stations).max(axis=0) > 0)
     count = min(MOST_CURVES, moving.size)
     chosen = moving[(moving.size * np.arange(1, count + 1) / max(count, 1)).round().astype(int) - 1]
-    return [(int(k), result.stations.name(int(k))) for k in chosen]
+    stations = Stations.of_modes(result["modes"])
+    return [(int(k), stations.name(int(k))) for k in chosen]
 
 
 def motions(result: NormalModeResult) -> list[Chart]:
@@ -217,7 +219,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:
     if result.relaxed is not None:
         figures["relaxed_minimisation"] = relaxed_figure(result)
     if result.phase_resonance is not None:
-        figures |= phase_resonance_figures(result.phase_resonance, result.title, result.stations)
+        figures |= phase_resonance_figures(result.phase_resonance, result.title, Stations.of_modes(result["modes"]))
     return figures
 
 

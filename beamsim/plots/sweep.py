@@ -199,7 +199,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
         fraction = Fraction(float(order)).limit_denominator(12)
         ax.annotate(f"{fraction}", (f.max(), order * f.max()), xytext=(4, 0), textcoords="offset points", va="center",
                     fontsize="small", color="white")  # fmt: skip
-    for natural in result.modes.open_frequencies_hz:
+    for natural in result["modes"]["open_frequencies_hz"].values:
         if natural <= curve.orders.max(initial=1.0) * f.max():
             ax.axhline(natural, color="0.75", linewidth=0.6, zorder=0)
     if curve.orders.size:

@@ -28,6 +28,7 @@ from beamsim.results.values import AlongCurve
 from beamsim.typing import Bools, Complexes, Floats
 
 _POINT = (Counter("point", "number of the point along the branch"),)
+STATION = Counter("station", "number of the station of the mode shapes", shared=True)
 LARGEST_EVEN = 1e-7  # share of even harmonics of motions that are symmetric but for round-off
 _COORDINATES = (*_POINT, Counter("coordinate", "number of the coordinate"))
 
@@ -81,7 +82,7 @@ class OrbitMotion:
     displacement: dict[str, Floats] = per_probe("m", "displacement")
     velocity: dict[str, Floats] = per_probe("m/s", "velocity")
     force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes")
-    stations: Floats = dataset("m", "deflection at the stations", along=("time", "position"), name="deflection")
+    stations: Floats = dataset("m", "deflection at the stations", along=("time", STATION), name="deflection")
     harmonics: dict[str, Complexes] = per_probe(  # (21,) amplitude of e^{i k omega t}, zero to peak
         "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
         imaginary="minus the amplitude of sin(order x phase)",
@@ -96,7 +97,7 @@ class OrbitMotion:
     @property
     @stored(
         dataset(
-            "m", "deflection at the slowest instant and half a period later", along=("instant", "position"),
+            "m", "deflection at the slowest instant and half a period later", along=("instant", STATION),
             name="extreme_shapes",
         )
     )  # fmt: skip
@@ -263,7 +264,7 @@ class ModeBranch(MotionBranch):
     energy: Floats = dataset("J", "energy from static equilibrium")
     share: Floats = dataset("1", "share of the energy in the requested mode, at the slowest instant")
     least_kinetic: Floats = dataset("1", "kinetic energy at the slowest instant, share of the energy; zero at rest")
-    initial_displacement: Floats = dataset("m", "deflection at the slowest instant", along=(*_POINT, "position"))
+    initial_displacement: Floats = dataset("m", "deflection at the slowest instant", along=(*_POINT, STATION))
     # None of half-period shooting itself
     half_period_difference: Floats = dataset(
         "1", "from half-period shooting: largest of period and state, relative", default=None

@@ -38,7 +38,6 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.scenario import Record
 from beamsim.system.force_tables import curves_of
-from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats
 from beamsim.version import __version__
 
@@ -77,19 +76,24 @@ GAPPING = Entry(
     "contact force at equilibrium that keeps contact (of a random input to 3 sigma) "
     "with all snubbers closed and alone; what the motion did", form=by_name(CONTACT_CHANGE)
 )  # fmt: skip
-MODES = (
-    Entry("open_frequencies_hz", section="modes", of="modes.open_frequencies_hz", shown="kept_modes"),
-    Entry("closed_frequencies_hz", section="modes", of="modes.closed_frequencies_hz", shown="kept_modes"),
-    Entry("resting_frequencies_hz", section="modes", of="modes.resting_frequencies_hz", shown="kept_modes"),
-    Entry("damping_ratios", section="modes", of="modes.damping_ratios", shown="kept_modes"),
-    Entry("closed_damping_ratios", section="modes", of="modes.closed_damping_ratios", shown="kept_modes"),
-    Entry("resting_damping_ratios", section="modes", of="modes.resting_damping_ratios", shown="kept_modes"),
-    Entry("dashpots", of="modes.dashpots"),
-    Entry("kept_modes", section="modes", of="modes.kept_modes"),
-    Entry("static_vectors", section="modes", of="modes.static_vectors"),
-    Entry("reduction_bound", section="modes", of="modes.reduction_bound"),
-    Entry("probe_bound", section="modes", of="modes.probe_bound"),
-    Entry("highest_frequency_hz", section="modes", of="modes.highest_frequency_hz"),
+OF_MODES = (
+    Entry("open_frequencies_hz", section="modes", of="modes/open_frequencies_hz", shown="kept_modes"),
+    Entry("closed_frequencies_hz", section="modes", of="modes/closed_frequencies_hz", shown="kept_modes"),
+    Entry("resting_frequencies_hz", section="modes", of="modes/resting_frequencies_hz", shown="kept_modes"),
+    Entry("damping_ratios", section="modes", of="modes/damping_ratios", shown="kept_modes"),
+    Entry("closed_damping_ratios", section="modes", of="modes/closed_damping_ratios", shown="kept_modes"),
+    Entry("resting_damping_ratios", section="modes", of="modes/resting_damping_ratios", shown="kept_modes"),
+    Entry(
+        "dashpots",
+        "",
+        "by snubber its dashpot, and what that follows from",
+        form=by_name(record({"from": Text}, dict.fromkeys(("dashpot_n_s_per_m", "dashpot_n_m_s_per_rad"), Number))),
+    ),
+    Entry("kept_modes", section="modes", of="modes/kept_modes"),
+    Entry("static_vectors", section="modes", of="modes/static_vectors"),
+    Entry("reduction_bound", section="modes", of="modes/reduction_bound"),
+    Entry("probe_bound", section="modes", of="modes/probe_bound"),
+    Entry("highest_frequency_hz", section="modes", of="modes/highest_frequency_hz"),
 )
 CONVERGENCE = (
     Entry("convergence", "1", "by value, and by its place where there are several, its relative change with 1.5 times "
@@ -246,7 +250,17 @@ class Result:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-def reduction_checked(outcome: Outcome, scenario: Scenario, modes: ModeTable) -> Outcome:
+def dashpots_of(modes: Dataset) -> dict[str, dict[str, Any]]:
+    """By snubber its dashpot and what that follows from, for the summary."""
+    entry = {"N s/m": "dashpot_n_s_per_m", "N m s/rad": "dashpot_n_m_s_per_rad"}
+    sources = modes.by_label("dashpot_from")
+    return {
+        name: {entry[dashpot.unit]: dashpot.item(), "from": sources[name].item()}
+        for name, dashpot in modes.by_label("dashpot").items()
+    }
+
+
+def reduction_checked(outcome: Outcome, scenario: Scenario, modes: Dataset) -> Outcome:
     """The outcome, which is not to be trusted where the reduced receptance has no useful bound.
 
     Parameters
@@ -258,19 +272,20 @@ def reduction_checked(outcome: Outcome, scenario: Scenario, modes: ModeTable) ->
     -------
     Outcome
     """
-    if not modes.reduction_bound > WORTHLESS_REDUCTION:
+    bound = modes["reduction_bound"].item()
+    if not bound > WORTHLESS_REDUCTION:
         return outcome
     return Outcome.of(
         OutcomeKind.UNTRUSTED, "reduction_not_accurate",
         "the error of the reduced model's receptance at contacts and loads up to "
-        f"{modes.highest_frequency_hz:.6g} Hz is bounded only by {modes.reduction_bound:.2g} of its size, more than "
+        f"{modes['highest_frequency_hz'].item():.6g} Hz is bounded only by {bound:.2g} of its size, more than "
         f"{WORTHLESS_REDUCTION:g}",
         *outcome.unless_complete,
-        remedy=scenario.more_modes(modes.kept_modes), bound=modes.reduction_bound,
+        remedy=scenario.more_modes(modes["kept_modes"].item()), bound=bound,
     )  # fmt: skip
 
 
-def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[Mapping[str, Floats]]) -> list[str]:
+def deflection_warnings(scenario: Scenario, modes: Dataset, motions: Iterable[Mapping[str, Floats]]) -> list[str]:
     """A warning for each body whose deflection is not small; none where rigid-body modes carry it as far as they like.
 
     Parameters
@@ -283,7 +298,7 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
     -------
     One sentence a body.
     """
-    if np.isnan(modes.damping_ratios).any():
+    if np.isnan(modes["damping_ratios"].values).any():
         return []
     body_of = {probe.name: probe.place.body for probe in scenario.probes}
     largest: dict[str, tuple[float, str]] = {}  # by body, with the probe
@@ -299,7 +314,7 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
     ]
 
 
-def line_warnings(inputs: Iterable[InputStatement], modes: ModeTable) -> list[str]:
+def line_warnings(inputs: Iterable[InputStatement], modes: Dataset) -> list[str]:
     """A warning for each random input whose sines are too far apart for the resonances in its band.
 
     Parameters
@@ -311,10 +326,9 @@ def line_warnings(inputs: Iterable[InputStatement], modes: ModeTable) -> list[st
     -------
     One sentence an input, about the mode with the smallest bandwidth.
     """
-    frequency, ratio = modes.resting_frequencies_hz, modes.resting_damping_ratios
-    if frequency is None or ratio is None:
-        frequency, ratio = modes.open_frequencies_hz, modes.damping_ratios
-    width = 2.0 * np.asarray(ratio) * frequency
+    at_rest = "resting_frequencies_hz" in modes
+    frequency = modes["resting_frequencies_hz" if at_rest else "open_frequencies_hz"].values
+    width = 2.0 * modes["resting_damping_ratios" if at_rest else "damping_ratios"].values * frequency
     warnings = []
     for each in inputs:
         within = np.flatnonzero((frequency >= each.from_hz) & (frequency <= each.to_hz) & (width > 0.0))
@@ -331,7 +345,7 @@ def line_warnings(inputs: Iterable[InputStatement], modes: ModeTable) -> list[st
     return warnings
 
 
-def curve_warnings(scenario: Scenario, modes: ModeTable, curves: Sequence[Any]) -> list[str]:
+def curve_warnings(scenario: Scenario, modes: Dataset, curves: Sequence[Any]) -> list[str]:
     """What `deflection_warnings` and `forces_beyond_tables` say of curves or branches.
 
     Parameters

@@ -30,7 +30,7 @@ from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION, NODES, Stations
-from beamsim.system.structural import ModeTable
+from beamsim.system.structural import MODES
 from beamsim.typing import Floats, Ints
 
 Coordinates = tuple[float, float, float]  # m
@@ -111,8 +111,7 @@ def bodies_without_places(result: Any) -> list[str]:
 
 def _stations(result: Any) -> Stations:
     """Where the mode shapes of a result are known."""
-    stations: Stations | None = getattr(getattr(result, "modes", None), "stations", None)
-    return stations if stations is not None else Stations.of_recoveries(())
+    return Stations.of_modes(result["modes"]) if MODES in result.DATASETS else Stations.of_recoveries(())
 
 
 def _heights(stations: Stations) -> dict[str, float]:
@@ -182,8 +181,8 @@ def _own_numbers(stations: Stations) -> dict[str, Ints]:
 
 def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
     """The lines through the stations (nx,) of the modes, at places (nx, 3), and a record for each mode."""
-    modes: ModeTable = result.modes
-    stations, several = modes.stations, len(modes.stations.parts) > 1
+    modes, stations = result["modes"], _stations(result)
+    several = len(stations.parts) > 1
     lines = []
     for k, part in enumerate(stations.parts, 1):
         nodes = number[part.stations]
@@ -196,7 +195,7 @@ def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> l
     along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.parts]
     sizes = [part.stations.stop - part.stations.start for part in stations.parts]
     direction = np.repeat(along, sizes).tolist()
-    each = zip(modes.open_frequencies_hz, modes.damping_ratios, modes.shapes, strict=True)
+    each = zip(*(modes[of].values for of in ("open_frequencies_hz", "damping_ratios", "shapes")), strict=True)
     records = [
         record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape, direction)
         for mode, (f, ratio, shape) in enumerate(each, 1)

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from beamsim.fields import Counter, attribute, axis, dataset, declared
+from beamsim.labelled import Dataset
 from beamsim.scenario.body import Body
 from beamsim.typing import Floats, Ints
 
@@ -264,17 +263,16 @@ def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite
 class StationAxis:
     """What the coordinate of a body's stations is, for files and plots."""
 
-    body: str  # what a body alone is called
     long_name: str
     unit: str
     label: str
     continuous: bool  # drawn as a line through the stations, else as a dot at each
 
 
-ALONG = StationAxis("beam", "position along the beam", "m", "Position", continuous=True)
-IN_PLANE = StationAxis("plate", "position on the plate from its left edge", "m", "x", continuous=True)
-MASSES = StationAxis("chain", "mass number", "1", "Mass", continuous=False)
-NODES = StationAxis("matrices", "node number", "1", "Node", continuous=False)
+ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
+IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
+MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
+NODES = StationAxis("node number", "1", "Node", continuous=False)
 AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES, NODES)}
 
 
@@ -287,75 +285,68 @@ class StationPart:
     stations: slice
 
 
-@declared(along=("position",))
+@dataclass(frozen=True)
 class Stations:
     """The stations of all bodies, body after body."""
 
-    position: Floats = axis("{unit}", "{meaning}")  # (nx,) on each body's own axis
-    unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="position_unit")
-    meaning: str = attribute("", "what the position is", name="position_meaning")
-    # of several bodies only
-    body: Ints | None = dataset("1", "number of the body, from 0", name="body_number", default=None)
-    names: tuple[str, ...] | None = attribute("", "names of the bodies", name="position_bodies", default=None)
-    axes: tuple[str, ...] | None = attribute("", "what the position is on each", name="position_axes", default=None)
-    # where a body is a plate
-    across: Floats | None = dataset(
-        "m", "position on the plate from its bottom edge; NaN on other bodies", default=None
-    )
-    # where the table of an imported body gives them
-    points: Floats | None = dataset(
-        "m", "place of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
-        along=("position", Counter("direction", "coordinate of the place", labels=("x", "y", "z"))), default=None,
-    )  # fmt: skip
-
-    # where also the stiffness of an imported body tells what is joined
-    lines: Ints | None = dataset(
-        "1", "stations, from 0, between which lines are drawn: their nodes belong to one element",
-        along=(Counter("drawn_line", "number of the line"), Counter("end", "end of the line")), default=None,
-    )  # fmt: skip
+    parts: tuple[StationPart, ...]  # the bodies
+    position: Floats  # (nx,) on each body's own axis
+    across: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without a plate
+    points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN where none is known; None without any
+    lines: Ints | None = None  # (k, 2) stations between which lines are drawn: their nodes belong to one element
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
         """Those of each body; of none none."""
-        if len(bodies) > 1:
-            return cls._of_several(bodies)
-        if not bodies:
-            return cls(np.zeros(0), ALONG.unit, ALONG.long_name)
-        (one,) = bodies
-        named = one.position, one.axis.unit, one.axis.long_name
-        return cls(*named, across=one.across, points=one.points, lines=one.lines)
-
-    @classmethod
-    def _of_several(cls, bodies: Sequence[Recovery]) -> Stations:
-        position = np.concatenate([each.position for each in bodies])
-        across = _together([each.across for each in bodies], bodies, ())
-        points = _together([each.points for each in bodies], bodies, (3,))
-        axes = tuple(each.axis for each in bodies)
-        first = np.cumsum([0, *(each.position.size for each in bodies)])
-        known = [start + each.lines for start, each in zip(first, bodies, strict=False) if each.lines is not None]
-        lines = np.concatenate(known) if known else None
-        same = len(set(axes)) == 1
-        unit, meaning = (axes[0].unit, axes[0].long_name) if same else ("1", "position on the axis of each body")
-        body = np.repeat(np.arange(len(bodies)), [each.position.size for each in bodies])
-        names = tuple(each.body for each in bodies)
-        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across, points, lines)
-
-    @cached_property
-    def parts(self) -> tuple[StationPart, ...]:
-        """The bodies; one alone is called after its axis."""
-        if self.body is None or self.names is None or self.axes is None:
-            only = AXES[self.meaning]
-            return (StationPart(only.body, only, slice(0, self.position.size)),)
-        ends = np.cumsum(np.bincount(self.body, minlength=len(self.names))).tolist()
-        return tuple(
-            StationPart(name, AXES[meaning], slice(start, end))
-            for name, meaning, start, end in zip(self.names, self.axes, [0, *ends], ends, strict=False)
+        ends = np.cumsum([0, *(each.position.size for each in bodies)]).tolist()
+        parts = zip(bodies, ends[:-1], ends[1:], strict=True)
+        known = [start + each.lines for each, start in zip(bodies, ends, strict=False) if each.lines is not None]
+        return cls(
+            tuple(StationPart(each.body, each.axis, slice(start, end)) for each, start, end in parts),
+            np.concatenate([np.zeros(0), *(each.position for each in bodies)]),
+            _together([each.across for each in bodies], bodies, ()),
+            _together([each.points for each in bodies], bodies, (3,)),
+            np.concatenate(known) if known else None,
         )
 
+    @classmethod
+    def of_modes(cls, modes: Dataset) -> Stations:
+        """Those of the mode shapes of a result; see `beamsim.system.structural.MODES`."""
+        bodies = modes.labels("body")
+        sizes = np.bincount(modes["station_body"].values, minlength=len(bodies)) if bodies else np.zeros(0, dtype=int)
+        ends = np.cumsum([0, *sizes]).tolist()
+        named = zip(bodies, modes["body_axis"].values if bodies else (), ends[:-1], ends[1:], strict=True)
+        across, points, lines = (modes[of].values if of in modes else None for of in ("across", "points", "lines"))
+        return cls(
+            tuple(StationPart(body, AXES[axis], slice(start, end)) for body, axis, start, end in named),
+            modes["position"].values, across, points, lines,
+        )  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Their variables in the dataset of modes."""
+        sizes = [part.stations.stop - part.stations.start for part in self.parts]
+        columns: dict[str, Any] = {
+            "body": [part.body for part in self.parts],
+            "body_axis": [part.axis.long_name for part in self.parts],
+            "station": 1 + np.arange(self.position.size),
+            "station_body": np.repeat(np.arange(len(self.parts)), sizes),
+            "position": self.position,
+            "across": self.across,
+        }
+        if self.points is not None:
+            columns |= {"direction": TRANSLATIONS, "points": self.points}
+        if self.lines is not None:
+            columns |= {"drawn_line": 1 + np.arange(len(self.lines)), "end": np.array([1, 2]), "lines": self.lines}
+        return columns
+
     @property
-    def axis(self) -> StationAxis:
-        """That of the first body."""
-        return self.parts[0].axis
+    def position_words(self) -> dict[str, str]:
+        """Unit and meaning of the positions of all bodies."""
+        axes = {part.axis for part in self.parts} or {ALONG}
+        if len(axes) > 1:
+            return {"position_unit": "1", "position": "position on the axis of each body"}
+        (axis,) = axes
+        return {"position_unit": axis.unit, "position": axis.long_name}
 
     def name(self, station: int) -> str:
         """For people: 135 mm, (135, 60) mm, mass 2, and of several bodies inner 135 mm."""

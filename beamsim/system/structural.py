@@ -22,10 +22,11 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import PENETRATION, RATE
 from beamsim.contacts.snubbers import FRICTION, SpringInfo
-from beamsim.fields import JSON, Counter, attribute, dataset, declared, group
+from beamsim.fields import attribute, declared
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputStatement
+from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
@@ -65,6 +66,11 @@ class ProbeRow:
 
 
 FORCE_UNITS = {"m": "N", "rad": "N m"}  # by the unit of the motion that they act on
+
+
+def contact_units(gap_unit: str) -> dict[str, str]:
+    """Units of what a contact measures, by the words of its declarations."""
+    return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
 
 
 @declared(kw_only=True)
@@ -108,52 +114,73 @@ class SnubberInfo(SnubberNumbers):
     table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
 
 
-_MODE = (Counter("mode", "mode number"),)
-
-
-@declared(along=_MODE)
-class ModeTable:
-    """Natural frequencies, damping and mode shapes of the reduced model."""
-
-    stations: Stations = group("", Stations)  # nx of them
-    # (r,), every snubber closed: piecewise-linear springs as at rest
-    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open")
-    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed")
-    shapes: Floats = dataset(  # (r, nx)
-        "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
-    )
-    damping_ratios: Floats = dataset("1", "modal damping ratios of the open structure")  # (r,) nan for rigid-body modes
-    closed_damping_ratios: Floats = dataset(
-        "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included"
-    )
-    kept_modes: int = attribute("1", "number of modes kept by the reduction")
-    static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
-    highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
-    reduction_bound: float = attribute(  # see docs/theory.md
-        "1",
-        "bound of the error of the receptance at contacts and loads, up to highest_frequency_hz and at the frequencies "
-        "of the excitation, over the static compliance there, or over the receptance where that is larger; NaN where "
-        "it is not known",
-    )
-    dashpots: dict[str, dict[str, Any]] = attribute(
-        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON
-    )
-    probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
-    # by body, of several bodies only
-    kinetic_energy_share: dict[str, Floats] = dataset(
-        "1", "share of a mode's kinetic energy in this body", per="body", default_factory=dict
-    )
-    strain_energy_share: dict[str, Floats] = dataset(
-        "1",
-        "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
-        per="body",
-        default_factory=dict,
-    )
-    # None where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
-    resting_frequencies_hz: Floats | None = dataset(
-        "Hz", "natural frequencies with every contact as it is at static equilibrium, friction included", default=None
-    )
-    resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
+_MODE, _BODY, _STATION, _SNUBBER = ("mode",), ("body",), ("station",), ("snubber",)
+MODES = Layout(
+    "modes",
+    "Natural frequencies, damping and mode shapes of the reduced model, and how accurate that is.",
+    {
+        "mode": Variable(_MODE, "1", "mode number", int),
+        "open_frequencies_hz": Variable(_MODE, "Hz", "natural frequencies with every contact open"),
+        # piecewise-linear springs as at rest
+        "closed_frequencies_hz": Variable(_MODE, "Hz", "natural frequencies with every contact closed"),
+        "damping_ratios": Variable(
+            _MODE, "1", "modal damping ratios of the open structure; NaN for rigid-body modes"
+        ),
+        "closed_damping_ratios": Variable(
+            _MODE, "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included"
+        ),
+        # none where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
+        "resting_frequencies_hz": Variable(
+            _MODE, "Hz",
+            "natural frequencies with every contact as it is at static equilibrium, friction included", optional=True,
+        ),
+        "resting_damping_ratios": Variable(_MODE, "1", "modal damping ratios there", optional=True),
+        "kept_modes": Variable((), "1", "number of modes kept by the reduction", int),
+        "static_vectors": Variable((), "1", "number of static vectors kept by the reduction", int),
+        "highest_frequency_hz": Variable((), "Hz", "the highest frequency that the reduction was made for"),
+        "reduction_bound": Variable(  # see docs/theory.md
+            (), "1",
+            "bound of the error of the receptance at contacts and loads, up to highest_frequency_hz and at the "
+            "frequencies of the excitation, over the static compliance there, or over the receptance where that is "
+            "larger; NaN where it is not known",
+        ),
+        "probe_bound": Variable(
+            (), "1", "the same of the receptance between these and the probes", optional=True
+        ),
+        "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
+        "dashpot": Variable(_SNUBBER, "{force_unit} s/{gap_unit}", "damping constant of the snubber"),
+        "dashpot_from": Variable(_SNUBBER, "", "what the damping constant follows from", str),
+        "body": Variable(_BODY, "1", "name of the body", str),
+        "body_axis": Variable(_BODY, "", "what the position is on the body", str),
+        "kinetic_energy_share": Variable(
+            _BODY + _MODE, "1", "share of a mode's kinetic energy in this body; of several bodies", optional=True
+        ),
+        "strain_energy_share": Variable(
+            _BODY + _MODE, "1", "share of a mode's strain energy in this body, the rest being in springs of joints; "
+            "NaN for rigid-body modes; of several bodies", optional=True,
+        ),
+        "station": Variable(_STATION, "1", "number of the station", int),
+        "station_body": Variable(_STATION, "1", "number of the body, from 0", int, names="modes/body"),
+        "position": Variable(_STATION, "{position_unit}", "{position}"),
+        "across": Variable(
+            _STATION, "m", "position on the plate from its bottom edge; NaN on other bodies", optional=True
+        ),
+        "direction": Variable(("direction",), "1", "coordinate of the place", str),
+        "points": Variable(
+            (*_STATION, "direction"), "m",
+            "place of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
+        ),
+        "drawn_line": Variable(("drawn_line",), "1", "number of the line", int),
+        "end": Variable(("end",), "1", "end of the line", int),
+        "lines": Variable(
+            ("drawn_line", "end"), "1",
+            "stations, from 0, between which lines are drawn: their nodes belong to one element", int,
+        ),
+        "shapes": Variable(
+            _MODE + _STATION, "kg^-0.5", "mode shapes of the open structure, unit modal mass"
+        ),
+    },
+)  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -207,10 +234,10 @@ class StructuralSystem:
         self.stress = stress_rows(self.bodies)
 
     @cached_property
-    def modes(self) -> ModeTable:
-        """Natural frequencies, damping and accuracy, for a result: they take longer than the rest of the system."""
+    def modes(self) -> Dataset:
+        """Natural frequencies, damping and accuracy, a dataset of results: they take longer than the rest."""
         at_rest = None if self.cubic.count else self.static_equilibrium
-        return mode_table(self.parts, self.as_built, self.stops, at_rest, self.stations, self.deflection)
+        return modes_of(self.parts, self.as_built, self.stops, at_rest, self.stations, self.deflection)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -318,10 +345,10 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     return channels
 
 
-def mode_table(
+def modes_of(
     parts: Parts, dynamics: PiecewiseLinearSystem, stops: Contacts, equilibrium: Floats | None, stations: Stations,
     deflection: Floats,
-) -> ModeTable:  # fmt: skip
+) -> Dataset:  # fmt: skip
     """What a result says of its model: natural frequencies, damping and accuracy.
 
     Parameters
@@ -334,7 +361,8 @@ def mode_table(
 
     Returns
     -------
-    ModeTable
+    Dataset
+        Of the layout `MODES`.
     """
     basis, structure, contacts = parts.basis, parts.structure, dynamics.contacts
     omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
@@ -349,36 +377,42 @@ def mode_table(
         phases = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ equilibrium))
         if np.all(contacts.dynamic_stiffness(phases, np.full(1, SLOW)).real >= 0.0):
             resting, of_resting = damped_modes(dynamics, phases, basis.rigid)
-    return ModeTable(
-        open_frequencies_hz=parts.omega / (2 * np.pi),
-        closed_frequencies_hz=closed / (2 * np.pi),
-        damping_ratios=opened,
-        closed_damping_ratios=of_closed,
-        resting_frequencies_hz=None if resting is None else resting / (2 * np.pi),
-        resting_damping_ratios=of_resting,
-        dashpots=dashpots(parts.scenario.located_snubbers, contacts),
-        shapes=deflection.T,
-        stations=stations,
-        kept_modes=basis.modes,
-        static_vectors=basis.size - basis.modes,
-        highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
-        reduction_bound=bound.loads,
-        probe_bound=bound.probes,
-        **(_energy_shares(structure, basis) if len(structure.members) > 1 else {}),
-    )
+    values: dict[str, Any] = {
+        "mode": 1 + np.arange(basis.size),
+        "open_frequencies_hz": parts.omega / (2 * np.pi),
+        "closed_frequencies_hz": closed / (2 * np.pi),
+        "damping_ratios": opened,
+        "closed_damping_ratios": of_closed,
+        "resting_frequencies_hz": None if resting is None else resting / (2 * np.pi),
+        "resting_damping_ratios": of_resting,
+        "kept_modes": basis.modes,
+        "static_vectors": basis.size - basis.modes,
+        "highest_frequency_hz": basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
+        "reduction_bound": bound.loads,
+        "probe_bound": bound.probes,
+        "shapes": deflection.T,
+    }
+    values |= stations.columns()
+    snubbers = parts.scenario.located_snubbers
+    if snubbers:
+        values |= _dashpots(snubbers, contacts)
+    if len(structure.members) > 1:
+        values |= _energy_shares(structure, basis)
+    of_snubbers = [contact_units(each.item.units[0]) for each in snubbers]
+    return MODES.dataset(values, {"snubber": of_snubbers}, **stations.position_words)
 
 
-def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
-    """(r,) by body the shares of kinetic and of strain energy of the coordinates."""
-    kinetic, strain = {}, {}
+def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Floats]:
+    """(bodies, r) shares of kinetic and of strain energy of the coordinates."""
+    kinetic, strain = [], []
     squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
     for member in structure.members:
         fields = member.expansion @ basis.vectors
         moving = np.einsum("ij,ij->j", fields, member.body.mass @ fields)
-        kinetic[member.body.name] = moving * member.mass_ratio
+        kinetic.append(moving * member.mass_ratio)
         bent = np.asarray(member.body.factor @ fields)
-        strain[member.body.name] = np.sum(bent**2, axis=0) * member.stiffness_ratio / squared
-    return {"kinetic_energy_share": kinetic, "strain_energy_share": strain}
+        strain.append(np.sum(bent**2, axis=0) * member.stiffness_ratio / squared)
+    return {"kinetic_energy_share": np.array(kinetic), "strain_energy_share": np.array(strain)}
 
 
 def _loads(parts: Parts) -> Floats:
@@ -393,13 +427,14 @@ def _loads(parts: Parts) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
-def doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
-    """Warnings that follow from the table.
+def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
+    """Warnings that follow from the modes.
 
     They are of stops without effect, of an excited structure without damping, of an inaccurate reduced model and of
     damping ratios of snubbers.
     """
-    opened, closed, stops, warnings = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers, []
+    opened, closed = modes["open_frequencies_hz"].values, modes["closed_frequencies_hz"].values
+    stops, warnings, bound = scenario.all_snubbers, [], modes["reduction_bound"].item()
     stiff = [stop.name for stop in stops if stop.stiffness is not None]
     if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
         warnings.append(
@@ -407,25 +442,26 @@ def doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
             "has no effect; was kN/m meant?"
         )
     # what takes energy out of a motion: dashpots of any kind, friction, stops that yield
-    loses = any(np.nan_to_num(each).any() for each in (modes.damping_ratios, modes.closed_damping_ratios))
+    loses = any(np.nan_to_num(modes[of].values).any() for of in ("damping_ratios", "closed_damping_ratios"))
     loses |= any(each.item.kind == FRICTION for each in scenario.nonlinear_springs) or any(s.yields for s in stops)
     if scenario.excitation.kind != "none" and scenario.nnm is None and not loses:
         warnings.append(
             "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
             "damping, for example {kind: modal, ratio: 1 %}"
         )
-    if modes.reduction_bound > 0.01:
+    if bound > 0.01:
+        highest = modes["highest_frequency_hz"].item()
         warnings.append(
-            f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
-            f"of the excitation the error of its receptance at contacts and loads is bounded by "
-            f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
+            f"the reduced model may not be accurate: up to {highest:.4g} Hz and at the frequencies of the excitation "
+            f"the error of its receptance at contacts and loads is bounded by {bound:.2g} of its size; "
+            f"{scenario.more_modes(modes['kept_modes'].item())}"
         )
     return warnings + damping_remarks(scenario.located_snubbers, modes)
 
 
-def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
-    """By snubber its dashpot, N s/m or N m s/rad, and what that follows from; the snubbers are the first contacts."""
-    entry, found = {"m": "dashpot_n_s_per_m", "rad": "dashpot_n_m_s_per_rad"}, {}
+def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:
+    """Of each snubber its dashpot, N s/m or N m s/rad, and what that follows from; they are the first contacts."""
+    sources = []
     for at, law in zip(located, contacts.laws, strict=False):
         snubber, number = at.item, len(at.item.maxwell)
         if snubber.damping is None:
@@ -437,16 +473,18 @@ def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[s
             hz = ratio * law.stiffness / (np.pi * law.dashpot)
             source = f"{100 * ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
         beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
-        found[snubber.name] = {entry[snubber.units[0]]: law.dashpot, "from": source + beside}
-    return found
+        sources.append(source + beside)
+    dashpots = [law.dashpot for law in contacts.laws[: len(located)]]
+    return {"snubber": [each.item.name for each in located], "dashpot": dashpots, "dashpot_from": sources}
 
 
-def damping_remarks(snubbers: Sequence[Located], modes: ModeTable) -> list[str]:
+def damping_remarks(snubbers: Sequence[Located], modes: Dataset) -> list[str]:
     """That the first closed mode is damped otherwise than a ratio says, which is that of another mode."""
-    closed = np.flatnonzero(modes.closed_frequencies_hz > 0.0)
+    frequencies = modes["closed_frequencies_hz"].values
+    closed = np.flatnonzero(frequencies > 0.0)
     if not closed.size:
         return []
-    hz, ratio = modes.closed_frequencies_hz[closed[0]], float(modes.closed_damping_ratios[closed[0]])
+    hz, ratio = frequencies[closed[0]], float(modes["closed_damping_ratios"].values[closed[0]])
     written = {s.name: s.damping.ratio for _, _, s, _ in snubbers if s.damping and s.damping.kind == "ratio"}
     other = {name: x for name, x in written.items() if x > 0.0 and not 1.0 / DIFFERENT < ratio / x < DIFFERENT}
     if not other:

@@ -221,7 +221,7 @@ def _convergence(
     solve: Callable[[Scenario], _Result],
 ) -> Convergence:
     """The changes of a result's own values with a finer model."""
-    modes = result.modes.kept_modes
+    modes = result["modes"]["kept_modes"].item()
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
     try:
@@ -231,13 +231,13 @@ def _convergence(
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
     changes = relative_changes([own], [values(second)])
-    return Convergence(changes, tuple(doubtful(changes, {})), second.modes.kept_modes, modes)
+    return Convergence(changes, tuple(doubtful(changes, {})), second["modes"]["kept_modes"].item(), modes)
 
 
 def _frequencies(result: _Result) -> Values:
-    modes = result.modes
-    of_modes = {"open_frequencies_hz": modes.open_frequencies_hz, "closed_frequencies_hz": modes.closed_frequencies_hz}
-    return compared({name: frequencies[: modes.kept_modes].tolist() for name, frequencies in of_modes.items()})
+    modes = result["modes"]
+    kept, names = modes["kept_modes"].item(), ("open_frequencies_hz", "closed_frequencies_hz")
+    return compared({name: modes[name].values[:kept].tolist() for name in names})
 
 
 def _of_sweep(result: SweepResult) -> Values:

@@ -213,7 +213,7 @@ def rubber() -> dict[str, float]:
     found = {}
     for name, more in (("stuck", {"springs_to_ground": spring}), ("sliding", {})):
         modes = build_system(beamsim.load_scenario({**case, **more})).modes
-        found |= {f"{name}, mode {k}, Hz": float(f) for k, f in enumerate(modes.open_frequencies_hz[:3], 1)}
+        found |= {f"{name}, mode {k}, Hz": float(f) for k, f in enumerate(modes["open_frequencies_hz"].values[:3], 1)}
     return found
 
 

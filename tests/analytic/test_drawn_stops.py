@@ -9,6 +9,7 @@ from beamsim.plots.animation import scene_of
 from beamsim.plots.bodies import stops_of
 from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
+from beamsim.structures.places import Stations
 
 MASS, THROWN, STIFF, LOADED = 2.0, 0.6, 2e5, 5e4
 GAP = 1e-3
@@ -18,7 +19,7 @@ def drawn(scenario):
     """A run, its frames and their drawing, and heights in the drawing over deflections in m."""
     result = beamsim.run(load_scenario(scenario))
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
+    scene = scene_of(frames, Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result)), "case")
     return result, frames, scene, float(np.abs(scene.heights).max() / np.abs(frames.deflection).max())
 
 

@@ -76,7 +76,7 @@ def imported(folder: Path, mass, stiffness, table, base="{nodes: [10], direction
 
 
 def frequencies(scenario):
-    return build_system(scenario).modes.open_frequencies_hz
+    return build_system(scenario).modes["open_frequencies_hz"].values
 
 
 def problems(folder, mass, stiffness, table, **given):
@@ -163,7 +163,9 @@ def test_craig_bampton_coordinates(tmp_path):
     table = DofTable((*((0, "modal"),) * 15, (9, "z"), (10, "z")))
     case = imported(tmp_path, basis.T @ mass @ basis, basis.T @ stiffness @ basis, table)
     read, known = build_system(case), build_system(built())
-    np.testing.assert_allclose(read.modes.open_frequencies_hz, known.modes.open_frequencies_hz, rtol=1e-8)
+    np.testing.assert_allclose(
+        read.modes["open_frequencies_hz"].values, known.modes["open_frequencies_hz"].values, rtol=1e-8
+    )
     np.testing.assert_allclose(np.abs(read.forcing.load[0]), np.abs(known.forcing.load[0]), rtol=1e-6, atol=1e-8)
     text = problems(tmp_path, model.mass[:-1][:, :-1], model.stiffness[:-1][:, :-1], table)
     assert "bodies.panel.dofs has 17 rows, but the matrix mass has 16" in text
@@ -254,7 +256,9 @@ def test_rows_without_mass_and_stiffness_are_left_out(tmp_path):
     system = build_system(imported(tmp_path, *wide, table))
     assert "panel: rows without mass and stiffness were left out: 2" in system.warnings
     narrow = build_system(imported(tmp_path, model.mass, model.stiffness, DofTable(model.table.dofs)))
-    np.testing.assert_array_equal(system.modes.open_frequencies_hz, narrow.modes.open_frequencies_hz)
+    np.testing.assert_array_equal(
+        system.modes["open_frequencies_hz"].values, narrow.modes["open_frequencies_hz"].values
+    )
     case = CASE.replace("{place}", "node: 9, direction: x")
     assert "at.direction = x is not a direction of node 9; node 9 has z, ry" in problems(
         tmp_path, *wide, table, case=case
@@ -276,7 +280,7 @@ def test_structural_damping_is_refused_or_converted_at_a_frequency(tmp_path):
     first = frequencies(built())[0]
     text = text.replace("    dofs:", f"    structural_damping: {{frequency: {first} Hz}}\n    dofs:")
     system = build_system(parse_scenario(text))
-    assert system.modes.damping_ratios[0] == pytest.approx(0.02, rel=1e-6)
+    assert system.modes["damping_ratios"].values[0] == pytest.approx(0.02, rel=1e-6)
     assert any("viscous damping that has the same effect" in warning for warning in system.warnings)
 
 
@@ -290,7 +294,9 @@ def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
     )
     system = build_system(imported(tmp_path, model.mass, model.stiffness, model.table, body=body))
     np.testing.assert_allclose(
-        system.modes.damping_ratios[:4], build_system(built(text)).modes.damping_ratios[:4], rtol=1e-8
+        system.modes["damping_ratios"].values[:4],
+        build_system(built(text)).modes["damping_ratios"].values[:4],
+        rtol=1e-8,
     )
 
 

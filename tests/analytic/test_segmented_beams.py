@@ -25,7 +25,7 @@ def beam(**more):
 
 
 def frequencies(case):
-    return build_system(load_scenario(case)).modes.open_frequencies_hz
+    return build_system(load_scenario(case)).modes["open_frequencies_hz"].values
 
 
 def exact_frequencies(determinant, count, highest=400.0):
@@ -136,7 +136,7 @@ def test_uniform_beam_in_segments_is_the_uniform_beam():
     )
     assert one.summary["contacts"]["s"] >= 2
     assert cut.summary["contacts"] == one.summary["contacts"]
-    np.testing.assert_allclose(cut.modes.open_frequencies_hz, one.modes.open_frequencies_hz, rtol=1e-12)
+    np.testing.assert_allclose(cut["modes"]["open_frequencies_hz"], one["modes"]["open_frequencies_hz"], rtol=1e-12)
     for name, history in one["histories"].by_label("displacement").items():
         other, expected = cut["histories"]["displacement"].sel(probe=name).values, history.values
         np.testing.assert_allclose(other, expected, atol=1e-11 * np.abs(expected).max(), err_msg=name)
@@ -198,8 +198,8 @@ def test_rayleigh_damping_has_the_ratios_at_the_two_frequencies():
     case = beam(**THIN, damping={"kind": "rayleigh", "ratios": ratios})
     modes = build_system(load_scenario(case)).modes
     a, b = np.linalg.solve([[1 / (2 * w), w / 2] for w in (2 * np.pi * 60, 2 * np.pi * 12)], [0.015, 0.01])
-    omega = 2 * np.pi * modes.open_frequencies_hz
-    np.testing.assert_allclose(modes.damping_ratios, a / (2 * omega) + b * omega / 2, rtol=1e-12)
+    omega = 2 * np.pi * modes["open_frequencies_hz"].values
+    np.testing.assert_allclose(modes["damping_ratios"].values, a / (2 * omega) + b * omega / 2, rtol=1e-12)
 
 
 def test_derivatives_by_every_number_of_segments_springs_and_rotary_masses():

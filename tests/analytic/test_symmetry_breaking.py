@@ -113,7 +113,7 @@ def test_a_fold_in_frequency():
 
 def integrated(result, branch, k, kick=0.0):
     """State of the masses after a period by an eighth-order Runge-Kutta method, from a point of a branch."""
-    shapes = result.modes.shapes.T
+    shapes = result["modes"]["shapes"].values.T
     y0 = np.concatenate([shapes @ branch.coordinates[k], shapes @ branch.coordinate_velocities[k]])
     y0[-1] += kick
 

@@ -76,7 +76,7 @@ def test_frequencies_preload_and_the_levels_that_open_and_close():
     scenario = load_scenario(CONFIG, [*finer, "run.duration=0.01 s", "run.convergence=off", "run.sample_rate=2 kHz"])
     result = beamsim.run(scenario)
     frequencies = np.sqrt(panel.squares[:6]) / (2 * np.pi)
-    np.testing.assert_allclose(result.modes.open_frequencies_hz[:6], frequencies, rtol=5e-4)
+    np.testing.assert_allclose(result["modes"]["open_frequencies_hz"].values[:6], frequencies, rtol=5e-4)
     assert result.summary["static_force_n"]["near"] == pytest.approx(preload, rel=3e-4)
     level = result.summary["gapping"]["near"]["share_of_level"] * scenario.excitation.level
     assert level == pytest.approx(opens, rel=5e-4)

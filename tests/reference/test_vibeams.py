@@ -19,9 +19,12 @@ def frequencies(system):
     """Natural frequencies of each of the two structures without contact, Hz."""
     modes = system.modes
     left = next(part.stations for part in system.stations.parts if part.body == "left")
-    on_left = np.abs(modes.shapes[:, left]).max(axis=1)
-    is_left = on_left > 1e-6 * np.abs(modes.shapes).max(axis=1)
-    return {"left": modes.open_frequencies_hz[is_left], "right": modes.open_frequencies_hz[~is_left]}
+    on_left = np.abs(modes["shapes"].values[:, left]).max(axis=1)
+    is_left = on_left > 1e-6 * np.abs(modes["shapes"].values).max(axis=1)
+    return {
+        "left": modes["open_frequencies_hz"].values[is_left],
+        "right": modes["open_frequencies_hz"].values[~is_left],
+    }
 
 
 def test_frequencies_are_those_of_an_independent_code_and_near_those_measured():

@@ -9,6 +9,7 @@ from beamsim.plots.animation import scene_of
 from beamsim.plots.bodies import stops_of
 from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
+from beamsim.structures.places import Stations
 
 CASE = {
     "beam": {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0,
@@ -54,7 +55,7 @@ def test_contact_is_slow_and_its_peak_is_shown(result):
 
 def test_a_stop_that_presses_is_drawn_at_the_body(result):
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
+    scene = scene_of(frames, Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result)), "case")
     (stop,) = scene.stops
     scale = np.abs(scene.heights).max() / np.abs(frames.deflection).max()
     assert stop.force.max() > 1.0
@@ -71,7 +72,7 @@ def test_what_is_too_fast_for_the_frames_is_named(fast_hz, missed):
     case = {"chain": {"masses": [1.0, 1.0], "springs": springs}, "probes": [{"name": "m", "mass": 1}], "run": run}
     result = beamsim.run(load_scenario(case))
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
+    scene = scene_of(frames, Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result)), "case")
     assert ("too fast for these frames" in scene.title) == missed
     if missed:  # two cycles of it and more lie between two frames
         assert 0.3 < frames.missed < 1.5
@@ -116,7 +117,7 @@ def test_supports_that_move_are_drawn_where_they_are(pipe):
 
 def test_the_animation_moves_the_supports(pipe):
     frames = frames_of_run(pipe)
-    scene = scene_of(frames, Sketch(pipe.scenario, pipe.modes.stations, stops_of(pipe)), "case")
+    scene = scene_of(frames, Sketch(pipe.scenario, Stations.of_modes(pipe["modes"]), stops_of(pipe)), "case")
     scale = scene.heights.max() / frames.deflection.max()
     moved = np.stack([scene.heights[:, point] for _, point in scene.supports], axis=1)
     np.testing.assert_allclose(moved, scale * ends_of_pipe(frames.time), atol=1e-9 * scale)
@@ -133,6 +134,6 @@ def test_a_contact_is_drawn_with_the_supports_where_they_are():
     case = {"bodies": bodies, "snubbers": [stop], "excitation": {"kind": "forces", "forces": forces},
             "probes": [{"name": "middle", "at": {"body": "pipe", "position": 0.45}}], "run": PIPE["run"]}  # fmt: skip
     result = beamsim.run(load_scenario(case))
-    shape = result.contact.deflection(result.modes)
-    part = next(each.stations for each in result.modes.stations.parts if each.body == "pipe")
+    shape = result.contact.deflection(result["modes"])
+    part = next(each.stations for each in Stations.of_modes(result["modes"]).parts if each.body == "pipe")
     assert shape[part][[0, -1]] == pytest.approx(ends_of_pipe(np.array(result.contact.time)), abs=1e-9)

@@ -154,7 +154,9 @@ def test_every_summary_entry_has_a_type():
 @pytest.mark.parametrize("number", range(16))
 def test_crafted_results_are_shown_or_refused(number, tmp_path):
     """One crafted file of each kept result with two commands; `python -m tests.helpers.crafted_results` tries more."""
-    path = write_crafted(number, tmp_path)
+    path = next(
+        path for k in range(9) if (path := write_crafted(number + k * 16, tmp_path))
+    )  # the first that is storable
     for name in ("info", "info --json"):
         assert outcome(commands(path, tmp_path)[name]) in ("right", "refused")
 

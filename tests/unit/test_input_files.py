@@ -16,6 +16,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
 from beamsim.store.results import load
+from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
 
@@ -52,7 +53,7 @@ def test_files_are_found_where_they_were_beside_the_result_and_in_the_current_fo
         assert {scenario.folder_of(*key).absolute() for key in KEYS} == {folder}
         if folder != matrices.parent:
             shutil.rmtree(folder / "matrices")
-    np.testing.assert_array_equal(build_system(scenario).modes.shapes, result.modes.shapes)
+    np.testing.assert_array_equal(build_system(scenario).modes["shapes"].values, result["modes"]["shapes"].values)
 
 
 def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_was_looked_for(
@@ -67,7 +68,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
         assert "bodies.panel.mass.file = matrices/strip.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
         sketch = sketched(load(file), None)  # from the result's own numbers
-        np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)
+        np.testing.assert_array_equal(sketch.stations.points, Stations.of_modes(result["modes"]).points)
         assert sketch.stops["corner"].gap == result["histories"]["snubber_gap"].sel(snubber="corner").item()
         shutil.copytree(kept, tmp_path / "matrices")
         matrix = tmp_path / "matrices" / "strip.op4"

@@ -1,5 +1,6 @@
 """Labelled datasets: parts by label, units of members, what is missing, and files that do not hold what is declared."""
 
+import re
 from dataclasses import replace
 from pkgutil import resolve_name
 from types import SimpleNamespace
@@ -155,7 +156,8 @@ def test_every_declared_dataset_comes_back_from_a_file(kind, tmp_path):
         sizes = {name: 3 + k for k, (name, of) in enumerate(layout.variables.items()) if of.dims == (name,)}
         sizes = {name: min(size, len(NAMES)) for name, size in sizes.items()}
         given = {name: makers[of.type](tuple(sizes[dim] for dim in of.dims)) for name, of in layout.variables.items()}
-        said = {word: word for word in ("force_unit", "gap_unit", "base_unit", "unit", "quantity")}
+        texts = [text for of in layout.variables.values() for text in (of.unit, of.meaning)]
+        said = {word: word for text in texts for word in re.findall(r"{(\w+)}", text)}
         made = layout.dataset(given, **said)
         assert set(made) == set(layout.variables)
         same(layout.read(from_file(made.read(), tmp_path / f"{layout.name}.h5")), made)

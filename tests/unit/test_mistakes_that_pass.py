@@ -59,7 +59,7 @@ def test_what_takes_energy_out_or_is_free_needs_no_damping(changes, overrides):
 def test_a_note_on_stiffness_follows_the_frequencies():
     """Just below and above a change of 0.1 % of the first frequency, k = 2e-3 of the modal stiffness at the tip."""
     modes = build_system(load_scenario(CASE)).modes
-    first = modes.open_frequencies_hz[0]
+    first = modes["open_frequencies_hz"].values[0]
     mass = 0.27 * 0.05 * 0.005 * 2700 / 4  # of the first mode of a cantilever, at its tip
     k = 2e-3 * mass * (2 * np.pi * first) ** 2
     assert "no effect" in notes({"snubbers": [TIP | {"stiffness": 0.9 * k}]})

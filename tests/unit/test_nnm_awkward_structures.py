@@ -224,5 +224,5 @@ def test_its_table_of_modes_keeps_the_damping_of_the_structure():
     })  # fmt: skip
     system = conservative_system(case)
     assert not system.dynamics.damping.any()
-    np.testing.assert_allclose(system.modes.damping_ratios, [0.4 / (2 * 10.0)], rtol=1e-12)
-    np.testing.assert_allclose(system.modes.closed_damping_ratios, [0.4 / (2 * 20.0)], rtol=1e-12)
+    np.testing.assert_allclose(system.modes["damping_ratios"].values, [0.4 / (2 * 10.0)], rtol=1e-12)
+    np.testing.assert_allclose(system.modes["closed_damping_ratios"].values, [0.4 / (2 * 20.0)], rtol=1e-12)

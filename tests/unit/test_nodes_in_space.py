@@ -10,6 +10,7 @@ from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
 from beamsim.store.results import load, write_result
+from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
 
 GRID = np.array([(x, y, 0.0) for y in (0.0, 0.3, 0.6) for x in (0.0, 0.5, 1.0)])  # of 2 x 2 elements
@@ -76,7 +77,7 @@ def test_animations_move_nodes_with_their_edges(tmp_path):
     drawn = frames.deflection[:, [k for k, number in enumerate(ends) if number == 8]]
     np.testing.assert_allclose(drawn, expected[:, None] * np.ones(drawn.shape[1]), atol=2e-2 * np.abs(expected).max())
     stored = load(write_result(result, tmp_path / "run.h5"))
-    np.testing.assert_array_equal(stored.modes.stations.lines, result.modes.stations.lines)
+    np.testing.assert_array_equal(Stations.of_modes(stored["modes"]).lines, Stations.of_modes(result["modes"]).lines)
 
 
 def test_nodes_without_coordinates_stay_in_a_row(tmp_path):

@@ -9,6 +9,7 @@ from beamsim.plots.drawing import save_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
+from beamsim.structures.places import Stations
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -53,14 +54,14 @@ def test_instant_of_the_largest_contact_force(result, tmp_path):
     assert (
         contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
     )
-    shape = contact.deflection(result.modes)
-    stations = result.modes.stations
+    shape = contact.deflection(result["modes"])
+    stations = Stations.of_modes(result["modes"])
     place = next(part for part in stations.parts if part.body == "tip").stations
     end = shape[place][stations.position[place].argmax()]
     penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
     assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
     write_result(result, tmp_path / "r.h5")
-    np.testing.assert_array_equal(load(tmp_path / "r.h5").contact.deflection(result.modes), shape)
+    np.testing.assert_array_equal(load(tmp_path / "r.h5").contact.deflection(result["modes"]), shape)
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):
@@ -76,7 +77,7 @@ def test_sketch_puts_bodies_joints_and_stops_in_place(result):
     np.testing.assert_allclose(line(ax, "clamped")[0], [0.0, 0.0], atol=1e-12)
     assert line(ax, "mass")[0, 0] == pytest.approx(0.1)
     # stops have the scale of the deflection, and their side
-    shape, stations = result.contact.deflection(result.modes), result.modes.stations
+    shape, stations = result.contact.deflection(result["modes"]), Stations.of_modes(result["modes"])
     place = next(part for part in stations.parts if part.body == "tip").stations
     factor = tip[-1, 1] / shape[place][-1]
     faces = sorted(
@@ -126,6 +127,6 @@ def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
         "probes": [{"name": "end", "at": {"node": 3}}],
     }  # fmt: skip
     result = beamsim.run(load_scenario(case))
-    assert result.modes.stations.parts[0].body == "matrices"
+    assert Stations.of_modes(result["modes"]).parts[0].body == "m"
     files = save_figures(run_figures(result), tmp_path, "m")
     assert {path.name for path in files} >= {"m_displacement.png", "m_spectrum.png"}

@@ -38,7 +38,7 @@ from beamsim.responses.orbit_energies import balanced, largest_error
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ResponseBranch
-from beamsim.results.result import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
@@ -265,9 +265,10 @@ def _gathered(
         motions.append(CoexistingMotion(m.hz, number, m.kind, period, m.stable, *found))
     names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
     return CoexistingResult(
-        scenario=scenario, outcome=COMPLETE, modes=system.modes, motions=tuple(motions), branches=branches,
-        parameter="frequency", unit="Hz", level_unit=scenario.level_unit or "1", frequency_hz=np.array(hz), start=rows,
-        coordinate_names=names, coordinate_units=units, destination=destination, cycles=cycles,
+        scenario=scenario, outcome=COMPLETE, datasets={"modes": system.modes}, motions=tuple(motions),
+        branches=branches, parameter="frequency", unit="Hz", level_unit=scenario.level_unit or "1",
+        frequency_hz=np.array(hz), start=rows, coordinate_names=names, coordinate_units=units,
+        destination=destination, cycles=cycles,
         warnings=(*scenario.warnings, *system.warnings, *curve_warnings(scenario, system.modes, branches)),
     )  # fmt: skip
 
@@ -283,6 +284,7 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
         "not_settled": dict(zip(map("{:g}".format, result.frequency_hz), result.not_settled.tolist(), strict=True)),
         "disturbances": [vars(each) for each in result.disturbances],
         "starts": len(result.start),
+        "dashpots": dashpots_of(result["modes"]),
         "energy_error": largest_error(result.branches),
         **largest_values(marches.model, list(result.branches)),
     }
@@ -293,7 +295,8 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
     fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
     remarks = [] if exceeded is None else [exceeded.but(remedy=fewer)]
-    endless = result.modes.open_frequencies_hz[result.modes.damping_ratios == 0.0]
+    modes = result["modes"]
+    endless = modes["open_frequencies_hz"].values[modes["damping_ratios"].values == 0.0]
     if endless.size and (left.any() or not all(motion.period_cycles for motion in result.motions)):
         sentence = (
             f"the mode at {endless[0]:.4g} Hz has no damping with every stop open, so starts need not settle: motions "
@@ -312,7 +315,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     outcome = together(remarks)
     if asked_to_stop():
         outcome = interruption(f"with {int(np.sum(result.cycles == 0))} starts left", *outcome.unless_complete)
-    return reduction_checked(balanced(outcome, result.branches, "Hz"), marches.scenario, result.modes)
+    return reduction_checked(balanced(outcome, result.branches, "Hz"), marches.scenario, modes)
 
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio

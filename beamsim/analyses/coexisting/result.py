@@ -25,7 +25,7 @@ from beamsim.fields import (
     stored,
     table,
 )
-from beamsim.results.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS
+from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS
 from beamsim.typing import Floats, Ints
 
 _START = Counter("start_number", "number of the start")
@@ -94,7 +94,7 @@ class CoexistingResult(ContinuationResult):
         Entry("starts", "1", "number of starts at each frequency"),
         *OF_STABLE,
         Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy", "solver"),
-        MARGINS, *MODES, *CONVERGENCE, PROCESSOR_TIME,
+        MARGINS, *OF_MODES, *CONVERGENCE, PROCESSOR_TIME,
     )  # fmt: skip
 
     motions: tuple[CoexistingMotion, ...] = table(

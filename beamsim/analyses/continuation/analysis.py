@@ -58,7 +58,7 @@ from beamsim.results.branch import (
     of_states,
     special_result,
 )
-from beamsim.results.result import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
 from beamsim.results.values import (
     DISPLACEMENT,
     LIMITED,
@@ -125,7 +125,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         scenario=scenario,
         outcome=outcome,
         branches=tuple(branches),
-        modes=model.system.modes,
+        datasets={"modes": model.system.modes},
         warnings=_warnings(model, branches),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
@@ -143,6 +143,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         **_summary(model, outcome, branches, folds, processor_time() - processor),
         followed=[_followed(result, branch) for branch in branches],
         overlay=_described(result.overlay),
+        dashpots=dashpots_of(result["modes"]),
     )
 
 

@@ -21,7 +21,6 @@ from beamsim.fields import (
     by_name,
     dataset,
     declared,
-    group,
     list_of,
     members,
     per_probe,
@@ -29,9 +28,9 @@ from beamsim.fields import (
     stored,
 )
 from beamsim.results.branch import FoldBranch, ResponseBranch
-from beamsim.results.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import DISPLACEMENT, VALUES
-from beamsim.system.structural import ModeTable
+from beamsim.system.structural import MODES
 from beamsim.typing import Bools, Floats
 
 NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
@@ -128,7 +127,7 @@ _SUMMARY = (
              form=list_of(record({"level": Number, "observed_orders": list[Number]}))),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
              "solver"),
-    *MODES,
+    *OF_MODES,
     *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip
@@ -171,10 +170,9 @@ class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
     KIND = "continuation"
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASETS = _SUMMARY, (MODES,)
 
     branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch, "branch", rows="points")
-    modes: ModeTable = group("modes", ModeTable)
     parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
     unit: str = attribute("", "its unit")
     snubber: str = attribute("", "snubber whose number is followed", default="")

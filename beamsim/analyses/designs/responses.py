@@ -71,11 +71,10 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
     """All responses of a case that was computed as a whole."""
     if isinstance(result, RunResult):
         return run_responses(result.summary | ({} if result.random is None else result.random.root_mean_squares()))
-    modes, snubbers = result.modes, bool(result.scenario.all_snubbers)
+    modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
     of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
-    return of_curves | _of_frequencies(
-        modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), snubbers
-    )
+    opened, closed = (modes[f"{state}_frequencies_hz"].values.tolist() for state in ("open", "closed"))
+    return of_curves | _of_frequencies(opened, closed, snubbers)
 
 
 def run_responses(figures: Mapping[str, Any]) -> Responses:

@@ -28,10 +28,9 @@ from beamsim.fields import (
 )
 from beamsim.outcomes import Outcome
 from beamsim.responses.orbit_energies import largest_error
-from beamsim.results.branch import ModeBranch, OrbitMotion
+from beamsim.results.branch import STATION, ModeBranch, OrbitMotion
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
-from beamsim.structures.places import Stations
-from beamsim.system.structural import ModeTable
+from beamsim.system.structural import MODES
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 SAFELY = 3.0  # factors this much below the expansion's reach count as small
@@ -42,7 +41,7 @@ _FACTOR = ("factor",)
 _ORDER = ("factor", Counter("order", "order of the expansion", 0))
 _COORDINATE = Counter("coordinate", "number of the coordinate")
 _STEP = (Counter("step", "number of the step"), _ORDER[1])
-_STATIONS = ("instants", "position")
+_STATIONS = ("instants", STATION)
 
 
 @declared
@@ -154,7 +153,7 @@ class ExpansionPath:
     frequency_hz: Floats = dataset("Hz", "frequency to each order", along=_ORDER)  # (E, 3)
     # (E, 3, n) the shape at rest at t = 0
     coordinates: Floats = dataset("kg^0.5 m", "initial vector to each order", along=(*_ORDER, _COORDINATE))
-    initial_displacement: Floats = dataset("m", "deflection at rest to each order", along=(*_ORDER, "position"))
+    initial_displacement: Floats = dataset("m", "deflection at rest to each order", along=(*_ORDER, STATION))
     partner: int = attribute("1", "mode with the largest first-order component")
     harmonic: int = attribute("1", "its harmonic")
     reach: float = attribute("1", "factors should be well below this one")
@@ -177,7 +176,7 @@ class ExactModes:
 
     frequency_hz: Floats = dataset("Hz", "frequency by shooting")
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", _COORDINATE))
-    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
+    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", STATION))
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
 
 
@@ -218,7 +217,7 @@ class RelaxedComparison:
     processor_time_s: Floats = dataset("s", "processor time")
     reached: Bools = dataset("1", "whether the functional fell below the tolerance", flags=("no", "yes"))
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", _COORDINATE))
-    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
+    initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", STATION))
     # nan where a tongue cuts it
     exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting")
     frequency_difference: Floats = dataset("1", "difference of the frequency from the backbone, relative")
@@ -299,20 +298,18 @@ class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 
     KIND = "nnm"
-    SUMMARY, DATASET = _SUMMARY, "shapes"
+    SUMMARY, DATASET, DATASETS = _SUMMARY, "shapes", (MODES,)
 
     mode: int = attribute("1", "number of the mode")
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
     method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
-    stations: Stations = group("", Stations)  # before what is along them
     branches: tuple[ModeBranch, ...] = members("branches", ModeBranch, "branch", rows="points")  # the backbone first
     jumps: tuple[BranchJump, ...] = table("jumps", BranchJump, Counter("jump", "number of the jump"))
     linear_shape: Floats = dataset(
-        "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)
+        "m", "linear mode with the largest deflection of the motion that is drawn", along=(STATION,)
     )
     motion_branch: int = attribute("1", "branch whose motion is drawn: the backbone, or the first non-brake branch")
     motion_point: int = attribute("1", "point of it: the last, or the furthest from rest")
-    modes: ModeTable = group("modes", ModeTable)
     phase_resonance: PhaseResonanceResult | None = group(
         "phase_resonance", PhaseResonanceResult, default=None
     )  # where asked for, as the rest

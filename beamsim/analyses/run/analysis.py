@@ -40,6 +40,7 @@ from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import reached
 from beamsim.results.result import (
     compressed_beyond_tables,
+    dashpots_of,
     deflection_warnings,
     line_warnings,
     reduction_checked,
@@ -155,9 +156,8 @@ def solved(
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=motion.contact if everything else None,
         inputs=system.inputs,
-        datasets={**datasets, "events": motion.events, **bodies},
+        datasets={**datasets, "events": motion.events, **bodies, "modes": system.modes},
         spectra=spectra,
-        modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
@@ -176,7 +176,7 @@ def solved(
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
-    result = result.with_summary(**summary, **figures_of_parts(result, summary))
+    result = result.with_summary(**summary, dashpots=dashpots_of(system.modes), **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(motion, result)
 
@@ -399,7 +399,7 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
                 np.concatenate(states),
                 file["modes/open_frequencies_hz"][()],
                 file["modes/shapes"][()],
-                int(file["modes"].attrs["kept_modes"]),
+                int(file["modes/kept_modes"][()]),
             )
     except InputFileError as error:
         remedy = "run the continuation again"

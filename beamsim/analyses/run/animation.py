@@ -240,7 +240,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
     forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
-    frequencies = [forced, *result.modes.open_frequencies_hz]
+    frequencies = [forced, *result["modes"]["open_frequencies_hz"].values]
     period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))

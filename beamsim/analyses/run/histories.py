@@ -20,7 +20,7 @@ from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, largest, of_angles
 from beamsim.scenario.connections import OfHinge
-from beamsim.system.structural import FORCE_UNITS, StructuralSystem
+from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats
 
 _SLIDING_UNITS = {
@@ -88,11 +88,6 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
         datasets["friction_intervals"] = FRICTION_INTERVALS.dataset(numbers | columns)
     return datasets
-
-
-def contact_units(gap_unit: str) -> dict[str, str]:
-    """Units of what a contact measures, by the words of its declarations."""
-    return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
 
 
 def _known(values: Sequence[float | None]) -> Floats | None:

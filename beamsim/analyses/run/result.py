@@ -33,10 +33,10 @@ from beamsim.fields import (
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset
-from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, VALUES, of_angles
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.system.structural import ContactUnits, ModeTable
+from beamsim.system.structural import MODES, ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
@@ -291,9 +291,9 @@ class ContactInstant:
         along=(Counter("stop", "number of the snubber"),), default=None,
     )  # fmt: skip
 
-    def deflection(self, modes: ModeTable) -> Floats:
+    def deflection(self, modes: Dataset) -> Floats:
         """(nx,) m, relative to the base at the stations."""
-        of_modes = self.coordinates @ modes.shapes
+        of_modes = self.coordinates @ modes["shapes"].values
         return np.asarray(of_modes if self.supports is None else of_modes + self.supports)
 
 
@@ -607,7 +607,7 @@ _SUMMARY = (
           "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
           "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "
           "farther apart than that)", form=list_of(UNRESOLVED_LINE), ranked_by="remainder"),
-    *MODES,
+    *OF_MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),
     Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
@@ -630,13 +630,12 @@ class RunResult(Result):
     """Everything `beamsim run` computes."""
 
     KIND = "run"
-    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS, SRS, MATCHED)
+    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS, SRS, MATCHED, MODES)
 
     method: str = attribute("", "exact, or reference with its integrator")
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
         "signals", Spectrum, "signal", rows="spectra"
     )
-    modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for

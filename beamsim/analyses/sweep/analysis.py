@@ -33,7 +33,7 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.results.result import curve_warnings, reduction_checked
+from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
 from beamsim.results.values import (
     ALWAYS,
     BY_ENTRY,
@@ -203,7 +203,7 @@ def _result(
             for probe in curve.displacement
             for peak in find_peaks(curve, probe, system.modes)
         ),
-        modes=system.modes,
+        datasets={"modes": system.modes},
         work=_sum([work[index].work for index in sorted(work)]),
         levels=work,
         histories={index: run.history for index, run in runs.items() if run.history is not None},
@@ -218,6 +218,7 @@ def _result(
     ).with_summary(
         **summary,
         **contact,
+        dashpots=dashpots_of(system.modes),
         **({} if correction is None else correction.summary()),
     )
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
+from beamsim.labelled import Dataset
 from beamsim.results.values import ALWAYS
 from beamsim.signals.quality import LEAST_PROMINENCE
-from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response
@@ -30,7 +30,7 @@ LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which
 NARROWEST = 0.03  # width of a resonance over its frequency
 
 
-def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[ResponsePeak]:
+def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[ResponsePeak]:
     """Peaks in the displacement of a probe from static equilibrium.
 
     Parameters
@@ -71,7 +71,7 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
 
 
 def _named(
-    curve: SweepCurve, probe: str, modes: ModeTable | None, index: Ints, frequency: Floats, at: int
+    curve: SweepCurve, probe: str, modes: Dataset | None, index: Ints, frequency: Floats, at: int
 ) -> ResponsePeak:
     envelope = curve.displacement[probe]
     f = frequency[at]
@@ -120,7 +120,7 @@ def _around(frequency: Floats, low: float, high: float, fallback: int | None) ->
     return inside if inside.size or fallback is None else np.array([fallback])
 
 
-def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:
+def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
     """Whether a peak of a linear motion is that of a natural frequency, by how far the sweep is behind it.
 
     A stepped sine has no beats. Where some contacts stay open and others closed the natural frequencies are not known.
@@ -128,9 +128,9 @@ def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:
     shares = [share[cycle] for share in curve.contact_share.values()]
     if curve.steady is not None or (min(shares, default=0.0) < 0.5 < max(shares, default=0.0)):
         return True
-    natural, ratios = modes.open_frequencies_hz, modes.damping_ratios
-    if max(shares, default=0.0) >= 0.5:
-        natural, ratios = modes.closed_frequencies_hz, modes.closed_damping_ratios
+    closed = max(shares, default=0.0) >= 0.5
+    natural = modes["closed_frequencies_hz" if closed else "open_frequencies_hz"].values
+    ratios = modes["closed_damping_ratios" if closed else "damping_ratios"].values
     width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST)
     near = slice(max(cycle - 1, 0), cycle + 2)
     rate = np.mean(np.gradient(curve.frequency_hz[near], curve.time[near]))

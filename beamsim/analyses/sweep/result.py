@@ -33,12 +33,12 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.responses.gapping import ContactLevels
 from beamsim.results.branch import ChannelExtremes, OutputExtremes
-from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.signals.quality import QualityPeak, peaks_of
-from beamsim.system.structural import ContactUnits, ModeTable
+from beamsim.system.structural import MODES, ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 OFFSET = 1e-6  # of the peak
@@ -393,7 +393,7 @@ _SUMMARY = (
              form=dict[str, Plain]),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy", "solver"),
     MARGINS,
-    *MODES,
+    *OF_MODES,
     *CONVERGENCE,
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
 )  # fmt: skip
@@ -404,13 +404,12 @@ class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
     KIND = "sweep"
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASETS = _SUMMARY, (MODES,)
 
     kind: str = attribute("", "swept_sine or stepped")
     curves: dict[str, SweepCurve] = members("curves", SweepCurve, "curve", rows="cycles")
     linear: LinearCurve = group("linear", LinearCurve)
     peaks: tuple[ResponsePeak, ...] = table("peaks", ResponsePeak, Counter("peak", "number of the peak"))
-    modes: ModeTable = group("modes", ModeTable)
     work: SweepWork = group("work", SweepWork)
     levels: dict[int, LevelWork] = members(
         "levels", LevelWork, "level_index", default_factory=dict
