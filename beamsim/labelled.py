@@ -271,9 +271,24 @@ class Dataset(Mapping[str, LabelledArray]):
             for path, item in items.items():
                 dims = (last(path),) if item.scale else tuple(map(last, item.axes))
                 if rows.dims[0] in dims:
-                    items[path] = replace(item, array=np.compress(own, item.values, axis=dims.index(rows.dims[0])))
+                    items[path] = _taken(item, own, dims.index(rows.dims[0]))
             found[name] = Dataset(self.name, items)
         return found
+
+    def rows(self, dim: str) -> list[dict[str, Any]]:
+        """The rows of a table: by column their values, None for integers, flags and texts that are not known.
+
+        Parameters
+        ----------
+        dim : that the rows are along; what is along others, too, is no column.
+        """
+        columns = {}
+        for name, array in self.items():
+            if array.dims == (dim,):
+                values = columns[name] = array.values.tolist()
+                for unknown in array.absent:
+                    values[unknown] = None
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def read(self) -> Items:
         """The items of the dataset, all of whose values are read from their file if they were not, and kept."""
@@ -302,6 +317,19 @@ class Dataset(Mapping[str, LabelledArray]):
             raise ImportError("this needs xarray, which is not installed: pip install xarray") from error
         made: xarray.Dataset = make({name: (v.dims, v.values, dict(v.attributes)) for name, v in self.items()})
         return made
+
+
+def _taken(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
+    """A variable at its ``own`` numbers (n,) along an axis, with what its attributes say of these."""
+    attributes = dict(item.attributes)
+    if ABSENT in attributes:
+        flags = np.zeros(item.values.shape, dtype=bool)
+        flags.flat[sorted(item.absent)] = True
+        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(own, flags, axis)).tolist())
+    if OF_EACH in attributes and axis == 0:
+        units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[own].tolist()
+        attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
+    return replace(item, attributes=attributes, array=np.compress(own, item.values, axis))
 
 
 # --- As it is declared -----------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
 from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
-from beamsim.analyses.run.result import RunResult, Work
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
@@ -42,6 +42,7 @@ class FabricatedScenario:
     all_bodies: dict[str, object] = field(default_factory=dict)
     effective_probes: tuple[object, ...] = ()
     located_snubbers: tuple[Located, ...] = ()
+    run: object = field(default_factory=lambda: SimpleNamespace(low_pass=None))
 
     def to_yaml(self) -> str:
         return YAML
@@ -155,11 +156,9 @@ def fabricate(
     datasets = {"histories": histories, "events": events, "modes": modes}
     return RunResult(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
-        method="exact",
         outcome=outcome,
         datasets=datasets | ({} if chain else {"bodies": BODIES.dataset(along)}),
         spectra=spectra,
-        work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),
         summary=summary,
         warnings=("a fabricated warning",),
         wall_time_s=0.25,

@@ -64,7 +64,8 @@ def _output_peaks(result: RunResult, changes: Changes) -> Iterator[str]:
 
 def _inputs(result: RunResult, _: Changes) -> Iterator[str]:
     """Random inputs, and records that were changed."""
-    stated = {each.path for each in result.inputs if is_known(each.from_hz) or each.treatment}
+    rows = result["inputs"].rows("number")
+    stated = {row["path"] for row in rows if is_known(row["from_hz"]) or row["treatment"]}
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
@@ -117,23 +118,23 @@ OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Changes], Iterable[str]]] = {
 def input_texts(result: RunResult) -> dict[str, str]:
     """By path of the excitation the size of a random input or record, its sampling, and how it was made."""
     texts = {}
-    for each in result.inputs:
-        band = f", {each.from_hz:.4g} to {each.to_hz:.4g} Hz" if is_known(each.from_hz) else ""
-        unit = "g" if each.unit == "m/s^2" else each.unit
-        size = f"rms {each.rms / STANDARD_GRAVITY:.4g} g" if unit == "g" else f"rms {amount(each.rms, unit)}"
-        rate = "" if band else f", {amount(each.sample_rate_hz, 'Hz')}"
-        texts[each.path] = f"{size}{band}{rate}{f'; {each.treatment}' if each.treatment else ''}"
+    for row in result["inputs"].rows("number"):
+        band = f", {row['from_hz']:.4g} to {row['to_hz']:.4g} Hz" if is_known(row["from_hz"]) else ""
+        unit, rms = "g" if row["unit"] == "m/s^2" else row["unit"], row["rms"]
+        size = f"rms {rms / STANDARD_GRAVITY:.4g} g" if unit == "g" else f"rms {amount(rms, unit)}"
+        rate = "" if band else f", {amount(row['sample_rate_hz'], 'Hz')}"
+        texts[row["path"]] = f"{size}{band}{rate}{f'; {treatment}' if (treatment := row['treatment']) else ''}"
     return texts
 
 
 def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
     """By value how it changes with the tolerance of each number, the largest change first."""
     texts: dict[str, list[str]] = {}
-    for row in sorted(result.sensitivities, key=lambda row: -abs(row.change)):
-        _, *place, quantity = ("", *row.response.split("/"))[-3:]
-        change = f"{'-' if row.change < 0.0 else '+'}{amount(abs(row.change), row.value_unit, 3)}"
+    for row in sorted(result["sensitivities"].rows("row"), key=lambda row: -abs(row["change"])):
+        _, *place, quantity = ("", *row["response"].split("/"))[-3:]
+        change = f"{'-' if row['change'] < 0.0 else '+'}{amount(abs(row['change']), row['value_unit'], 3)}"
         of_value = texts.setdefault(" of ".join([words(quantity), *place]), [])
-        of_value.append(f"{row.path} +{amount(row.tolerance, row.number_unit, 3)}: {change}")
+        of_value.append(f"{row['path']} +{amount(row['tolerance'], row['number_unit'], 3)}: {change}")
     return texts
 
 

@@ -4,35 +4,49 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan
-from typing import Any, ClassVar
 
-from beamsim.fields import Entry, Plain, dataset, declared
+from beamsim.labelled import Layout, Variable
+
+_NUMBER = ("number",)
+INPUTS = Layout(
+    "inputs",
+    "Size, sampling and treatment of records and random inputs.",
+    {
+        "number": Variable(_NUMBER, "1", "number of the input", int),
+        "path": Variable(_NUMBER, "", "path of the excitation in the scenario", str),
+        "quantity": Variable(_NUMBER, "", "quantity of the input", str),
+        "unit": Variable(_NUMBER, "", "unit of the input", str),
+        "rms": Variable(
+            _NUMBER, "{unit}", "root mean square: of a random input that of its density, clipping included; of a "
+            "record that of its samples as they are used",
+        ),
+        "sample_rate_hz": Variable(
+            _NUMBER, "Hz", "samples per second; those between which the input is interpolated"
+        ),
+        "treatment": Variable(_NUMBER, "", "what was done to make the input, in order", str),
+        "from_hz": Variable(_NUMBER, "Hz", "lower end of the density of a random input; NaN of a record"),
+        "to_hz": Variable(_NUMBER, "Hz", "upper end of that density; NaN of a record"),
+        "line_spacing_hz": Variable(
+            _NUMBER, "Hz", "distance of the sines of a random input; NaN of a record"
+        ),
+    },
+    optional=True,
+)  # fmt: skip
 
 
-@declared
+@dataclass(frozen=True)
 class InputStatement:
-    """Size, sampling and treatment of one input."""
+    """Size, sampling and treatment of one input; see `INPUTS`."""
 
-    ENTRY: ClassVar[Entry] = Entry(
-        "inputs", "", "by path of the excitation, of random inputs and records: rms (of a random input that of its "
-        "density, clipping included), unit, sample_rate_hz, and what was done to make it",
-        form=dict[str, Plain],
-    )  # fmt: skip
-    path: str = dataset("1", "path of the excitation in the scenario")
-    quantity: str = dataset("1", "quantity of the input")
-    unit: str = dataset("1", "unit of the input")
-    rms: float = dataset("", "root mean square: of a random input that of its density, clipping included; of a record "
-                             "that of its samples as they are used")  # fmt: skip
-    sample_rate_hz: float = dataset("Hz", "samples per second; those between which the input is interpolated")
-    treatment: str = dataset("1", "what was done to make the input, in order")
-    from_hz: float = dataset("Hz", "lower end of the density of a random input; nan of a record", default=nan)
-    to_hz: float = dataset("Hz", "upper end of that density; nan of a record", default=nan)
-    line_spacing_hz: float = dataset("Hz", "distance of the sines of a random input; nan of a record", default=nan)
-
-    def summary(self) -> dict[str, Any]:
-        """What a summary states."""
-        keys = ("rms", "unit", "sample_rate_hz", "treatment")
-        return {key: value for key in keys if (value := getattr(self, key)) != ""}
+    path: str
+    quantity: str
+    unit: str
+    rms: float
+    sample_rate_hz: float
+    treatment: str
+    from_hz: float = nan
+    to_hz: float = nan
+    line_spacing_hz: float = nan
 
 
 @dataclass(frozen=True)

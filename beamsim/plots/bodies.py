@@ -163,18 +163,16 @@ def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
 
 def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     """The deflection relative to the base when the contact force is largest; openings of stops to the same scale."""
-    contact = result.contact
-    if contact is None:
-        raise ValueError("no snubber was in contact")
-    shape = contact.deflection(result["modes"])
-    stops = stops_of(result)
-    known = {} if contact.opening is None else dict(zip(stops, contact.opening.tolist(), strict=True))
+    contact, stops = result["contact"], stops_of(result)
+    shape = contact["deflection"].values
+    known = {name: opening.item() for name, opening in contact.by_label("opening").items()}
     openings = {name: known.get(name, s.gap) for name, s in stops.items() if s.gap_unit == "m"}
     largest = max(float(np.abs(shape).max()), *(x for x in openings.values() if math.isfinite(x)), 0.0) or 1.0
     factor, bar = HEIGHT / largest, round_length(largest)
     _sketch(result).draw(ax, shape * factor, factor, openings=known)
+    at = contact.labels("snubber")[contact["contact_snubber"].item()]
     ax.set_title(
-        f"largest contact force, {amount(contact.force, 'N')} at {contact.snubber}, t = {contact.time:.4g} s",
+        f"largest contact force, {amount(contact['force'].item(), 'N')} at {at}, t = {contact['time'].item():.4g} s",
         fontsize="medium", loc="left",
     )  # fmt: skip
     scale_bar(ax, ax.get_xlim()[1], bar * factor, amount(bar, "m"))
@@ -223,7 +221,7 @@ def assembly_figures(result: RunResult) -> dict[str, Picture]:
     drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
     size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
     figures = {"assembly_modes": Picture(result.title, drawn, columns=2, size=size, legend_below=True)}
-    if result.contact is not None:
+    if "contact" in result.datasets:
         plots, size = [partial(plot_assembly_contact, result)], (8.0, 1.6 + 1.4 * rows)
         figures["assembly_contact"] = Picture(result.title, plots, size=size, legend_below=True)
     return figures

@@ -50,7 +50,7 @@ from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.system.structural import FORCE_UNITS
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats, Ints, not_none
 
 MOST_STATES = 2**16  # samples in a phase portrait or force-deflection loop
 CELLS = 20, 120  # along each axis of a phase portrait that is a density, at least and at most
@@ -338,9 +338,9 @@ def spring_forces(result: RunResult, forces: Mapping[str, LabelledArray]) -> Cha
 
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     """Histories of probes, snubbers and outputs, by picture."""
-    limits, filtered = result.scenario.limits, result.low_pass_hz is not None
-    words = f"Acceleration below {result.low_pass_hz:g} Hz" if filtered else "Absolute acceleration"
-    kind = "low_passed_acceleration" if filtered else "absolute_acceleration"
+    limits, low_pass_hz = result.scenario.limits, not_none(result.scenario.run).low_pass
+    words = "Absolute acceleration" if low_pass_hz is None else f"Acceleration below {low_pass_hz:g} Hz"
+    kind = "absolute_acceleration" if low_pass_hz is None else "low_passed_acceleration"
     levels = [*limit_levels(limits, "peak_displacement", both_signs=True), *_faces(result)]
     values = {name: history.values for name, history in result["histories"].by_label("displacement").items()}
     note = _doubts(result, "peak_displacement_m")
@@ -598,14 +598,15 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
     ax : to draw on.
     response : the value, as studies name it.
     """
-    told = sorted((row for row in result.sensitivities if row.response == response), key=lambda row: -abs(row.change))
-    value, rows = told[0].value, np.arange(len(told))
-    change = np.array([row.change for row in told])
-    scale = scale_for(told[0].value_unit, [value, *change])
+    every = (row for row in result["sensitivities"].rows("row") if row["response"] == response)
+    told = sorted(every, key=lambda row: -abs(row["change"]))
+    value, rows = told[0]["value"], np.arange(len(told))
+    change = np.array([row["change"] for row in told])
+    scale = scale_for(told[0]["value_unit"], [value, *change])
     for sign, label, colour in ((1.0, "number + tolerance", DARK), (-1.0, "number - tolerance", PALE)):
         ax.barh(rows, sign * change * scale.factor, 0.6, value * scale.factor, label=label, color=colour)
     ax.axvline(value * scale.factor, color="black", linewidth=0.9)
-    labels = [f"{row.path} ± {amount(row.tolerance, row.number_unit, 3)}" for row in told]
+    labels = [f"{row['path']} ± {amount(row['tolerance'], row['number_unit'], 3)}" for row in told]
     ax.set_yticks(rows, labels, fontsize="x-small")
     ax.invert_yaxis()
     _, *place, quantity = response.split("/")
@@ -633,8 +634,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if (matched := result.datasets.get("matched")) is not None:
         panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
-    if result.sensitivities:
-        names = [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]
+    if told := result.summary.get("sensitivities"):
+        names = [name for q in SHOWN for name in told if name.rpartition("/")[2] == q][:4]
         tornados = [partial(plot_tornado, result, response=name) for name in names]
         if tornados:
             figures["sensitivities"] = Picture(result.title, tornados)

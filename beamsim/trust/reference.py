@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion, output_times, steps_in_time
-from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, RunResult
+from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import values_of_motion
 from beamsim.errors import Problem, ScenarioError
@@ -50,7 +50,7 @@ def tolerance_of(text: str) -> float:
 
 
 def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
-    """The result with a comparison with the reference integrator, in `RunResult.against` and in its summary.
+    """The result with a comparison with the reference integrator, in its summary.
 
     There is none, but a warning, where either of the two ended before the run does. The result is not reliable where
     its displacements are not those of the reference, and a warning says from when on the two have other contacts.
@@ -65,7 +65,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
 
     Returns
     -------
-    RunResult : the same result with ``against`` and ``summary["against"]``.
+    RunResult : the same result with ``summary["against"]``.
     """
     if result.outcome.ended_early:
         return _without(result, f"the run is {result.status}")
@@ -85,16 +85,14 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     if motion.outcome.ended_early:
         return _without(result, f"the reference integrator is {motion.outcome.text}")
     compared = _compared(result, motion)
-    return _judged(
-        replace(result, against=compared, summary={**result.summary, "against": _summary(compared)}), compared
-    )
+    return _judged(replace(result, summary={**result.summary, "against": compared}), compared)
 
 
-def _judged(result: RunResult, compared: Against) -> RunResult:
+def _judged(result: RunResult, compared: Mapping[str, Any]) -> RunResult:
     """The result with what the comparison says of it."""
-    until, outcome, warnings = compared.agrees_until_s, result.outcome, result.warnings
-    if compared.largest_state_difference > ALLOWED_CHANGE:
-        apart = f"displacements differ by {100 * compared.largest_state_difference:.2g} % from the {compared.method}"
+    until, outcome, warnings = compared["agrees_until_s"], result.outcome, result.warnings
+    if (difference := compared["largest_state_difference"]) > ALLOWED_CHANGE:
+        apart = f"displacements differ by {100 * difference:.2g} % from the {compared['method']}"
         remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
         outcome = outcome.but(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
     if until < result["histories"]["time"].values[-1]:
@@ -110,7 +108,8 @@ def _without(result: RunResult, reason: str) -> RunResult:
     return replace(result, warnings=(*result.warnings, f"no comparison with the reference integrator: {reason}"))
 
 
-def _compared(result: RunResult, motion: RunMotion) -> Against:
+def _compared(result: RunResult, motion: RunMotion) -> dict[str, Any]:
+    """The comparison for the summary: by figure and place the value of the run and of the reference."""
     exact, stepped = result.summary, values_of_motion(motion)
     histories, end = not_none(motion.histories), motion.marched.end
     ours, theirs = _events(result["events"], end), _events(motion.events, end)
@@ -121,21 +120,24 @@ def _compared(result: RunResult, motion: RunMotion) -> Against:
         known = displacement.values[:count]
         apart = np.abs(histories.of(DISPLACEMENT)[: known.size, i] - known).max(initial=0.0)
         difference = max(difference, float(apart) / max(float(np.abs(displacement.values).max()), 1e-300))
-    return Against(
-        method=motion.method,
-        evaluations=motion.work.evaluations,
-        agrees_until_s=diverged,
-        largest_state_difference=difference,
-        largest_time_difference_s=_largest_time_difference(ours.until(diverged), theirs.until(diverged)),
-        processor_time_s=motion.work.processor_time_s,
-        exact_processor_time_s=result.work.processor_time_s,
-        figures=tuple(
-            AgainstFigure(label, place, unit or exact["output_unit"][place], float(value), float(other))
-            for name, label, unit in COMPARED
-            if name in exact and name in stepped
-            for (place, value), (_, other) in zip(places(exact[name]), places(stepped[name]), strict=True)
-        ),
-    )
+    figures: dict[str, dict[str, Any]] = {}
+    for name, label, unit in COMPARED:
+        if name in exact and name in stepped:
+            both = zip(places(exact[name]), places(stepped[name]), strict=True)
+            figures[label.replace(" ", "_")] = {
+                place: {"exact": float(value), "stepped": float(other), "unit": unit or exact["output_unit"][place]}
+                for (place, value), (_, other) in both
+            }
+    return {
+        "method": motion.method,
+        "evaluations": motion.work.evaluations,
+        "agrees_until_s": diverged,
+        "largest_state_difference": difference,
+        "largest_time_difference_s": _largest_time_difference(ours.until(diverged), theirs.until(diverged)),
+        "processor_time_s": motion.work.processor_time_s,
+        "exact_processor_time_s": exact["processor_time_s"],
+        "figures": figures,
+    }
 
 
 def _events(events: Dataset, end: float) -> ContactEvents:
@@ -149,12 +151,3 @@ def _largest_time_difference(ours: ContactEvents, theirs: ContactEvents) -> floa
     pairs = [(ours.time[ours.contact == k], theirs.time[theirs.contact == k]) for k in np.unique(ours.contact)]
     common = [(a[: min(a.size, b.size)], b[: min(a.size, b.size)]) for a, b in pairs]
     return max((float(np.abs(a - b).max(initial=0.0)) for a, b in common), default=0.0)
-
-
-def _summary(compared: Against) -> dict[str, Any]:
-    """The comparison as plain values: by figure and place the value of the run and of the reference."""
-    figures: dict[str, dict[str, Any]] = {}
-    for figure in compared.figures:
-        values = {"exact": figure.exact, "stepped": figure.stepped, "unit": figure.unit}
-        figures.setdefault(figure.figure.replace(" ", "_"), {})[figure.place] = values
-    return {**vars(compared), "figures": figures}

@@ -223,7 +223,7 @@ def test_the_pull_of_a_latch_counts_in_a_run_its_limits_impacts_and_derivatives(
         for change in (1.0, -1.0)
     )  # fmt: skip
     by_stiffness = 0.5 * (stiffer.summary["peak_force_n"]["s"] - softer.summary["peak_force_n"]["s"])
-    found = result.gradients()["snubbers/s/peak_force"]["chain.snubbers.s.stiffness"]["derivative"]
+    found = result.summary["sensitivities"]["snubbers/s/peak_force"]["chain.snubbers.s.stiffness"]["derivative"]
     assert found == pytest.approx(by_stiffness, rel=1e-5)
 
 

@@ -76,7 +76,7 @@ def test_small_levels_with_backlash_are_linear():
     overrides = {"sweep.levels": ["0.02 g"], "sweep.from": "45 Hz", "sweep.to": "62 Hz"}
     result = sweep(load_scenario(CONFIGS / "sweep_backlash.yaml", overrides))
     curve = result.curves["up_0"]
-    assert result.work.events == 0
+    assert result.summary["solver_events"] == 0
     peak = max((p for p in result.peaks if p.probe == "tip"), key=lambda p: p.value_m)
     assert peak.kind == "linear resonance"
     assert peak.frequency_hz == pytest.approx(result["modes"]["open_frequencies_hz"].values[0], rel=0.01)

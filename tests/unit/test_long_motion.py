@@ -74,8 +74,8 @@ def histories(result):
 
 def test_a_motion_in_chunks_is_that_which_is_kept(both):
     whole, parts = both
-    assert parts.work.events == whole.work.events > 20
-    assert parts.work.segments == whole.work.segments > PIECES
+    assert parts.summary["solver_events"] == whole.summary["solver_events"] > 20
+    assert parts.summary["segments"] == whole.summary["segments"] > PIECES
     for name, values in histories(whole).items():
         round_off = 1e-12 * np.abs(values).max()  # sums of products depend on how many are taken together
         np.testing.assert_allclose(histories(parts)[name], values, rtol=0, atol=round_off, err_msg=name)

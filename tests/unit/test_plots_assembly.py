@@ -50,18 +50,17 @@ def line(ax, label, number=0):
 
 
 def test_instant_of_the_largest_contact_force(result, tmp_path):
-    contact, at = result.contact, stops_of(result)[result.contact.snubber]
-    assert (
-        contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
-    )
-    shape = contact.deflection(result["modes"])
+    contact, peaks = result["contact"], result.summary["peak_force_n"]
+    name = contact.labels("snubber")[contact["contact_snubber"].item()]
+    force, shape, at = contact["force"].item(), contact["deflection"].values, stops_of(result)[name]
+    assert force == peaks[name] == max(peaks.values())
     stations = Stations.of_modes(result["modes"])
     place = next(part for part in stations.parts if part.body == "tip").stations
     end = shape[place][stations.position[place].argmax()]
     penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
-    assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
+    assert at.stiffness * penetration == pytest.approx(force, rel=1e-6)
     write_result(result, tmp_path / "r.h5")
-    np.testing.assert_array_equal(load(tmp_path / "r.h5").contact.deflection(result["modes"]), shape)
+    np.testing.assert_array_equal(load(tmp_path / "r.h5")["contact"]["deflection"], shape)
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):
@@ -77,7 +76,7 @@ def test_sketch_puts_bodies_joints_and_stops_in_place(result):
     np.testing.assert_allclose(line(ax, "clamped")[0], [0.0, 0.0], atol=1e-12)
     assert line(ax, "mass")[0, 0] == pytest.approx(0.1)
     # stops have the scale of the deflection, and their side
-    shape, stations = result.contact.deflection(result["modes"]), Stations.of_modes(result["modes"])
+    shape, stations = result["contact"]["deflection"].values, Stations.of_modes(result["modes"])
     place = next(part for part in stations.parts if part.body == "tip").stations
     factor = tip[-1, 1] / shape[place][-1]
     faces = sorted(
@@ -94,7 +93,7 @@ def test_single_bodies_have_no_sketch():
         load_scenario({**SHAKEN, "beam": {k: v for k, v in BEAM.items() if k != "kind"} | {"length": 0.3}})
     )
     assert set(body_figures(one)) == {"deflected_shapes"}
-    assert one.contact is None
+    assert "contact" not in one.datasets
 
 
 def test_plate_pictures_fill_their_figure_and_name_the_snubbers():

@@ -28,7 +28,7 @@ def asked(case, *numbers, **run):
 
 
 def slope(result, response, path):
-    return result.gradients()[response][path]["derivative"]
+    return result.summary["sensitivities"][response][path]["derivative"]
 
 
 def test_the_largest_force_of_an_oscillator_follows_from_its_energy():
@@ -151,14 +151,14 @@ def test_derivatives_are_those_of_whole_runs_beside_it(name):
     plain = load_scenario(case)
     result = beamsim.run(scenario)
     assert result.summary["events"] >= 4
-    values = {each.response: each.value for each in result.sensitivities}
+    values = {row["response"]: row["value"] for row in result["sensitivities"].rows("row")}
     for number in (resolve_parameter(scenario, each) for each in scenario.run.sensitivities):
         step = 2e-6 * abs(number.nominal)
         sides = [
             run_responses(beamsim.run(with_values(plain, dict.fromkeys(number.places, number.nominal + h))).summary)
             for h in (step, -step, 2.0 * step, -2.0 * step)
         ]
-        for response, of in result.gradients().items():
+        for response, of in result.summary["sensitivities"].items():
             up, down, up_2, down_2 = (side[response] for side in sides)
             expected = (8.0 * (up - down) - (up_2 - down_2)) / (12.0 * step)
             scale = abs(values[response] / number.nominal)
@@ -242,7 +242,7 @@ def test_a_grazing_contact_is_named(distance, said):
     case = OSCILLATOR | {"chain": {**OSCILLATOR["chain"], "snubbers": [{**STOP, "gap": gap}]}}
     result = beamsim.run(asked(case, {"path": "chain.snubbers.stop.gap", "tolerance": "0.02 mm"}))
     notes = [text for text in result.warnings if "run.sensitivities" in text]
-    told = result.gradients()["snubbers/stop/peak_force"]["chain.snubbers.stop.gap"]
+    told = result.summary["sensitivities"]["snubbers/stop/peak_force"]["chain.snubbers.stop.gap"]
     if said:
         assert len(notes) == 1
         assert said in notes[0]
@@ -269,10 +269,10 @@ def test_the_result_file_has_them(tmp_path):
     )
     write_result(result, tmp_path / "case.h5")
     again = load(tmp_path / "case.h5")
-    assert again.sensitivities == result.sensitivities
-    row = again.gradients()["probes/mass/min_displacement"]["chain.snubbers.stop.gap"]
+    assert again["sensitivities"].rows("row") == result["sensitivities"].rows("row")
+    row = again.summary["sensitivities"]["probes/mass/min_displacement"]["chain.snubbers.stop.gap"]
     assert row["change"] == row["derivative"] * row["tolerance"] == pytest.approx(row["derivative"] * 1e-4)
-    assert result.summary["sensitivities"] == result.gradients()
+    assert again.summary["sensitivities"] == result.summary["sensitivities"]
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,7 @@ def test_a_number_that_nothing_follows_is_refused_with_what_would_follow_it():
 def test_they_are_printed_and_drawn_the_most_important_first():
     numbers = [{"path": "chain.snubbers.stop.gap", "tolerance": "0.1 mm"}, "chain.snubbers.stop.stiffness"]
     result = beamsim.run(asked(OSCILLATOR, *numbers))
-    of = result.gradients()["snubbers/stop/peak_force"]
+    of = result.summary["sensitivities"]["snubbers/stop/peak_force"]
     by_gap, by_stiffness = (of[f"chain.snubbers.stop.{name}"]["change"] for name in ("gap", "stiffness"))
     assert abs(by_gap) > abs(by_stiffness)
     screen = run_screen(result).text(result, ["case.h5"])

@@ -16,7 +16,13 @@ import numpy as np
 
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
-from beamsim.analyses.run.histories import aliased_in_histories, bodies_of_run, datasets_of, without_histories
+from beamsim.analyses.run.histories import (
+    aliased_in_histories,
+    bodies_of_run,
+    contact_of_run,
+    datasets_of,
+    without_histories,
+)
 from beamsim.analyses.run.motion import (
     EVERYTHING,
     Evaluation,
@@ -34,7 +40,7 @@ from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_r
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import is_as_written, reading
 from beamsim.hdf5 import open_hdf5
-from beamsim.inputs.statements import InputStatement
+from beamsim.inputs.statements import INPUTS, InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import reached
@@ -149,17 +155,17 @@ def solved(
     spectra: dict[tuple[str, str], Spectrum] = {}
     if everything or needed.root_mean_squares:
         spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
-    bodies = bodies_of_run(motion, evaluation) if everything else {}
+    datasets |= bodies_of_run(motion, evaluation) if everything else {}
+    if everything and motion.contact is not None:
+        datasets["contact"] = contact_of_run(system, motion.contact)
+    if system.inputs:
+        units = [{"unit": each.unit} for each in system.inputs]
+        datasets["inputs"] = INPUTS.table(system.inputs, units)
     result = RunResult(
         scenario=scenario,
-        method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
-        contact=motion.contact if everything else None,
-        inputs=system.inputs,
-        datasets={**datasets, "events": motion.events, **bodies, "modes": system.modes},
+        datasets={**datasets, "events": motion.events, "modes": system.modes},
         spectra=spectra,
-        work=motion.work,
-        low_pass_hz=settings.low_pass,
     )
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
@@ -250,10 +256,9 @@ def _asked_for(
     if settings.sensitivities:
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
-        unknown = result.sensitivities, list[str]()
-        fields["sensitivities"], remarks = evaluation.computed(
-            "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
-        )
+        unknown: tuple[Dataset | None, list[str]] = None, []
+        found, remarks = evaluation.computed("sensitivities", lambda: sensitivities_of(scenario, motion), unknown)
+        datasets |= {} if found is None else {"sensitivities": found}
         notes += remarks
     if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
         datasets["matched"] = matched_spectrum(system, matched[0], matched[1])

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
-from beamsim.analyses.run.layouts import BODIES, FRICTION_INTERVALS, HISTORIES
-from beamsim.analyses.run.motion import Evaluation, RunMotion
+from beamsim.analyses.run.layouts import BODIES, CONTACT, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.motion import Evaluation, LargestContact, RunMotion
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
@@ -308,3 +308,26 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
             parts = zip(known, unknown, strict=True)
             values[name] = np.concatenate([nan if of_body is None else of_body for of_body, nan in parts])
     return {"bodies": BODIES.dataset(values)}
+
+
+def contact_of_run(system: StructuralSystem, largest: LargestContact) -> Dataset:
+    """The motion when the contact force is largest, as a dataset of the result, for the sketch of several bodies.
+
+    Parameters
+    ----------
+    system : of several bodies.
+    largest : contact force of its motion.
+    """
+    places = [place for body in system.bodies for place in body.places]
+    supports = system.with_supports(places, np.array([largest.time]))[0]
+    deflection = largest.state[: system.dynamics.size] @ system.deflection.T
+    values = {
+        "time": largest.time,
+        "contact_snubber": largest.snubber,
+        "force": largest.force,
+        "station": np.arange(1, deflection.size + 1),
+        "deflection": deflection + supports if supports.any() else deflection,
+        "snubber": [snubber.name for snubber in system.snubbers],
+        "opening": largest.opening[: len(system.snubbers)],
+    }
+    return CONTACT.dataset(values, {"snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers]})

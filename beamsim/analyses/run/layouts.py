@@ -232,3 +232,44 @@ FRICTION_INTERVALS = Layout(
     },
     optional=True,
 )
+CONTACT = Layout(
+    "contact",
+    "The motion of several bodies when the largest contact force of all snubbers acts.",
+    {
+        "time": Variable((), "s", "when that is"),
+        "contact_snubber": Variable((), "1", "at which snubber, number from 0", int, names="contact/snubber"),
+        "force": Variable((), "N", "that force"),
+        "station": Variable(_STATION, "1", "number of the station of the mode shapes", int),
+        "deflection": Variable(_STATION, "m", "deflection relative to the base then"),
+        "snubber": Variable(("snubber",), "1", "name of the snubber", str),
+        "opening": Variable(
+            ("snubber",), "{gap_unit}", "distance to its face as it is then; 0 while it touches or is held"
+        ),
+    },
+    optional=True,
+)  # fmt: skip
+_ROW = ("row",)
+SENSITIVITIES = Layout(
+    "sensitivities",
+    "How values of the run change with numbers of its scenario.",
+    {
+        "row": Variable(_ROW, "1", "number of the derivative", int),
+        "response": Variable(_ROW, "", "name of the value, as in studies", str),
+        "value": Variable(_ROW, "{value_unit}", "the value"),
+        "value_unit": Variable(_ROW, "", "SI unit of the value", str),
+        "derivative": Variable(
+            _ROW, "({value_unit})/({number_unit})", "derivative of the value by the number"
+        ),
+        "path": Variable(_ROW, "", "path of the number", str),
+        "number_unit": Variable(_ROW, "", "SI unit of the number", str),
+        "number": Variable(_ROW, "{number_unit}", "the number"),
+        "tolerance": Variable(_ROW, "{number_unit}", "tolerance of the number"),
+        "holds_within": Variable(
+            _ROW, "{number_unit}", "smallest change of the number that makes or takes away a contact"
+        ),
+        "change": Variable(
+            _ROW, "{value_unit}", "change of the value with the tolerance, derivative times tolerance"
+        ),
+    },
+    optional=True,
+)  # fmt: skip

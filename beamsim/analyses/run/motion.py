@@ -17,7 +17,6 @@ from beamsim.analyses.run.fatigue import PlateStress, StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
 from beamsim.analyses.run.layouts import EVENTS
-from beamsim.analyses.run.result import ContactInstant, Work
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import channel_extrema, outputs_of
 from beamsim.flow.compiled import processor_time
@@ -165,6 +164,16 @@ class Evaluation:
         return instead
 
 
+class Work(NamedTuple):
+    """Work of the solver."""
+
+    events: int  # of contacts, those of springs and friction included
+    evaluations: int  # of the event functions
+    segments: int  # between events
+    states: int  # of contacts, that were diagonalised
+    processor_time_s: float
+
+
 @dataclass
 class RunMotion:
     """The motion of a run, from the closed form or from time stepping."""
@@ -178,7 +187,7 @@ class RunMotion:
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     contact_share: Floats
     histories: Histories | None = None  # at the output times
-    contact: ContactInstant | None = None  # when the contact force is largest, of several bodies
+    contact: LargestContact | None = None  # of several bodies
     states: Floats | None = None  # (nt, 2n or more) at the times that were asked for; of a time-stepped motion none
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form, its last part where not all is kept
@@ -466,7 +475,7 @@ class ChunkValues:
     ) -> None:
         self.system, self.balance, self.extremes = system, EnergyBalance(), dict[Key, Extreme]()
         self.extreme_states, self._extreme_times = np.zeros((2, flow.size)), np.full(2, np.nan)
-        self.contact: ContactInstant | None = None
+        self.contact: LargestContact | None = None
         self.low_passed: LowPassed | None = None
         channels = searched(system.channels) if needed.entries is None else needed.searched(system.channels)
         if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
@@ -515,15 +524,17 @@ class ChunkValues:
             if largest is not None and (self.contact is None or largest.time != self.contact.time):
                 at, flow = np.array([largest.time]), chunk.flow
                 opening = chunk.sample(at, lambda phases: flow.at(phases).openings)[0]
-                self.contact = contact_instant(self.system, largest, chunk.states_at(at)[0], opening)
+                self.contact = largest._replace(state=chunk.states_at(at)[0], opening=opening)
 
 
 class LargestContact(NamedTuple):
-    """The largest contact force of a motion."""
+    """The largest contact force of a motion, and the motion then."""
 
     snubber: int
     force: float  # N
     time: float  # s
+    state: Floats = np.zeros(0)  # (2n or more,)
+    opening: Floats = np.zeros(0)  # (snubbers or more,) distances to the faces
 
 
 def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
@@ -532,26 +543,6 @@ def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestCont
     forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
     at = int(forces.argmax())
     return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
-
-
-def contact_instant(
-    system: StructuralSystem, largest: LargestContact, state: Floats, opening: Floats
-) -> ContactInstant:
-    """The motion when a contact force is largest, for the sketch of several bodies.
-
-    Parameters
-    ----------
-    system : of several bodies.
-    largest : which force, and when.
-    state : (2n or more,) then.
-    opening : (snubbers or more,) m, distances to the faces then.
-    """
-    places = [place for body in system.bodies for place in body.places]
-    supports = system.with_supports(places, np.array([largest.time]))[0]
-    return ContactInstant(
-        largest.time, system.snubbers[largest.snubber].name, largest.force, state[: system.dynamics.size],
-        supports=supports if supports.any() else None, opening=opening[: len(system.snubbers)],
-    )  # fmt: skip
 
 
 def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:

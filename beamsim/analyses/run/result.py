@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.layouts import BODIES, EVENTS, FRICTION_INTERVALS, HISTORIES, MATCHED, SRS
+from beamsim.analyses.run.layouts import (
+    BODIES,
+    CONTACT,
+    EVENTS,
+    FRICTION_INTERVALS,
+    HISTORIES,
+    MATCHED,
+    SENSITIVITIES,
+    SRS,
+)
 from beamsim.fields import (
     ByName,
     Counter,
@@ -31,7 +40,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.statements import InputStatement
+from beamsim.inputs.statements import INPUTS
 from beamsim.labelled import Dataset
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, VALUES, of_angles
@@ -271,43 +280,6 @@ class Spectrum:
         return frequency.mean(axis=1), 10.0 * np.log10(np.mean(10.0 ** (level / 10.0), axis=1))
 
 
-@declared
-class ContactInstant:
-    """The motion when the contact force is largest."""
-
-    time: float = attribute("s", "when the largest contact force of all snubbers acts")
-    snubber: str = attribute("", "at which snubber")
-    force: float = attribute("N", "that force")
-    coordinates: Floats = dataset(
-        "kg^0.5 m", "coordinates of the reduced model: the deflection is their sum over the mode shapes",
-        along=(Counter("mode", "mode number"),),
-    )  # fmt: skip
-    supports: Floats | None = dataset(
-        "m", "deflection at the stations of what moves with supports, which no mode has",
-        along=(Counter("station", "station number"),), default=None,
-    )  # fmt: skip
-    opening: Floats | None = dataset(
-        "m", "distance of each snubber to its face as it is then; 0 while it touches or is held",
-        along=(Counter("stop", "number of the snubber"),), default=None,
-    )  # fmt: skip
-
-    def deflection(self, modes: Dataset) -> Floats:
-        """(nx,) m, relative to the base at the stations."""
-        of_modes = self.coordinates @ modes["shapes"].values
-        return np.asarray(of_modes if self.supports is None else of_modes + self.supports)
-
-
-@declared
-class Work:
-    """Work of the solver."""
-
-    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
-    evaluations: int = attribute("1", "evaluations of the event functions")
-    segments: int = attribute("1", "time segments between events")
-    states: int = attribute("1", "contact states that were diagonalised")
-    processor_time_s: float = attribute("s", "processor time of the solver alone")
-
-
 def over_limit(
     frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats | None]]
 ) -> dict[str, tuple[float, float]]:
@@ -471,56 +443,6 @@ def misfit_of_matched(matched: Dataset) -> dict[str, float]:
     }
 
 
-@declared
-class AgainstFigure:
-    """One value of a run and of the reference integrator."""
-
-    figure: str = dataset("1", "what is compared")
-    place: str = dataset("1", "name of the probe or snubber")
-    unit: str = dataset("1", "unit of both values")
-    exact: float = dataset("", "value of the run, in its unit")
-    stepped: float = dataset("", "value of the reference integrator, in its unit")
-
-
-@declared
-class Against:
-    """A run compared with the reference integrator."""
-
-    method: str = attribute("", "integrator with its relative tolerance")
-    evaluations: int = attribute("1", "of the equations by the integrator")
-    agrees_until_s: float = attribute("s", "time from which the sequences of contacts differ; else the end of the run")
-    largest_state_difference: float = attribute(
-        "1", "largest difference of a probe's displacement until then, over its peak"
-    )
-    largest_time_difference_s: float = attribute("s", "largest difference of the times of contacts until then")
-    processor_time_s: float = attribute("s", "processor time of the reference integrator")
-    exact_processor_time_s: float = attribute("s", "processor time of the run's solver")
-    figures: tuple[AgainstFigure, ...] = table(
-        "figures", AgainstFigure, Counter("number", "number of the figure"), default=()
-    )
-
-
-@declared
-class Derivative:
-    """How a value of a run changes with a number of its scenario."""
-
-    response: str = dataset("1", "name of the value, as in studies")
-    value: float = dataset("", "the value")
-    value_unit: str = dataset("1", "SI unit of the value")
-    derivative: float = dataset("", "derivative of the value by the number, in SI units")
-    path: str = dataset("1", "path of the number")
-    number_unit: str = dataset("1", "SI unit of the number")
-    number: float = dataset("", "the number")
-    tolerance: float = dataset("", "tolerance of the number")
-    holds_within: float = dataset("", "smallest change of the number that makes or takes away a contact")
-
-    @property
-    @stored(dataset("", "change of the value with the tolerance, derivative times tolerance"))
-    def change(self) -> float:
-        """In the unit of the value."""
-        return self.derivative * self.tolerance
-
-
 LINE = record(
     {"probe": Text, "quantity": Text, "kind": Text,
      **dict.fromkeys(("order", "frequency_hz", "amplitude", "amplitude_db"), Number)},
@@ -542,7 +464,8 @@ RATIOS = ("crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", 
 MISFIT = record(dict.fromkeys(("lowest_db", "highest_db", "from_hz", "to_hz", "quality"), Number))
 _SUMMARY = (
     STATUS,
-    InputStatement.ENTRY,
+    Entry("inputs", "", "by path of the excitation, of random inputs and records: rms (of a random input that of its "
+          "density, clipping included), unit, sample_rate_hz, and what was done to make it", form=dict[str, Plain]),
     BY_ENTRY["contact_share"].summary_entry(),
     BY_ENTRY["contacts"].summary_entry(),
     Entry("events", "1", "closings and openings of all snubbers"),
@@ -613,12 +536,16 @@ _SUMMARY = (
     Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
              "change of the value with it, and the change of the number within which it holds, in SI units",
              form=dict[str, dict[str, Plain]]),
-    Entry("method", of="method", section="solver"),
+    Entry("method", "", "exact, or reference with its integrator", "solver", form=Text),
     Entry("samples", "1", "samples of the histories", "solver"),
     Entry("memory_bytes", "B", "bound on what the run keeps in memory, run.memory", "solver"),
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more",
              "solver"),
-    PROCESSOR_TIME._replace(of="work.processor_time_s"),
+    Entry("solver_events", "1", "contact events, those of springs and friction included", "solver"),
+    Entry("evaluations", "1", "evaluations of the event functions", "solver"),
+    Entry("segments", "1", "time segments between events", "solver"),
+    Entry("contact_states", "1", "contact states that were diagonalised", "solver"),
+    PROCESSOR_TIME,
     *CorrectionSize.ENTRIES,
     Entry("against", "", "differences from the reference integrator (`--against`) by value, and the cost of both",
              form=COMPARED),
@@ -630,39 +557,19 @@ class RunResult(Result):
     """Everything `beamsim run` computes."""
 
     KIND = "run"
-    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, BODIES, FRICTION_INTERVALS, SRS, MATCHED, MODES)
+    SUMMARY = _SUMMARY
+    DATASETS = (
+        INPUTS, HISTORIES, EVENTS, BODIES, CONTACT, FRICTION_INTERVALS, SRS, MATCHED, SENSITIVITIES, MODES,
+    )  # fmt: skip
 
-    method: str = attribute("", "exact, or reference with its integrator")
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
         "signals", Spectrum, "signal", rows="spectra"
     )
-    work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
-    against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
-    contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
     impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them
     fatigue: dict[str, Fatigue] = members(
         "fatigue", Fatigue, "body", default_factory=dict
     )  # by body, where run.fatigue asks for it
-
-    sensitivities: tuple[Derivative, ...] = table(  # by the numbers of run.sensitivities
-        "sensitivities", Derivative, Counter("row", "number of the derivative"), default=()
-    )
-
-    inputs: tuple[InputStatement, ...] = table(  # records and random inputs
-        "inputs", InputStatement, Counter("number", "number of the input"), default=()
-    )
-    low_pass_hz: float | None = attribute(
-        "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
-    )
-
-    def gradients(self) -> dict[str, dict[str, dict[str, float]]]:
-        """By value, as studies name it, and path of a number: derivative, tolerance, change, holds_within, in SI."""
-        found: dict[str, dict[str, dict[str, float]]] = {}
-        for each in self.sensitivities:
-            told = {key: getattr(each, key) for key in ("derivative", "tolerance", "change", "holds_within")}
-            found.setdefault(each.response, {})[each.path] = told
-        return found
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
@@ -675,7 +582,8 @@ class RunResult(Result):
         if entry.name == "against" and keys[-1] in ("exact", "stepped"):
             return str(record["unit"])
         if entry.name == "sensitivities":
-            of = next(each for each in self.sensitivities if (each.response, each.path) == place)
-            units = {"change": of.value_unit, "tolerance": of.number_unit, "holds_within": of.number_unit}
-            return units.get(keys[0], "1")
+            rows = self["sensitivities"].rows("row")
+            of = next(row for row in rows if (row["response"], row["path"]) == place)
+            units = {"change": of["value_unit"], "tolerance": of["number_unit"], "holds_within": of["number_unit"]}
+            return str(units.get(keys[0], "1"))
         return super().unit_of(entry, place, keys, record)

@@ -22,14 +22,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.layouts import SENSITIVITIES
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.result import Derivative
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
+from beamsim.labelled import Dataset
 from beamsim.results.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
@@ -61,6 +62,25 @@ BEND = 0.01  # of a derivative, by which that on one side may differ from it
 NEGLIGIBLE = 1e-6  # of a value: changes that are smaller are not looked at
 
 
+class Derivative(NamedTuple):
+    """How a value of a run changes with a number of its scenario; a row of `SENSITIVITIES`."""
+
+    response: str
+    value: float
+    value_unit: str
+    derivative: float
+    path: str
+    number_unit: str
+    number: float
+    tolerance: float
+    holds_within: float
+
+    @property
+    def change(self) -> float:
+        """In the unit of the value."""
+        return self.derivative * self.tolerance
+
+
 class Varied(NamedTuple):
     """What a number of the scenario changes."""
 
@@ -80,7 +100,7 @@ class Peak(NamedTuple):
     later: int  # 0 where the segment ends, 1 where it begins or between
 
 
-def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[tuple[Derivative, ...], list[str]]:
+def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
     """The derivatives of a run's values by the numbers that it names, and what is to be said of them.
 
     Parameters
@@ -103,7 +123,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[tuple[Deriv
         remedy = "use method: exact, piecewise_linear springs instead of cubic ones, and enough run.memory"
         raise ScenarioError(Problem("run.sensitivities", message, remedy))
     if not motion.outcome.complete:
-        return (), ["run.sensitivities are left out: the motion is not complete"]
+        return None, ["run.sensitivities are left out: the motion is not complete"]
     trajectory, filtered = whole.held(), settings.low_pass is not None
     # a peak behind a filter is none of the motion
     chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
@@ -135,7 +155,8 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[tuple[Deriv
         size = {name: max(abs(of[p]), NEGLIGIBLE * abs(value) / tolerance) for name, (value, _, of) in values.items()}
         bends = [(abs(of[ahead] - of[p]) / size[name], name) for name, (_, _, of) in values.items() if size[name]]
         warnings += _doubts(number, bends, holds, time)
-    return tuple(rows), warnings
+    units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
+    return (SENSITIVITIES.table(rows, units) if rows else None), warnings
 
 
 def _reaches(

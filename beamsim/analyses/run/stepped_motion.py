@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
-from beamsim.analyses.run.motion import RunMotion, contact_instant, largest_contact, with_limit
+from beamsim.analyses.run.motion import RunMotion, largest_contact, with_limit
 from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
@@ -71,7 +71,7 @@ def stepped_motion_of(
     extremes, contact = outputs.extremes(trajectory), None
     if len(system.bodies) > 1 and system.snubbers and (largest := largest_contact(system, extremes)) is not None:
         nearest = int(np.abs(trajectory.time - largest.time).argmin())  # output time
-        contact = contact_instant(system, largest, trajectory.y[nearest], histories.of(OPENING)[nearest])
+        contact = largest._replace(state=trajectory.y[nearest], opening=histories.of(OPENING)[nearest])
     return RunMotion(
         system=system,
         method=f"reference ({method})",

@@ -23,6 +23,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
+from beamsim.labelled import Dataset
 from beamsim.responses.gapping import gapping_of_sine, gapping_ratios, in_their_units
 from beamsim.results.values import (
     ACCELERATION,
@@ -123,6 +124,21 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
     ]
 
 
+def input_summary(inputs: Dataset) -> dict[str, dict[str, Any]]:
+    """By path of the excitation what is said of records and random inputs."""
+    keys = ("rms", "unit", "sample_rate_hz", "treatment")
+    return {row["path"]: {key: row[key] for key in keys if row[key] != ""} for row in inputs.rows("number")}
+
+
+def sensitivity_summary(sensitivities: Dataset) -> dict[str, dict[str, dict[str, float]]]:
+    """By value, as studies name it, and path of a number: derivative, tolerance, change, holds_within, in SI."""
+    summary: dict[str, dict[str, dict[str, float]]] = {}
+    for row in sensitivities.rows("row"):
+        told = {key: row[key] for key in ("derivative", "tolerance", "change", "holds_within")}
+        summary.setdefault(row["response"], {})[row["path"]] = told
+    return summary
+
+
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     bodies = result.datasets.get("bodies")
@@ -138,12 +154,12 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     return {
         **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": None if von_mises is None else float(np.nanmax(von_mises)),
-        "inputs": {of.path: of.summary() for of in result.inputs} or None,
+        "inputs": input_summary(result["inputs"]) if "inputs" in result.datasets else None,
         "samples": result["histories"]["time"].values.size,
         "friction": friction_summary(result.datasets) if result["histories"].labels("friction") else None,
         "impacts": None if impacts is None else impacts.summary(),
         "impacts_total": None if impacts is None else impacts.total(),
-        "sensitivities": result.gradients() if result.sensitivities else None,
+        "sensitivities": sensitivity_summary(result["sensitivities"]) if "sensitivities" in result.datasets else None,
         "fatigue": {name: body.summary() for name, body in result.fatigue.items()} or None,
         "random": None if random is None else random.summary(),
         "random_linear": None if random is None else random.prediction() or None,
@@ -203,6 +219,12 @@ def summary_of_run(
         "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.energy_error,
+        "method": motion.method,
+        "solver_events": motion.work.events,
+        "evaluations": motion.work.evaluations,
+        "segments": motion.work.segments,
+        "contact_states": motion.work.states,
+        "processor_time_s": motion.work.processor_time_s,
         **motion.memory,
         **by_units("blocked_force_n", system.snubbers, lambda s: s.blocked_force),
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import Work
 from beamsim.fields import (
     ByName,
     Counter,
@@ -343,9 +342,14 @@ class SweepHistory:
 
 
 @declared
-class SweepWork(Work):
+class SweepWork:
     """Work of the solver of a sweep."""
 
+    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
+    evaluations: int = attribute("1", "evaluations of the event functions")
+    segments: int = attribute("1", "time segments between events")
+    states: int = attribute("1", "contact states that were diagonalised")
+    processor_time_s: float = attribute("s", "processor time of the solver alone")
     cycles: int = attribute("1", "cycles of the excitation computed")
 
 
