@@ -55,10 +55,10 @@ def holding(seeds: Sequence[int]) -> Counter[str]:
     scenario = load_scenario(case(BEGIN, identify_stiffness={"snubber": "stop", "nonlinear": fit}))
     held: Counter[str] = Counter()
     for count, seed in enumerate(seeds, start=1):
-        found = identify_stiffness(scenario, [measured(harmonics, seed)]).nonlinear
-        assert found is not None
-        for p in found.parameters:
-            held[p.parameter] += p.interval[0] <= TRUTH[p.parameter] <= p.interval[1]
+        found = identify_stiffness(scenario, [measured(harmonics, seed)])
+        for parameter, interval in found["nonlinear"].by_label("interval").items():
+            low, high = interval.values
+            held[parameter] += bool(low <= TRUTH[parameter] <= high)
         if count % 50 == 0:
             print(count, dict(held), file=sys.stderr, flush=True)
     return held

@@ -10,27 +10,34 @@ import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
-from beamsim.analyses.identify.result import IdentificationResult, NonlinearEstimate, PadFit, ParameterEstimate
+from beamsim.analyses.identify.layouts import WITH, WITHOUT
+from beamsim.analyses.identify.result import IdentificationResult
 from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, rounded
+from beamsim.labelled import Dataset
 from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
 from beamsim.scenario.base import counted
-from beamsim.scenario.parameters import unit_of
 
 # --- Identification --------------------------------------------------------------------------------------------------
 
 
 def identification_screen(result: IdentificationResult) -> Screen:
     """What was found with its interval, and how well the model then has the measured frequencies."""
-    rows = []
-    if (estimate := result.estimate) is not None:
-        std, (low, high) = estimate.standard_deviation, estimate.interval
-        row = {"": f"stiffness of {estimate.snubber}", "found": _found(estimate.stiffness, "N/m", std)}
-        row |= _scatter(std, low, high, "N/m", estimate.coverage)
-        rows.append(row | {"from": f"mode {', '.join(map(str, estimate.fit_to))}, {estimate.method}"})
-    for part in (result.update, result.nonlinear):
-        rows += [] if part is None else _parameters(result, part.parameters)
-    return Screen(_agreement(result), rows, list(_facts(result)))
+    rows, s = [], result.summary
+    if "stiffness" in result.datasets:
+        estimate, std = result["stiffness"], s["standard_deviation_n_per_m"]
+        row = {"": f"stiffness of {s['snubber']}", "found": _found(s["stiffness_n_per_m"], "N/m", std)}
+        row |= _scatter(std, estimate["interval"].values.tolist(), "N/m", s["coverage"])
+        rows.append(row | {"from": f"mode {', '.join(map(str, s['fit_to']))}, {s['method']}"})
+    for name in ("update", "nonlinear"):
+        rows += _parameters(result, result[name]) if name in result.datasets else []
+    tables = {
+        words: table
+        for name, words in ((WITH, "with contact"), (WITHOUT, "without the stop"))
+        if (table := result["frequencies"].groups("frequency_model").get(name)) is not None
+        and np.any(np.isfinite(table["difference_percent"].values))
+    }
+    return Screen(_agreement(tables), rows, list(_facts(result, tables)))
 
 
 def _found(value: float, unit: str, deviation: float) -> str:
@@ -39,75 +46,73 @@ def _found(value: float, unit: str, deviation: float) -> str:
     return rounded(value, unit, max(round(math.log10(abs(value) / deviation)) + 2, 1) if known else 4)
 
 
-def _scatter(deviation: float, low: float, high: float, unit: str, coverage: float) -> dict[str, str]:
+def _scatter(deviation: float, interval: Sequence[float], unit: str, coverage: float) -> dict[str, str]:
     if not math.isfinite(deviation):
         return {}
-    return {"\u00b1": rounded(deviation, unit, 2), f"{percent(coverage)} interval": extent(low, high, unit)}
-
-
-def _agreement(result: IdentificationResult) -> str:
-    """How far the largest measured frequency is from the model, with and without the stop."""
-    tables = {"with contact": result.with_snubber, "without the stop": result.without_snubber}
-    worst = {
-        name: float(np.nanmax(np.abs(table.difference_percent)))
-        for name, table in tables.items()
-        if table is not None and np.any(np.isfinite(table.difference_percent))
+    return {
+        "\u00b1": rounded(deviation, unit, 2),
+        f"{percent(coverage)} interval": extent(interval[0], interval[1], unit),
     }
+
+
+def _agreement(tables: Mapping[str, Dataset]) -> str:
+    """How far the largest measured frequency is from the model, with and without the stop."""
+    worst = {name: np.nanmax(np.abs(table["difference_percent"].values)) for name, table in tables.items()}
     within = " and ".join(f"{value:.2g} % {name}" for name, value in worst.items())
     return f"frequencies within {within}" if within else ""
 
 
-def _facts(result: IdentificationResult) -> Iterator[str]:
+def _facts(result: IdentificationResult, tables: Mapping[str, Dataset]) -> Iterator[str]:
     """Frequencies, misfits and what the values depend on."""
-    s = result.summary
-    for name, table in (("with contact", result.with_snubber), ("without the stop", result.without_snubber)):
-        if table is not None and np.any(np.isfinite(table.measured_hz)):
-            computed, measured = (value_text("_hz", list(f)) for f in (table.predicted_hz, table.measured_hz))
-            yield f"frequencies {name}: {computed}; measured {measured}"
-    if result.mac is not None:
-        yield f"MAC of paired shapes: {value_text('', np.diagonal(result.mac).tolist())}"
+    s, datasets = result.summary, result.datasets
+    for name, table in tables.items():
+        computed, measured = (value_text("_hz", table[f"{of}_hz"].values.tolist()) for of in ("predicted", "measured"))
+        yield f"frequencies {name}: {computed}; measured {measured}"
+    if "shapes" in datasets:
+        yield f"MAC of paired shapes: {value_text('', np.diagonal(datasets['shapes']['mac'].values).tolist())}"
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield "misfit {:.4g} before, {:.4g} after".format(*s[name])
-    if result.nonlinear is not None:
-        yield from _facts_of_fit(result.nonlinear, s)
-    if result.update is not None and result.update.choices:
-        yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in result.update.choices.items())
-    if result.pad is not None:
-        yield _pad_text(result.pad)
-    if result.sensitivities:
-        parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
+    if "nonlinear" in datasets:
+        yield from _facts_of_fit(datasets["tests"], s)
+    if supports := {path: each for path, each in s.get("updated", {}).items() if isinstance(each, str)}:
+        yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in supports.items())
+    if "pad" in datasets:
+        yield _pad_text(datasets["pad"])
+    if s.get("sensitivities"):
+        largest = list(s["sensitivities"].items())[:SHOWN]
+        parts = (f"{parameter_label(path)} {value:+.2g} %" for path, value in largest)
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
 
 
-def _facts_of_fit(fit: NonlinearEstimate, summary: Mapping[str, Any]) -> Iterator[str]:
+def _facts_of_fit(tests: Dataset, summary: Mapping[str, Any]) -> Iterator[str]:
     """Which test a fit agrees with least, and how many starts led to it."""
-    judged = [test for test in fit.records if np.isfinite(test.misfit_without)]
-    if judged and fit.misfit > 0.0:
-        worst = min(judged, key=lambda test: test.misfit_without)
-        share = percent(worst.misfit / fit.misfit, 2)
-        yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
-    if "starts_agreeing" in summary:
-        agreeing, starts = summary["starts_agreeing"]
-        freedom = counted(summary["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
-        yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
+    without, misfit = tests["misfit_without"].values, summary["nonlinear_misfit"][1]
+    if np.isfinite(without).any() and misfit > 0.0:
+        worst = int(np.nanargmin(without))
+        name, share = tests["name"].values[worst], percent(float(tests["misfit"].values[worst]) / misfit, 2)
+        yield f"{name} has {share} of the misfit; without it {without[worst]:.4g} would be left"
+    agreeing, starts = summary["starts_agreeing"]
+    freedom = counted(summary["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
+    yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
 
 
-def _pad_text(pad: PadFit) -> str:
-    low, high = pad.stiffness_interval
+def _pad_text(pad: Dataset) -> str:
+    low, high = pad["stiffness_interval"].values.tolist()
     interval = extent(low, high, "N/m") if math.isfinite(low) else "not known"
-    branches, misfit = counted(pad.branch_stiffness.size, "relaxation time"), percent(pad.misfit, 2)
-    return f"pad {amount(pad.stiffness, 'N/m', 5)} ({interval}) at rest, {branches}, misfit {misfit} rms"
+    branches, misfit = counted(len(pad.labels("branch")), "relaxation time"), percent(pad["misfit"].item(), 2)
+    return f"pad {amount(pad['stiffness'].item(), 'N/m', 5)} ({interval}) at rest, {branches}, misfit {misfit} rms"
 
 
-def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
+def _parameters(result: IdentificationResult, fit: Dataset) -> list[dict[str, str]]:
     section, rows = result.scenario.identify_stiffness, []
     assert section is not None
-    for p in parameters:
-        unit = unit_of(result.scenario, p.parameter)
-        row = {"": parameter_label(p.parameter), "before": amount(p.before, unit)}
-        row["found"] = _found(p.value, unit, p.standard_deviation) + (" at its bound" if p.at_bound else "")
-        rows.append(row | _scatter(p.standard_deviation, *p.interval, unit, section.coverage))
+    for name in fit.labels("parameter"):
+        p = fit.sel(parameter=name)
+        unit, value, deviation = p["value"].unit, p["value"].item(), p["standard_deviation"].item()
+        row = {"": parameter_label(name), "before": amount(p["before"].item(), unit)}
+        row["found"] = _found(value, unit, deviation) + (" at its bound" if p["at_bound"].item() else "")
+        rows.append(row | _scatter(deviation, p["interval"].values.tolist(), unit, section.coverage))
     return rows
 
 

@@ -11,54 +11,48 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from beamsim.analyses.identify.result import (
-    FrequencyTable,
-    IdentificationResult,
-    NonlinearEstimate,
-    PadFit,
-    ProfileLikelihood,
-    StiffnessEstimate,
-    SweepFit,
-    TestFit,
-    TransientFit,
-)
+from beamsim.analyses.identify.layouts import BEFORE, WITH, WITHOUT
+from beamsim.analyses.identify.result import IdentificationResult
+from beamsim.labelled import Dataset
 from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marked
 from beamsim.plots.style import Scale
 from beamsim.results.values import parameter_label
-from beamsim.scenario import Scenario
-from beamsim.scenario.parameters import field_type_at, find_parameters
-from beamsim.scenario.quantities import Quantity
 
 _MEASURED, _DOTTED = "0.45", (0, (2, 2))
 _STIFFNESS = Scale(1e-3, "kN/m")
 
 
-def frequencies(result: IdentificationResult, estimate: StiffnessEstimate, table: FrequencyTable) -> Chart:
+def frequencies(result: IdentificationResult, table: Dataset) -> Chart:
     """Natural frequencies over the stiffness of the snubber, with measured frequencies and identified stiffness.
 
     Parameters
     ----------
     result : of the identification.
-    estimate : of the stiffness.
     table : frequencies with the snubber.
 
     Returns
     -------
     A curve for each mode.
     """
-    curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
+    estimate, of_modes = result["stiffness"], result["curves"].groups("point_mode")
+    curves = [
+        Curve(f"mode {mode}", curve["stiffness"].values, curve["frequency_hz"].values)
+        for mode, curve in of_modes.items()
+    ]
+    used, mode, predicted = estimate.labels("mode"), table["mode"].values, table["predicted_hz"].values
     measured = [
         Guide(
             "measured, thick where it is fitted" if k == 0 else "", float(f),
-            {"color": _MEASURED, "linestyle": _DOTTED, "linewidth": 1.2 if table.mode[k] in estimate.fit_to else 0.7},
+            {"color": _MEASURED, "linestyle": _DOTTED, "linewidth": 1.2 if mode[k] in used else 0.7},
         )
-        for k, f in enumerate(table.measured_hz[: len(result.curves)])
+        for k, f in enumerate(table["measured_hz"].values[: len(curves)])
         if np.isfinite(f)
     ]  # fmt: skip
-    fitted = [(estimate.stiffness, table.predicted_hz[mode - 1]) for mode in estimate.fit_to]
+    stiffness = estimate["stiffness"].item()
+    fitted = [(stiffness, predicted[number - 1]) for number in used]
 
     def bounds(ax: Axes, x: Scale, _: Scale) -> None:
-        at, interval = estimate.stiffness * x.factor, x.factor * np.array(estimate.interval)
+        at, interval = stiffness * x.factor, x.factor * estimate["interval"].values
         ax.axvline(at, color=RED, linewidth=0.9, label=f"k = {at:.5g} {x.unit}")
         if np.all(np.isfinite(interval)):
             ax.axvspan(*interval, color=RED, alpha=0.12, linewidth=0)
@@ -69,7 +63,7 @@ def frequencies(result: IdentificationResult, estimate: StiffnessEstimate, table
     )  # fmt: skip
 
 
-def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | None, title: str = "") -> None:
+def plot_residuals(before: Dataset, ax: Axes, after: Dataset | None, title: str = "") -> None:
     """Difference between predicted and measured frequencies, in percent of the measured frequency.
 
     Parameters
@@ -79,175 +73,183 @@ def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | Non
     after : the same with the updated model; None where nothing was updated.
     title : which frequencies, behind the word on the axis.
     """
-    known = np.isfinite(before.measured_hz)
-    mode = before.mode[known].astype(float)
+    known = np.isfinite(before["measured_hz"].values)
+    mode, values = before["mode"].values[known].astype(float), before["difference_percent"].values[known]
     shift = 0.0 if after is None else 0.18
     ax.axhline(0.0, color="0.4", linewidth=0.8)
-    ax.bar(mode - shift, before.difference_percent[known], 0.36, color="0.8", edgecolor="0.3", label="before updating")
+    ax.bar(mode - shift, values, 0.36, color="0.8", edgecolor="0.3", label="before updating")
     if after is not None:
-        values = after.difference_percent[np.isfinite(after.measured_hz)]
+        values = after["difference_percent"].values[np.isfinite(after["measured_hz"].values)]
         ax.bar(mode + shift, values, 0.36, color=DARK, edgecolor=DARK, label="after")
         legend(ax)
     ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
     finish(ax, f"Mode {title}".strip(), "Predicted − measured (%)")
 
 
-def pad_curve(pad: PadFit, quantity: str = "stiffness") -> Chart:
+def pad_curve(pad: Dataset, quantity: str = "stiffness") -> Chart:
     """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time."""
-    dynamic = pad.frequency_hz is not None
-    at = pad.frequency_hz if dynamic else pad.time
-    assert at is not None  # as the fit is to what was measured over one of them
+    dynamic = "frequency_hz" in pad
+    at, curve_at = pad["frequency_hz" if dynamic else "time"].values, pad["curve_at"].values
     up = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
     if quantity == "loss_factor":
         up = ("Loss factor", Scale(1.0, ""))
-    measured, fitted = getattr(pad, f"measured_{quantity}"), getattr(pad, f"curve_{quantity}")
+    measured, fitted = pad[f"measured_{quantity}"].values, pad[f"curve_{quantity}"].values
     dots = {"linestyle": "none", "marker": "o", "markersize": 4, "markerfacecolor": "white", "color": _MEASURED}
-    line = Curve(f"{pad.branch_stiffness.size} branches", pad.curve_at, fitted, {"color": RED})
+    line = Curve(f"{len(pad.labels('branch'))} branches", curve_at, fitted, {"color": RED})
     across = ("Frequency", HERTZ) if dynamic else ("Time", Scale(1.0, "s"))
     return Chart(across, up, [line, Curve("measured", at, measured, dots)], log="x")
 
 
-def profile_curve(profile: ProfileLikelihood, coverage: float, unit: str = "") -> Chart:
+def profile_curve(profile: Dataset) -> Chart:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval.
 
     Parameters
     ----------
     profile : of a parameter.
-    coverage : of the confidence interval, between 0 and 1.
-    unit : SI unit of the parameter, empty of a ratio.
 
     Returns
     -------
     One curve.
     """
-    words = parameter_label(profile.parameter)
-    across = (f"{words[:1].upper()}{words[1:]}", unit)
-    style = {"marker": "." if profile.value.size < 40 else ""}
+    words, unit = parameter_label(profile["parameter"].item()), profile["unit"].item()
+    across = (f"{words[:1].upper()}{words[1:]}", "" if unit == "1" else unit)
+    coverage, value = profile["coverage"].item(), profile["value"].values
+    style = {"marker": "." if value.size < 40 else ""}
     bound = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
     level = Guide(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
-    curve = Curve("", profile.value, profile.misfit, style)
+    curve = Curve("", value, profile["misfit"].values, style)
     return Chart(
         across, ("Misfit above its minimum", ""), [curve], [level], y_ends=(0.0, max(3 * bound, 1e-12)),
         more=lambda ax, *_: ax.locator_params(axis="x", nbins=3),  # panels may be narrow
     )  # fmt: skip
 
 
-def harmonics(test: TestFit) -> list[Chart]:
+def harmonics(test: Dataset) -> list[Chart]:
     """Measured and predicted harmonic amplitudes of one test, and the complex differences with the noise level."""
-    reference = float(np.max(np.abs(test.measured))) or 1.0
+    measured, before, predicted = (
+        test[f"harmonic_{name}_real"].values + 1j * test[f"harmonic_{name}_imag"].values
+        for name in ("measured", "before", "predicted")
+    )
+    order, name = test["harmonic_order"].values, test["name"].item()
+    reference = float(np.max(np.abs(measured))) or 1.0
     amplitudes = (
-        ("measured", "o", "0.2", test.measured),
-        ("predicted before", "x", "0.6", test.before),
-        ("predicted after", "+", RED, test.predicted),
+        ("measured", "o", "0.2", measured),
+        ("predicted before", "x", "0.6", before),
+        ("predicted after", "+", RED, predicted),
     )
     residuals = (
-        ("before", "x", "0.6", test.before - test.measured),
-        ("after", "+", RED, test.predicted - test.measured),
-        ("noise", "_", "0.3", test.noise * np.sqrt(2)),
+        ("before", "x", "0.6", before - measured),
+        ("after", "+", RED, predicted - measured),
+        ("noise", "_", "0.3", test["harmonic_noise"].values * np.sqrt(2)),
     )
     charts, across = [], ("Frequency / excitation frequency", "")
-    for words, marks in ((f"{Path(test.name).stem}\nAmplitude", amplitudes), ("Residual", residuals)):
+    for words, marks in ((f"{Path(name).stem}\nAmplitude", amplitudes), ("Residual", residuals)):
         curves = [
-            Curve(name, test.order, 20 * np.log10(np.maximum(np.abs(values) / reference, 1e-9)),
+            Curve(label, order, 20 * np.log10(np.maximum(np.abs(values) / reference, 1e-9)),
                   {"linestyle": "none", "marker": mark, "color": colour, "markerfacecolor": "none"})
-            for name, mark, colour, values in marks
+            for label, mark, colour, values in marks
         ]  # fmt: skip
         up = (f"{words} (dB re largest)", "")
-        charts.append(Chart(across, up, curves, more=lambda ax, *_: ax.set_xticks(test.order)))
+        charts.append(Chart(across, up, curves, more=lambda ax, *_: ax.set_xticks(order)))
     return charts
 
 
-def transient(test: TransientFit) -> list[Chart]:
+def transient(test: Dataset) -> list[Chart]:
     """A record with what is predicted before and after the fit, and what the fit leaves beside the noise."""
-    time, name = ("Time", Scale(1.0, "s")), Path(test.name).stem
+    across, name, unit = ("Time", Scale(1.0, "s")), Path(test["name"].item()).stem, test["unit"].item()
+    time, measured, before, predicted = (
+        test[f"sample_{column}"].values for column in ("time", "measured", "before", "predicted")
+    )
     curves = [
-        Curve("predicted before", test.time, test.before, {"color": "0.7", "linestyle": _DOTTED}),
-        Curve("measured", test.time, test.measured, {"color": _MEASURED, "linestyle": "-", "linewidth": 1.6}),
-        Curve("predicted after", test.time, test.predicted, {"color": RED, "linestyle": "-", "linewidth": 0.8}),
+        Curve("predicted before", time, before, {"color": "0.7", "linestyle": _DOTTED}),
+        Curve("measured", time, measured, {"color": _MEASURED, "linestyle": "-", "linewidth": 1.6}),
+        Curve("predicted after", time, predicted, {"color": RED, "linestyle": "-", "linewidth": 0.8}),
     ]
-    left = Curve("", test.time, test.measured - test.predicted, {"color": _MEASURED, "linewidth": 0.6})
-    bounds = [Guide("noise" if sign > 0 else "", sign * test.noise, {"linestyle": _DOTTED}) for sign in (1.0, -1.0)]
-    words = test.quantity.replace("_", " ")
-    return [Chart(time, (f"{name}\n{words}", test.unit), curves), Chart(time, ("Residual", test.unit), [left], bounds)]
+    left, noise = Curve("", time, measured - predicted, {"color": _MEASURED, "linewidth": 0.6}), test["noise"].item()
+    bounds = [Guide("noise" if sign > 0 else "", sign * noise, {"linestyle": _DOTTED}) for sign in (1.0, -1.0)]
+    words = test["quantity"].item().replace("_", " ")
+    return [Chart(across, (f"{name}\n{words}", unit), curves), Chart(across, ("Residual", unit), [left], bounds)]
 
 
-def swept(tests: Sequence[SweepFit]) -> Chart:
-    """Measured peaks and jumps over the branches with the estimated values."""
-    curves = [Curve("", tests[0].branch_frequency_hz, tests[0].branch_peak, {"color": DARK, "linewidth": 0.9})]
+def swept(tests: Sequence[Dataset], branch: Dataset) -> Chart:
+    """Measured peaks and jumps over the branch with the estimated values.
+
+    Parameters
+    ----------
+    tests : sweeps at one level, with their peaks.
+    branch : the first of them, with its branch.
+
+    Returns
+    -------
+    A curve for the branch and for each number.
+    """
+    along = branch["point_peak"].values
+    curves = [Curve("", branch["point_frequency_hz"].values, along, {"color": DARK, "linewidth": 0.9})]
     for k, test in enumerate(tests):
-        colour = f"C{k}"
-        rows = dict(zip(test.what, test.measured.tolist(), strict=True))
+        colour, name, probe = f"C{k}", test["name"].item(), test["probe"].item()
+        rows = dict(zip(test["peak_what"].values.tolist(), test["peak_measured"].values.tolist(), strict=True))
         if "jump" in rows:
-            ends = np.array([test.branch_peak.min(), test.branch_peak.max()])
+            ends = np.array([along.min(), along.max()])
             curves.append(
-                Curve(f"{test.name}: jump", np.full(2, rows["jump"]), ends, {"linestyle": _DOTTED, "color": colour})
+                Curve(f"{name}: jump", np.full(2, rows["jump"]), ends, {"linestyle": _DOTTED, "color": colour})
             )
-        if (peak := rows.get(f"peak of {test.probe}")) is not None:
-            at = rows.get(f"frequency of {test.probe}", rows.get("jump", np.nan))
-            marker = "^" if test.direction == "up" else "v"
+        if (peak := rows.get(f"peak of {probe}")) is not None:
+            at = rows.get(f"frequency of {probe}", rows.get("jump", np.nan))
+            marker = "^" if test["direction"].item() == "up" else "v"
             style = {"linestyle": "none", "marker": marker, "color": colour, "markersize": 7.0}
-            curves.append(Curve(f"{test.name}: peak", np.array([at]), np.array([peak]), style))
-    words = tests[0].quantity.replace("_", " ")
-    return Chart(("Frequency", HERTZ), (f"Largest {words}", tests[0].unit), curves)
+            curves.append(Curve(f"{name}: peak", np.array([at]), np.array([peak]), style))
+    words = branch["quantity"].item().replace("_", " ")
+    return Chart(("Frequency", HERTZ), (f"Largest {words}", branch["unit"].item()), curves)
 
 
 def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     panels: dict[str, list[Any]] = {}
-    update, fit, pad, estimate = result.update, result.nonlinear, result.pad, result.estimate
-    of_snubber = result.with_snubber if estimate is not None else None
-    if estimate is not None and of_snubber is not None:
-        panels["frequencies"] = [frequencies(result, estimate, of_snubber)]
+    tables = result["frequencies"].groups("frequency_model")
+    of_snubber, structure = tables.get(WITH), tables[WITHOUT]
+    if of_snubber is not None:
+        panels["frequencies"] = [frequencies(result, of_snubber)]
     residuals, without = [], "without the snubber"
-    if update is not None:
-        residuals.append(partial(plot_residuals, update.before, after=update.after, title=without))
-    elif of_snubber is not None and np.isfinite(result.without_snubber.measured_hz).any():
-        residuals.append(partial(plot_residuals, result.without_snubber, after=None, title=without))
+    if BEFORE in tables:
+        residuals.append(partial(plot_residuals, tables[BEFORE], after=structure, title=without))
+    elif of_snubber is not None and np.isfinite(structure["measured_hz"].values).any():
+        residuals.append(partial(plot_residuals, structure, after=None, title=without))
     if of_snubber is not None:
         residuals.append(partial(plot_residuals, of_snubber, after=None, title="with permanent contact"))
     if residuals:
         panels["residuals"] = residuals
-    if profiles := _profiles(result):
-        panels["profiles"] = [profile_curve(profile, coverage, unit) for profile, coverage, unit in profiles]
-    if pad is not None:
-        quantities = ("stiffness", "loss_factor")[: 1 if pad.measured_loss_factor is None else 2]
+    if profiles := _by_label(result, "profiles", "profile", "point"):
+        panels["profiles"] = [profile_curve(profile) for profile in profiles]
+    if "pad" in result.datasets:
+        pad = result["pad"]
+        quantities = ("stiffness", "loss_factor")[: 2 if "measured_loss_factor" in pad else 1]
         panels["pad"] = [pad_curve(pad, quantity) for quantity in quantities]
-    if fit is not None:
-        panels |= _tests_of_fit(fit)
+    if "tests" in result.datasets:
+        panels |= _tests_of_fit(result)
     columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
     return {name: Picture(result.title, each, columns=columns.get(name, 1)) for name, each in panels.items()}
 
 
-def _tests_of_fit(fit: NonlinearEstimate) -> dict[str, list[Any]]:
+def _by_label(result: IdentificationResult, dataset: str, owner: str, rows: str) -> list[Dataset]:
+    """The members along a dimension of a dataset that have rows, each with its own alone."""
+    if dataset not in result.datasets or rows not in result[dataset]:
+        return []
+    parts = result[dataset].groups(f"{rows}_{owner}").items()
+    return [part.sel(**{owner: label}) for label, part in parts if part.labels(rows)]
+
+
+def _tests_of_fit(result: IdentificationResult) -> dict[str, list[Any]]:
     """Panels of the tests that a fit is to, by their kind."""
     panels: dict[str, list[Any]] = {}
-    if fit.transients:
-        panels["transients"] = [chart for test in fit.transients for chart in transient(test)]
-    if fit.sweeps:
-        alike: dict[tuple[float, str, str], list[SweepFit]] = {}
-        for sweep in fit.sweeps:
-            alike.setdefault((sweep.level, sweep.probe, sweep.quantity), []).append(sweep)
-        panels["sweeps"] = [swept(tests) for tests in alike.values()]
-    if fit.tests:
-        panels["harmonics"] = [chart for test in fit.tests for chart in harmonics(test)]
+    if transients := _by_label(result, "tests", "test", "sample"):
+        panels["transients"] = [chart for test in transients for chart in transient(test)]
+    if sweeps := _by_label(result, "tests", "test", "peak"):
+        branches = _by_label(result, "tests", "test", "point")
+        alike: dict[tuple[float, str, str], list[int]] = {}
+        for k, sweep in enumerate(sweeps):
+            of = sweep["level"].item(), sweep["probe"].item(), sweep["quantity"].item()
+            alike.setdefault(of, []).append(k)
+        panels["sweeps"] = [swept([sweeps[k] for k in each], branches[each[0]]) for each in alike.values()]
+    if steady := _by_label(result, "tests", "test", "harmonic"):
+        panels["harmonics"] = [chart for test in steady for chart in harmonics(test)]
     return panels
-
-
-def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:
-    profiles: list[tuple[ProfileLikelihood, float, str]] = []
-    if result.profile is not None and result.estimate is not None:
-        profiles.append((result.profile, result.estimate.coverage, "N/m"))
-    section = result.scenario.identify_stiffness
-    coverage = 0.95 if section is None else section.coverage
-    if result.update is not None:
-        profiles += [(each, coverage, _unit(result.scenario, each.parameter)) for each in result.update.profiles]
-    if (fit := result.nonlinear) is not None:
-        profiles += [(each, fit.coverage, _unit(result.scenario, each.parameter)) for each in fit.profiles]
-    return profiles
-
-
-def _unit(scenario: Scenario, path: str) -> str:
-    """SI unit of a parameter of the scenario; empty of a ratio."""
-    places = find_parameters(scenario, path)
-    field = field_type_at(scenario, places[0]) if places else None
-    return field.dimension.unit if isinstance(field, Quantity) else ""

@@ -8,6 +8,7 @@ from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.secular import stiffness_sensitivities
+from tests.helpers.tables import estimates, modes
 
 PANEL = {
     "kind": "beam", "length": 0.77, "width": 0.44, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,
@@ -48,12 +49,14 @@ def on_body(name, stiffness=2e4):
 @pytest.mark.parametrize("name", list(BODIES))
 def test_each_body_gives_the_answer_that_it_gives_alone(name):
     several, alone = (identify_stiffness(scenario) for scenario in on_body(name))
-    assert several.estimate.stiffness == pytest.approx(2e4, rel=1e-9)
-    assert several.estimate.stiffness == alone.estimate.stiffness
-    assert several.estimate.interval == alone.estimate.interval
-    assert several.without_snubber.difference_percent[:2] == pytest.approx(0.0, abs=1e-9)
-    relative = {s.parameter.replace(f"bodies.{name}", BODIES[name]["kind"]): s.relative for s in several.sensitivities}
-    assert relative == pytest.approx({s.parameter: s.relative for s in alone.sensitivities}, rel=1e-12)
+    stiffness = several.summary["stiffness_n_per_m"]
+    assert stiffness == pytest.approx(2e4, rel=1e-9)
+    assert stiffness == alone.summary["stiffness_n_per_m"]
+    assert several.summary["interval_n_per_m"] == alone.summary["interval_n_per_m"]
+    assert modes(several, "without_snubber").difference_percent[:2] == pytest.approx(0.0, abs=1e-9)
+    kind, sensitive = BODIES[name]["kind"], several.summary["sensitivities"]
+    relative = {path.replace(f"bodies.{name}", kind): each for path, each in sensitive.items()}
+    assert relative == pytest.approx(alone.summary["sensitivities"], rel=1e-12)
     assert any(f"those of {name}" in warning for warning in several.warnings)
 
 
@@ -64,16 +67,17 @@ def test_only_the_parameters_of_its_body_are_updated():
         {"bodies.panel.youngs_modulus": 60e9, "identify_stiffness.update": ["bodies.panel.youngs_modulus"]},
     )
     result = identify_stiffness(softer)
-    (modulus,) = result.update.parameters
+    (modulus,) = estimates(result, "update")
     assert modulus.value == pytest.approx(70e9, rel=1e-8)
-    assert result.estimate.stiffness == pytest.approx(2e4, rel=1e-7)
+    assert result.summary["stiffness_n_per_m"] == pytest.approx(2e4, rel=1e-7)
     other = load_scenario(scenario, {"identify_stiffness.update": ["bodies.masses.masses[*]"]})
     assert any("has no influence" in warning for warning in identify_stiffness(other).warnings)
 
 
 def test_supports_of_a_named_body_are_chosen():
     scenario = load_scenario(on_body("panel")[0], {"identify_stiffness.update": ["bodies.panel.supports.right"]})
-    assert dict(identify_stiffness(scenario).update.choices) == {"bodies.panel.supports.right": "free"}
+    result = identify_stiffness(scenario)
+    assert result.summary["updated"] == {"bodies.panel.supports.right": "free"}
 
 
 def between_bodies(**changes):
@@ -92,7 +96,7 @@ def test_a_snubber_between_two_bodies():
     hz = float(snubber_point(scenario, "stop").frequencies(2e4, 1)[0]) / (2 * np.pi)
     assert sum(1 / float(part.stiffness(2 * np.pi * hz)) for part in parts) == pytest.approx(1 / 2e4, rel=1e-9)
     result = identify_stiffness(load_scenario(scenario, {"identify_stiffness.measured_with": [hz]}))
-    assert result.estimate.stiffness == pytest.approx(2e4, rel=1e-9)
+    assert result.summary["stiffness_n_per_m"] == pytest.approx(2e4, rel=1e-9)
 
 
 def between_places_of_one_beam():

@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+import yaml
 
-from beamsim.analyses.identify.analysis import free_frequencies, identify_stiffness, mode_shapes
+import beamsim
+from beamsim.analyses.identify.analysis import identify_stiffness, mode_shapes
+from beamsim.analyses.identify.update import free_frequencies
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.signals.assurance import assurance
+from tests.helpers.tables import estimates, modes, profiles, variables
 
 BASE = {
     "beam": {
@@ -34,11 +38,12 @@ def test_parameters_come_back_from_their_own_frequencies():
     measured = frequencies(4, **{"beam.youngs_modulus": 73e9, "beam.point_masses": [
         {"position": 0.135, "mass": 0.007}, {"position": 0.27, "mass": 0.007}]})  # fmt: skip
     result = identify_stiffness(case(measured, ["beam.youngs_modulus", "beam.point_masses[*].mass"]))
-    values = {p.parameter: p.value for p in result.update.parameters}
+    values = {p.parameter: p.value for p in estimates(result, "update")}
     assert values == pytest.approx({"beam.youngs_modulus": 73e9, "beam.point_masses[*].mass": 0.007}, rel=1e-6)
-    assert result.update.misfit_after < 1e-9 * result.update.misfit_before
-    assert np.abs(result.without_snubber.difference_percent[:4]).max() < 1e-6
-    assert result.update.scenario.beam.youngs_modulus == pytest.approx(73e9)
+    update = variables(result["update"])
+    assert update.misfit_after < 1e-9 * update.misfit_before
+    assert np.abs(modes(result, "without_snubber").difference_percent[:4]).max() < 1e-6
+    assert load_scenario(yaml.safe_load(update.scenario)).beam.youngs_modulus == pytest.approx(73e9)
 
 
 def test_the_snubber_is_identified_with_the_updated_beam():
@@ -49,16 +54,16 @@ def test_the_snubber_is_identified_with_the_updated_beam():
     section = {"measured_with": contact.tolist()}
     blind = identify_stiffness(case(free_frequencies(true, "tip", 3), [], **section))
     informed = identify_stiffness(case(free_frequencies(true, "tip", 3), ["beam.youngs_modulus"], **section))
-    assert abs(blind.estimate.stiffness / 2e5 - 1) > 0.05
-    assert informed.estimate.stiffness == pytest.approx(2e5, rel=1e-6)
+    assert abs(blind.summary["stiffness_n_per_m"] / 2e5 - 1) > 0.05
+    assert informed.summary["stiffness_n_per_m"] == pytest.approx(2e5, rel=1e-6)
 
 
 def test_one_unknown_has_the_closed_form_deviation():
     """f is proportional to sqrt(E): with m frequencies of relative deviation s, E has 2 s / sqrt(m)."""
     result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], uncertainty="0.2 %"))
-    (modulus,) = result.update.parameters
+    (modulus,) = estimates(result, "update")
     assert modulus.standard_deviation / modulus.value == pytest.approx(2 * 0.002 / np.sqrt(3), rel=1e-5)
-    (profile,) = result.update.profiles
+    (profile,) = profiles(result)
     assert profile.misfit.min() == pytest.approx(0, abs=1e-6)
     z = (profile.value - modulus.value) / modulus.standard_deviation
     assert profile.misfit == pytest.approx(z**2, rel=0.05, abs=1e-6)
@@ -69,7 +74,7 @@ def test_a_prior_holds_what_the_frequencies_cannot():
     free = case(
         measured, ["beam.youngs_modulus", {"parameter": "beam.thickness", "prior": "0.1 %"}], uncertainty="0.2 %"
     )
-    found = {p.parameter: p for p in identify_stiffness(free).update.parameters}
+    found = {p.parameter: p for p in estimates(identify_stiffness(free), "update")}
     assert found["beam.youngs_modulus"].value == pytest.approx(76e9, rel=5e-3)
     assert found["beam.thickness"].value == pytest.approx(0.005, rel=1e-3)
 
@@ -107,18 +112,26 @@ def test_bounds_are_kept_and_reported():
     measured = frequencies(3, **{"beam.youngs_modulus": 80e9})
     bounded = case(measured, [{"parameter": "beam.youngs_modulus", "bounds": ["60 GPa", "72 GPa"]}])
     result = identify_stiffness(bounded)
-    (modulus,) = result.update.parameters
+    (modulus,) = estimates(result, "update")
     assert modulus.value == pytest.approx(72e9, rel=1e-5)
     assert modulus.at_bound
     assert any("on its bound" in w for w in result.warnings)
 
 
-def test_supports_are_chosen_by_trying_them():
+def test_supports_are_chosen_by_trying_them(tmp_path):
     measured = frequencies(3, **{"beam.supports": {"left": "pinned", "right": "guided"}})
     result = identify_stiffness(case(measured, ["beam.supports.left", "beam.supports.right"]))
-    assert result.update.choices == {"beam.supports.left": "pinned", "beam.supports.right": "guided"}
-    assert len(result.update.alternatives) == 16
-    assert result.update.misfit_after < 1e-10
+    assert result.summary["updated"] == {"beam.supports.left": "pinned", "beam.supports.right": "guided"}
+    tried = dict(
+        zip(result["update"].labels("combination"), variables(result["update"]).combination_misfit, strict=True)
+    )
+    assert len(tried) == 16
+    assert min(tried, key=tried.get) == "pinned, guided"
+    assert tried["pinned, guided"] == result["update"]["misfit_after"].item() < 1e-10
+    # that a support was chosen was called damage when the file was read
+    again = beamsim.load(beamsim.write_result(result, tmp_path / "supports.h5"))
+    assert again.summary["updated"] == result.summary["updated"]
+    assert {supports: each.item() for supports, each in again["update"].by_label("combination_misfit").items()} == tried
 
 
 def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
@@ -128,5 +141,5 @@ def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
     assert assurance(np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]])) == pytest.approx(np.zeros((1, 1)))
     swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}
     result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], shapes_without=swapped))
-    assert result.mac.shape == (3, 3)
+    assert result["shapes"]["mac"].values.shape == (3, 3)
     assert sum("check the order of the modes" in w for w in result.warnings) == 2

@@ -11,6 +11,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.secular import SpringPoint, stiffness_sensitivities
+from tests.helpers.tables import modes, variables
 
 
 def beam(position=1.0, left="clamped", right="free", elements=40, **section):
@@ -152,11 +153,11 @@ def test_first_order_monte_carlo_and_carried_over_intervals_agree():
     scenario = load_scenario(
         beam(0.9), {"identify_stiffness.measured_with": [60.0], "identify_stiffness.uncertainty": 1e-3}
     )
-    estimate = identify_stiffness(scenario).estimate
+    estimate = variables(identify_stiffness(scenario)["stiffness"])
     assert estimate.monte_carlo_standard_deviation == pytest.approx(estimate.standard_deviation, rel=0.03)
     assert estimate.interval == pytest.approx(estimate.interval_first_order, rel=1e-2)
     assert estimate.monte_carlo_interval == pytest.approx(estimate.interval, rel=2e-3)
-    again = identify_stiffness(scenario).estimate
+    again = variables(identify_stiffness(scenario)["stiffness"])
     assert again.monte_carlo_standard_deviation == estimate.monte_carlo_standard_deviation  # seeded
 
 
@@ -164,21 +165,23 @@ def test_several_modes_share_the_information():
     scenario = beam(0.9, elements=8)
     f = snubber_point(scenario, "stop").frequencies(2e4, 3) / (2 * np.pi)
     changes = {"identify_stiffness.measured_with": f.tolist(), "identify_stiffness.uncertainty": 2e-3}
-    one = identify_stiffness(load_scenario(scenario, changes)).estimate
-    three = identify_stiffness(load_scenario(scenario, {**changes, "identify_stiffness.fit_to": [1, 2, 3]})).estimate
+    fitted = {**changes, "identify_stiffness.fit_to": [1, 2, 3]}
+    one, three = (
+        variables(identify_stiffness(load_scenario(scenario, each))["stiffness"]) for each in (changes, fitted)
+    )
     assert three.standard_deviation < one.standard_deviation
     assert three.monte_carlo_standard_deviation == pytest.approx(three.standard_deviation, rel=0.03)
     assert three.interval == pytest.approx(three.monte_carlo_interval, rel=5e-3)
     cases = [load_scenario(scenario, {**changes, "identify_stiffness.fit_to": [j]}) for j in (1, 2, 3)]
-    information = sum(identify_stiffness(c).estimate.standard_deviation ** -2 for c in cases)
+    information = sum(identify_stiffness(c).summary["standard_deviation_n_per_m"] ** -2 for c in cases)
     assert three.standard_deviation == pytest.approx(information**-0.5, rel=1e-6)
     # modes 1 and 2 wrong by 5 and -5 times the uncertainty: that it is small was believed without a word
     wrong = (f * (1 + 2e-3 * np.array([5.0, -5.0, 0.0]))).tolist()
     changes |= {"identify_stiffness.measured_with": wrong, "identify_stiffness.fit_to": [1, 2, 3]}
     contradicted = identify_stiffness(load_scenario(scenario, changes))
     assert any("contradict each other" in warning for warning in contradicted.warnings)
-    assert contradicted.estimate.standard_deviation > 3.0 * three.standard_deviation
-    low, high = contradicted.estimate.interval
+    assert contradicted.summary["standard_deviation_n_per_m"] > 3.0 * three.standard_deviation
+    low, high = contradicted.summary["interval_n_per_m"]
     assert low < 2e4 < high
 
 
@@ -186,18 +189,21 @@ def test_an_uncertainty_that_reaches_the_pinned_point_leaves_k_unbounded():
     scenario = beam(measured_with=[1.0])
     pinned = snubber_point(scenario, "stop").reach(1)[1] / (2 * np.pi)
     result = identify_stiffness(beam(measured_with=[0.9999 * pinned], uncertainty=1e-2))
-    assert np.isinf(result.estimate.interval[1])
-    assert result.estimate.monte_carlo_unreachable > 0.2
+    estimate = variables(result["stiffness"])
+    assert np.isinf(estimate.interval[1])
+    assert estimate.monte_carlo_unreachable > 0.2
     assert any("no upper bound" in warning for warning in result.warnings)
 
 
 def test_parameter_uncertainties_add_in_quadrature():
     known = [{"parameter": "beam.youngs_modulus", "uncertainty": 0.02}]
-    estimate = identify_stiffness(beam(measured_with=[60.0], uncertainty=1e-3, parameter_uncertainty=known))
-    (row,) = [s for s in estimate.sensitivities if s.parameter == "beam.youngs_modulus"]
-    e = estimate.estimate
+    result = identify_stiffness(beam(measured_with=[60.0], uncertainty=1e-3, parameter_uncertainty=known))
+    row = variables(result["sensitivities"].sel(parameter="beam.youngs_modulus"))
+    assert (row.value, row.uncertainty, row.contribution) == (70e9, 0.02, 0.02 * abs(row.relative))
+    assert result["sensitivities"]["value"].sel(parameter="beam.youngs_modulus").unit == "Pa"
+    e = variables(result["stiffness"])
     assert e.total_standard_deviation == pytest.approx(
-        np.hypot(e.standard_deviation, 0.02 * abs(row.relative) * e.stiffness), rel=1e-12
+        np.hypot(e.standard_deviation, row.contribution * e.stiffness), rel=1e-12
     )
 
 
@@ -214,11 +220,11 @@ def test_rigid_body_modes_are_not_counted_in_what_was_measured(left, right, posi
     }
     for listed in (1, 2):
         result = identify_stiffness(load_scenario(scenario, {**changes, "identify_stiffness.fit_to": [listed]}))
-        assert result.estimate.stiffness == pytest.approx(3e4, rel=1e-9)
-        for table in (result.with_snubber, result.without_snubber):
+        assert result.summary["stiffness_n_per_m"] == pytest.approx(3e4, rel=1e-9)
+        for table in (modes(result, "with_snubber"), modes(result, "without_snubber")):
             known = np.isfinite(table.measured_hz)
             assert table.difference_percent[known] == pytest.approx(np.zeros(2), abs=1e-8)
-        assert np.isnan(result.without_snubber.measured_hz[:rigid]).all()
+        assert np.isnan(modes(result, "without_snubber").measured_hz[:rigid]).all()
 
 
 def test_of_several_modes_one_beyond_reach_is_a_warning():
@@ -229,6 +235,6 @@ def test_of_several_modes_one_beyond_reach_is_a_warning():
     changes = {"identify_stiffness.measured_with": f.tolist(), "identify_stiffness.fit_to": [1, 2, 3]}
     result = identify_stiffness(load_scenario(scenario, changes))
     assert any("measured_with[2]" in warning for warning in result.warnings)
-    assert result.estimate.stiffness == pytest.approx(2e4, rel=0.05)
-    assert np.isnan(result.estimate.individual[2])
-    assert result.estimate.uncertainty_from == "scatter"
+    assert result.summary["stiffness_n_per_m"] == pytest.approx(2e4, rel=0.05)
+    assert np.isnan(result["stiffness"]["individual"].sel(mode=3).item())
+    assert result.summary["uncertainty_from"] == "scatter"

@@ -9,13 +9,14 @@ import pytest
 import beamsim
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.fit import Fit, UnpredictableError, inverse_information
-from beamsim.analyses.identify.vibrations import fit_nonlinear, steady_vibration
+from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.errors import ScenarioError
 from beamsim.flow.channels import channel_values
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.signals.harmonics import harmonics_of
 from benchmarks import identification_coverage as coverage
+from tests.helpers.tables import estimates, fitted_tests, profiles, variables
 
 CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 TRUTH = {"snubbers[0].gap": 2e-5, "reduction": {"modes": 6}}
@@ -87,17 +88,18 @@ def test_every_harmonic_of_the_steady_response_is_that_of_ever_finer_samples():
 @pytest.mark.slow
 def test_four_parameters_from_three_noiseless_tests(vibrations):
     signals = [signal(f, c, delay=1e-3 * k) for k, (f, c) in enumerate(vibrations.items())]
-    found = identify_stiffness(case(vibrations), signals).nonlinear
-    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(SOUGHT, rel=1e-6)
-    assert found.misfit < 1e-6 * found.misfit_before or found.misfit < found.degrees_of_freedom
+    result = identify_stiffness(case(vibrations), signals)
+    assert {p.parameter: p.value for p in estimates(result, "nonlinear")} == pytest.approx(SOUGHT, rel=1e-6)
+    fit = variables(result["nonlinear"])
+    assert fit.misfit < 1e-6 * fit.misfit_before or fit.misfit < fit.degrees_of_freedom
 
 
 @pytest.mark.slow
 def test_several_starts_and_profiles(vibrations):
     signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
-    found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals).nonlinear
-    assert found.starts_agreeing >= 2
-    for profile, p in zip(found.profiles, found.parameters, strict=True):
+    found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals)
+    assert found["nonlinear"]["starts_agreeing"].item() >= 2
+    for profile, p in zip(profiles(found), estimates(found, "nonlinear"), strict=True):
         # chi^2 rises by z^2 at z standard deviations where the model is linear enough
         z2 = ((profile.value - p.value) / p.standard_deviation) ** 2
         assert profile.misfit == pytest.approx(z2, rel=0.15, abs=0.05)
@@ -114,8 +116,8 @@ def test_intervals_cover_the_truth(vibrations):
     both = 0
     for trial in range(24):
         signals = [signal(f, c, noise=0.02, seed=1000 * trial + k) for k, (f, c) in enumerate(chosen.items())]
-        found = fit_nonlinear(scenario, scenario.identify_stiffness, signals)
-        inside = [p.interval[0] <= SOUGHT[p.parameter] <= p.interval[1] for p in found.parameters]
+        found = estimates(identify_stiffness(scenario, signals), "nonlinear")
+        inside = [p.interval[0] <= SOUGHT[p.parameter] <= p.interval[1] for p in found]
         covered += inside
         both += all(inside)
     assert covered.min() >= 20  # 23 on average, less than one time in a hundred below
@@ -161,8 +163,8 @@ def test_amplitude_spectra_do_without_phases(vibrations):
     measured = MeasuredSignal("tip", frequency, line, of_frequency=True, unit="m/s^2")
     scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"), {"snubbers[0].stiffness": 140e3,
                     "snubbers[0].gap": 1.4e-5})  # fmt: skip
-    found = identify_stiffness(scenario, [measured]).nonlinear
-    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
+    found = identify_stiffness(scenario, [measured])
+    assert {p.parameter: p.value for p in estimates(found, "nonlinear")} == pytest.approx(
         {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-2
     )
 
@@ -200,9 +202,9 @@ def test_phases_of_the_excitation_need_no_delay(vibrations):
         "beam.damping.ratio": 0.01,
     }
     scenario = load_scenario(scenario, changes)
-    found = identify_stiffness(scenario, [signal(65.0, vibrations[65.0], delay=0.0)]).nonlinear
-    assert found.tests[0].delay_s == 0.0
-    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
+    found = identify_stiffness(scenario, [signal(65.0, vibrations[65.0], delay=0.0)])
+    assert found["tests"]["delay_s"].values.tolist() == [0.0]
+    assert {p.parameter: p.value for p in estimates(found, "nonlinear")} == pytest.approx(
         {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-6
     )
 
@@ -212,8 +214,8 @@ def test_a_prior_and_bounds_hold_a_parameter(vibrations):
         "snubbers.tip.stiffness", {"parameter": "beam.youngs_modulus", "prior": "0.001 %"},
         {"parameter": "snubbers.tip.gap", "bounds": ["0.01 mm", "0.018 mm"]},
     )  # fmt: skip
-    found = identify_stiffness(case([65.0], estimate), [signal(65.0, vibrations[65.0], noise=0.02)]).nonlinear
-    values = {p.parameter: p for p in found.parameters}
+    found = identify_stiffness(case([65.0], estimate), [signal(65.0, vibrations[65.0], noise=0.02)])
+    values = {p.parameter: p for p in estimates(found, "nonlinear")}
     assert values["beam.youngs_modulus"].value == pytest.approx(69e9, rel=1e-4)
     assert values["snubbers.tip.gap"].value <= 1.8e-5 * (1 + 1e-9)
     assert values["snubbers.tip.gap"].at_bound
@@ -226,8 +228,7 @@ def test_a_prestress_is_found_as_a_negative_gap():
     scenario = case([90.0], ("snubbers.tip.gap",), start)
     tests = [{"file": "90", "frequency": 90.0, "level": truth["excitation.level"]}]
     scenario = load_scenario(scenario, {"identify_stiffness.nonlinear.tests": tests})
-    found = identify_stiffness(scenario, [signal(90.0, harmonics, noise=0.01)]).nonlinear
-    (gap,) = found.parameters
+    (gap,) = estimates(identify_stiffness(scenario, [signal(90.0, harmonics, noise=0.01)]), "nonlinear")
     assert gap.interval[0] - 2e-6 < -5e-5 < gap.interval[1] + 2e-6
 
 
@@ -252,7 +253,8 @@ def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):
     assert result.outcome.code == "derivative_unknown"
     assert "the estimate of snubbers.tip.gap:" in result.outcome.text
     assert not result.outcome.trusted
-    assert all(np.isnan(p.standard_deviation) and np.isnan(p.interval).all() for p in result.nonlinear.parameters)
+    found = estimates(result, "nonlinear")
+    assert all(np.isnan(p.standard_deviation) and np.isnan(p.interval).all() for p in found)
 
 
 def test_what_the_measurements_do_not_determine_has_no_deviation():
@@ -303,8 +305,9 @@ def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase)
     start = bouncing(multiple, stiffness=101.0, dashpot=0.11)
     scenario = load_scenario({**start, "identify_stiffness": {"snubber": "stop", "nonlinear": nonlinear}})
     found = identify_stiffness(scenario, [MeasuredSignal("mass", t, history + noise, unit="m")])
-    assert found.nonlinear.tests[0].order.tolist() == (np.arange(1, 3 * multiple + 1) / multiple).tolist()
-    assert {p.parameter: p.value for p in found.nonlinear.parameters} == pytest.approx(sought, rel=5e-3)
+    order = found["tests"]["harmonic_order"].values
+    assert order.tolist() == (np.arange(1, 3 * multiple + 1) / multiple).tolist()
+    assert {p.parameter: p.value for p in estimates(found, "nonlinear")} == pytest.approx(sought, rel=5e-3)
     # the fit has all snubbers as they are: nothing is said of natural frequencies, which nobody measured
     assert not any("open" in warning for warning in found.warnings)
 
@@ -366,16 +369,18 @@ def test_a_bad_record_is_named_and_left_out_by_its_name():
     signals = records(wrong=1.1)
     every = fitted_records(signals)
     (warning,) = [each for each in every.warnings if "leave_out" in each]
-    share = every.nonlinear.tests[1].misfit / every.nonlinear.misfit
+    misfit = every["nonlinear"]["misfit"].item()
+    share = fitted_tests(every)[1].misfit / misfit
     assert warning.startswith(f"loose has {share:.0%} of the misfit")
     assert warning.endswith("leave_out: [loose]")
     without = fitted_records(signals, leave_out=["loose"], used=(0, 2))
     assert not without.warnings
-    assert [test.name for test in without.nonlinear.tests] == ["0.2.csv", "0.3.csv"]
-    assert sum(test.misfit for test in every.nonlinear.tests) == pytest.approx(every.nonlinear.misfit, rel=1e-12)
-    assert every.nonlinear.tests[1].misfit_without == pytest.approx(without.nonlinear.misfit, rel=0.5)
-    assert every.nonlinear.misfit > 50 * without.nonlinear.misfit
-    for p in without.nonlinear.parameters:
+    assert [test.name for test in fitted_tests(without)] == ["0.2.csv", "0.3.csv"]
+    assert sum(test.misfit for test in fitted_tests(every)) == pytest.approx(misfit, rel=1e-12)
+    misfit_without = without["nonlinear"]["misfit"].item()
+    assert fitted_tests(every)[1].misfit_without == pytest.approx(misfit_without, rel=0.5)
+    assert misfit > 50 * misfit_without
+    for p in estimates(without, "nonlinear"):
         assert p.value == pytest.approx(coverage.TRUTH[p.parameter], abs=4 * p.standard_deviation)
 
 
@@ -385,15 +390,16 @@ def test_the_misfit_without_a_good_record_is_that_of_the_fit_without_it():
     every = fitted_records(signals)
     assert not every.warnings
     for k, name in enumerate(("0.2.csv", "loose", "0.3.csv")):
-        without = fitted_records(signals, leave_out=[name], used=[each for each in range(3) if each != k]).nonlinear
-        assert every.nonlinear.tests[k].misfit_without == pytest.approx(without.misfit, rel=1e-2)
+        without = fitted_records(signals, leave_out=[name], used=[each for each in range(3) if each != k])
+        misfit = without["nonlinear"]["misfit"].item()
+        assert fitted_tests(every)[k].misfit_without == pytest.approx(misfit, rel=1e-2)
 
 
 def test_a_wrong_gain_of_a_channel_is_found():
     gain = "identify_stiffness.nonlinear.tests.loose.gain"
     found = fitted_records(records(wrong=1.1), (coverage.STIFFNESS, coverage.DASHPOT, gain))
     assert not found.warnings
-    for p, true in zip(found.nonlinear.parameters, (20.0, 0.3, 1.1), strict=True):
+    for p, true in zip(estimates(found, "nonlinear"), (20.0, 0.3, 1.1), strict=True):
         assert p.value == pytest.approx(true, abs=3 * p.standard_deviation)
         assert p.standard_deviation < 0.01 * true
 
@@ -403,9 +409,10 @@ def test_a_gain_that_is_known_is_that_of_the_recorded_values():
     scaled = [signals[0], replace(signals[1], y=signals[1].y / 1.1), signals[2]]
     tests = "identify_stiffness.nonlinear.tests"
     scenario = fitted_records(signals).scenario
-    known = identify_stiffness(load_scenario(scenario, {f"{tests}[1].gain": 1.1}), signals).nonlinear
-    as_if = identify_stiffness(scenario, scaled).nonlinear
-    assert [p.value for p in known.parameters] == pytest.approx([p.value for p in as_if.parameters], rel=1e-7)
+    known = identify_stiffness(load_scenario(scenario, {f"{tests}[1].gain": 1.1}), signals)
+    as_if = identify_stiffness(scenario, scaled)
+    known, as_if = (each["nonlinear"]["value"].values for each in (known, as_if))
+    assert known == pytest.approx(as_if, rel=1e-7)
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.channels import channel_values
 from beamsim.scenario import load_scenario
 from beamsim.system.parts import SharedBuilds
+from tests.helpers.tables import estimates, fitted_tests
 
 SPRING = (2 * np.pi * 10.0) ** 2
 STOP, GAP, DASHPOT = "chain.snubbers.stop.stiffness", "chain.snubbers.stop.gap", "chain.dashpots[0]"
@@ -159,12 +160,12 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     measured = np.array([*measured, down["absolute_acceleration"]])
     sigma = np.where(height, SCATTER * measured, SCATTER_HZ)
     x, deviation, misfit = (each[0] for each in least_squares(numbers, measured[None], sigma[None]))
-    found = identify_stiffness(case(rows, BEGIN), []).nonlinear
+    found = identify_stiffness(case(rows, BEGIN), [])
     z = NormalDist().inv_cdf(0.975)
-    for p, truth, at, wide in zip(found.parameters, TRUTH.values(), x, deviation, strict=True):
+    for p, truth, at, wide in zip(estimates(found, "nonlinear"), TRUTH.values(), x, deviation, strict=True):
         assert np.log(p.value / truth) == pytest.approx(at, abs=0.01 * wide)
         assert np.diff(p.interval) / p.value == pytest.approx(2 * z * wide, rel=0.01)
-    assert found.misfit == pytest.approx(misfit, abs=0.02)
+    assert found["nonlinear"]["misfit"].item() == pytest.approx(misfit, abs=0.02)
     exact = numbers(np.zeros(3))
     noise = np.where(height, SCATTER * exact, SCATTER_HZ)
     measured = exact + noise * np.random.default_rng(1).standard_normal((20_000, 5))
@@ -235,19 +236,19 @@ def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
         end, peak_found = integrated(f_free, test.level, truth, start)
         assert end == pytest.approx(start, rel=1e-5, abs=1e-6)
         assert peak_found == pytest.approx(free, rel=1e-5)
-    found = identify_stiffness(two_masses(measured, [2.1, 0.95], 3.1e-3, 2.9e3), []).nonlinear
-    assert [p.value for p in found.parameters] == pytest.approx(truth, rel=1e-5)
-    assert found.degrees_of_freedom == 11
+    found = identify_stiffness(two_masses(measured, [2.1, 0.95], 3.1e-3, 2.9e3), [])["nonlinear"]
+    assert found["value"].values == pytest.approx(truth, rel=1e-5)
+    assert found["degrees_of_freedom"].item() == 11
 
 
 @pytest.mark.slow
 def test_a_row_with_a_wrong_level_is_named():
     rows = table(0, (0.6, 1.0))
     rows[0]["peaks"][0]["absolute_acceleration"] *= 1.5
-    found = identify_stiffness(case(rows), []).nonlinear
-    worst = min(found.records, key=lambda record: record.misfit_without)
+    found = identify_stiffness(case(rows), [])
+    worst = min(fitted_tests(found), key=lambda record: record.misfit_without)
     assert worst.name == "0.6 up"
-    assert worst.misfit > 0.5 * found.misfit
+    assert worst.misfit > 0.5 * found["nonlinear"]["misfit"].item()
     assert any("0.6 up has" in warning for warning in found.warnings)
 
 
@@ -296,10 +297,10 @@ def test_tests_of_which_none_can_be_spared_are_not_said_to_explain_the_misfit():
     heights = {0.05: 0.26, 0.06: 0.31, 0.07: 0.37}
     tests = [row(at, "up", (10.0, x), jump=None, **{"from": 9.9, "to": 10.1}) for at, x in heights.items()]
     few, enough = (identify_stiffness(case(tests[:n], estimate=[DASHPOT, "chain.springs[0]"]), []) for n in (2, 3))
-    assert few.nonlinear.degrees_of_freedom == 2
-    assert np.isnan([record.misfit_without for record in few.nonlinear.records]).all()
+    assert few["nonlinear"]["degrees_of_freedom"].item() == 2
+    assert np.isnan(few["tests"]["misfit_without"].values).all()
     assert not any("of the misfit" in line for line in identification_screen(few).lines)
-    assert np.isfinite([record.misfit_without for record in enough.nonlinear.records]).all()
+    assert np.isfinite(enough["tests"]["misfit_without"].values).all()
     assert any("of the misfit" in line for line in identification_screen(enough).lines)
 
 
@@ -319,12 +320,13 @@ def test_rows_of_a_file_are_those_that_are_written(tmp_path):
     ]
     file = {**at, "name": "lab", "file": str(tmp_path / "sweeps.csv"), "gain": 1.1}
     by_file, by_hand = (
-        identify_stiffness(case(tests, leave_out=out, estimate=[DASHPOT]), []).nonlinear
+        fitted_tests(identify_stiffness(case(tests, leave_out=out, estimate=[DASHPOT]), []), "peak")
         for tests, out in (([file], ["bad"]), ([{**row, "gain": 1.1} for row in written], []))
     )
-    for one, other in zip(by_file.sweeps, by_hand.sweeps, strict=True):
-        assert (one.name, one.direction, one.what) == (other.name, other.direction, other.what)
-        for name in ("level", "measured", "noise", "predicted"):
+    assert [each.name for each in by_hand] == ["first", "lab 2"]
+    for one, other in zip(by_file, by_hand, strict=True):
+        assert (one.name, one.direction, *one.peak_what) == (other.name, other.direction, *other.peak_what)
+        for name in ("level", "peak_measured", "peak_noise", "peak_predicted"):
             assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9), name
 
 

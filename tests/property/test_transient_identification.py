@@ -13,6 +13,7 @@ from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_tests
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
+from tests.helpers.tables import estimates, fitted_tests
 
 STIFFNESS, DASHPOT, GAP = "chain.snubbers.stop.stiffness", "chain.dashpots[0]", "chain.snubbers.stop.gap"
 TRUTH = {STIFFNESS: 20.0, DASHPOT: 0.1, GAP: 0.3}
@@ -86,8 +87,8 @@ def steady(frequency=0.2, seed=0, noise=0.01):
     return MeasuredSignal("mass", np.arange(y.size) / (64 * frequency), y, unit="m")
 
 
-def holds(estimates, truth, deviations=3.5):
-    for p in estimates:
+def holds(result, truth, deviations=3.5):
+    for p in estimates(result, "nonlinear"):
         assert p.value == pytest.approx(truth[p.parameter], abs=deviations * p.standard_deviation)
         assert 0.0 < p.standard_deviation < 0.1 * abs(p.value)
 
@@ -96,17 +97,17 @@ def test_a_release_with_an_unknown_begin_zero_and_gain(released):
     begun, signal = record(released, 1)
     scenario = load_scenario(case(transient(begin="2.5 s"), start=RELEASED, estimate=(*TRUTH, GAIN)))
     result = identify_stiffness(scenario, [signal])
-    holds(result.nonlinear.parameters, TRUTH | {GAIN: 1.1})
+    holds(result, TRUTH | {GAIN: 1.1})
     assert not result.warnings
-    (test,) = result.nonlinear.transients
+    (test,) = fitted_tests(result, "sample")
     low, high = test.delay_interval
     assert low - (high - low) < 2.5 - begun < high + (high - low)  # measured(t - 2.5 s) = predicted(t - begun)
     assert high - low < STEP
     assert test.noise == pytest.approx(0.02, rel=0.1)
-    assert test.misfit == pytest.approx(result.nonlinear.degrees_of_freedom, rel=0.01)
+    assert test.misfit == pytest.approx(result["nonlinear"]["degrees_of_freedom"].item(), rel=0.01)
     assert result.summary["test_delays_s"] == {"a.csv": [test.delay_s, low, high]}
-    assert np.std(test.measured - test.predicted) == pytest.approx(0.02, rel=0.1)
-    assert np.mean(test.measured - test.predicted) == pytest.approx(0.0, abs=1e-12)
+    assert np.std(test.sample_measured - test.sample_predicted) == pytest.approx(0.02, rel=0.1)
+    assert np.mean(test.sample_measured - test.sample_predicted) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_release_and_a_steady_vibration_in_one_fit(released):
@@ -120,12 +121,17 @@ def test_a_release_and_a_steady_vibration_in_one_fit(released):
         signals = [{"a.csv": signal, "b.csv": steady()}[test["file"]] for test in tests]
         gains = ["identify_stiffness.nonlinear.tests.released.gain"] if free in tests else []
         scenario = load_scenario(case(*tests, excitation=shaken, estimate=[*TRUTH, *gains]))
-        found[name] = identify_stiffness(scenario, signals).nonlinear
-        holds(found[name].parameters, TRUTH | dict.fromkeys(gains, 1.1))
-    information = {name: [p.standard_deviation**-2 for p in fit.parameters[:3]] for name, fit in found.items()}
+        found[name] = identify_stiffness(scenario, signals)
+        holds(found[name], TRUTH | dict.fromkeys(gains, 1.1))
+    information = {name: fit["nonlinear"]["standard_deviation"].values[:3] ** -2 for name, fit in found.items()}
     for alone in ("free", "periodic"):
-        assert np.all(np.array(information["both"]) > np.array(information[alone]))
-    assert [test.name for test in found["both"].records] == ["b.csv", "released"]
+        assert np.all(information["both"] > information[alone])
+    both = found["both"]["tests"]
+    assert both["name"].values.tolist() == ["released", "b.csv"]
+    assert both["kind"].values.tolist() == ["transient", "steady"]
+    np.testing.assert_array_equal(both["frequency_hz"].values, [np.nan, 0.2])  # of a steady vibration alone
+    assert set(both["sample_test"].values) == {0}
+    assert both["harmonic_test"].values.tolist() == [1] * 5
 
 
 def test_a_drop_whose_base_was_recorded(tmp_path):
@@ -144,10 +150,10 @@ def test_a_drop_whose_base_was_recorded(tmp_path):
     (tmp_path / "case.yaml").write_text(load_scenario(case(test)).to_yaml())
     scenario = load_scenario(tmp_path / "case.yaml")
     result = identify_stiffness(scenario, read_tests(scenario, tmp_path))
-    holds(result.nonlinear.parameters, TRUTH)
+    holds(result, TRUTH)
     assert not result.warnings
-    assert result.nonlinear.transients[0].delay_s == 0.0
-    assert np.isnan(result.nonlinear.transients[0].delay_interval).all()
+    assert result["tests"]["delay_s"].values.tolist() == [0.0]
+    assert np.isnan(result["tests"]["delay_interval"].values).all()
     assert result.summary["test_delays_s"] == {}
 
 
@@ -161,8 +167,8 @@ def test_a_sampled_force_and_a_velocity(tmp_path, monkeypatch):
     y = motion(times, force=force)[1] + 0.02 * np.random.default_rng(4).standard_normal(times.size)
     scenario = load_scenario(case(transient(quantity="velocity", excitation=pushed), numbers=BEGIN))
     result = identify_stiffness(scenario, [MeasuredSignal("mass", times, y, unit="m/s")])
-    holds(result.nonlinear.parameters, TRUTH)
-    low, high = result.nonlinear.transients[0].delay_interval
+    holds(result, TRUTH)
+    low, high = result["tests"]["delay_interval"].values[0]
     assert low - (high - low) < 0.0 < high + (high - low)
 
 
@@ -172,8 +178,8 @@ def test_noise_that_is_stated_too_small_widens_the_intervals(released):
     told, own = (identify_stiffness(each, [signal]) for each in (stated, load_scenario(
         case(transient(begin="2.5 s"), start=RELEASED))))  # fmt: skip
     assert any("more than their noise" in warning for warning in told.warnings)
-    for a, b in zip(told.nonlinear.parameters, own.nonlinear.parameters, strict=True):
-        assert a.standard_deviation == pytest.approx(b.standard_deviation, rel=0.01)
+    told, own = (each["nonlinear"]["standard_deviation"].values for each in (told, own))
+    assert told == pytest.approx(own, rel=0.01)
 
 
 def test_a_wrong_model_is_told_from_noise(released):
@@ -185,7 +191,7 @@ def test_a_wrong_model_is_told_from_noise(released):
     )
     assert any("more than their noise" in warning for warning in result.warnings)
     assert any("contact is never made and lost" in warning for warning in result.warnings)
-    assert result.nonlinear.transients[0].noise == pytest.approx(0.02, rel=0.2)
+    assert result["tests"]["noise"].values == pytest.approx([0.02], rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -224,10 +230,10 @@ def test_intervals_of_transients_hold_the_truth_as_often_as_they_say(released):
     held, delays = dict.fromkeys(truth, 0), 0
     for seed in range(20):
         begun, signal = record(released, seed)
-        found = identify_stiffness(scenario, [signal]).nonlinear
-        for p in found.parameters:
+        found = identify_stiffness(scenario, [signal])
+        for p in estimates(found, "nonlinear"):
             held[p.parameter] += p.interval[0] <= truth[p.parameter] <= p.interval[1]
-        low, high = found.transients[0].delay_interval
+        low, high = found["tests"]["delay_interval"].values[0]
         delays += low <= 2.5 - begun <= high
     assert all(count >= 16 for count in (*held.values(), delays))
     assert any(count < 20 for count in held.values())
@@ -246,9 +252,9 @@ def test_sweeps_up_and_down_with_their_jumps():
         signals.append(MeasuredSignal("mass", times, y, unit="m"))
     scenario = load_scenario(case(*tests, estimate=(*TRUTH, "identify_stiffness.nonlinear.tests[*].gain")))
     result = identify_stiffness(scenario, signals)
-    holds(result.nonlinear.parameters, TRUTH | {"identify_stiffness.nonlinear.tests[*].gain": 1.1})
+    holds(result, TRUTH | {"identify_stiffness.nonlinear.tests[*].gain": 1.1})
     assert not result.warnings
-    assert [test.name for test in result.nonlinear.transients] == ["up", "down"]
+    assert [test.name for test in fitted_tests(result, "sample")] == ["up", "down"]
 
 
 @pytest.mark.parametrize(
@@ -290,7 +296,7 @@ def test_what_is_done_to_a_record_is_done_to_the_motion_as_well(filtered, begin)
     signal = MeasuredSignal("mass", np.arange(y.size) * STEP, y + drift, unit="m")
     test = transient(start=RELEASED, begin=begin, phase="of_excitation", **filtered)
     result = identify_stiffness(load_scenario(case(test)), [signal])
-    for estimate in result.nonlinear.parameters:
+    for estimate in estimates(result, "nonlinear"):
         assert estimate.value == pytest.approx(TRUTH[estimate.parameter], rel=1e-4)
-    (fit,) = result.nonlinear.transients
-    assert "removed" in fit.treatment
+    (treatment,) = result["tests"]["treatment"].values
+    assert "removed" in treatment

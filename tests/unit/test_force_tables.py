@@ -17,6 +17,7 @@ from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import force_tables
 from tests.helpers.commands import invoke
+from tests.helpers.tables import estimates, variables
 
 POINTS = [[0, 0], [1e-4, 8], [2e-4, 22], [4e-4, 70]]
 CASE = {
@@ -212,10 +213,10 @@ def test_natural_frequencies_give_the_slope_where_a_table_rests(preload, segment
     matrix = [[800.0 + 1.05 * slope, -400.0], [-400.0, 400.0]]
     frequencies = (np.sqrt(np.linalg.eigvalsh(matrix)) / (2 * np.pi)).tolist()
     found = beamsim.identify_stiffness(pressed(preload, frequencies))
-    assert found.estimate.stiffness == pytest.approx(1.05 * slope, rel=1e-9)
-    at = found.table_slope
-    assert (at.segment, at.segments) == (segment, 2)
-    numbers = [at.slope, at.factor, at.force, at.deflection]
+    at = variables(found["stiffness"])
+    assert at.stiffness == pytest.approx(1.05 * slope, rel=1e-9)
+    assert (at.table_segment, at.table_segments, at.table_at_a_bend) == (segment, 2, False)
+    numbers = [at.table_slope, at.table_factor, at.table_force, at.table_deflection]
     deflection = 2e-3 + (preload - 0.6) / slope
     np.testing.assert_allclose(numbers, [slope, 1.05, preload, deflection], rtol=1e-9)
     assert not found.warnings
@@ -259,7 +260,7 @@ def test_the_scale_of_a_table_from_a_measured_vibration(noise):
     scatter = noise * history.std() * np.random.default_rng(3).standard_normal(history.size)
     signal = MeasuredSignal("a", np.arange(600) / 200.0, history + scatter, unit="m/s^2")
     section = {"snubber": "pad", "nonlinear": nonlinear}
-    found = beamsim.identify_stiffness(of_scale(1.0, identify_stiffness=section), [signal]).nonlinear.parameters[0]
+    (found,) = estimates(beamsim.identify_stiffness(of_scale(1.0, identify_stiffness=section), [signal]), "nonlinear")
     assert found.parameter == sought
     assert found.value == pytest.approx(1.25, abs=max(3.0 * found.standard_deviation, 1e-6))
     if noise:
@@ -289,12 +290,13 @@ def test_segments_of_a_table_from_vibrations_at_two_levels():
     sought = [f"chain.snubbers.pad.force_deflection.segment_factors[{k}]" for k in range(3)]
     fit = {"estimate": sought, "tests": tests, "starts": 1, "profiles": False}
     section = {"snubber": "pad", "nonlinear": fit}
-    found = beamsim.identify_stiffness(of_segments(1, 1, 1, identify_stiffness=section), signals).nonlinear
-    for parameter, true in zip(found.parameters[:2], (0.8, 1.3), strict=True):
+    found = beamsim.identify_stiffness(of_segments(1, 1, 1, identify_stiffness=section), signals)
+    *reached, beyond = estimates(found, "nonlinear")
+    for parameter, true in zip(reached, (0.8, 1.3), strict=True):
         assert parameter.value == pytest.approx(true, abs=3.0 * parameter.standard_deviation)
         assert 1e-4 < parameter.standard_deviation < 0.05
-    assert found.parameters[2].value == 1.0
-    assert np.isnan(found.parameters[2].standard_deviation)
+    assert beyond.value == 1.0
+    assert np.isnan(beyond.standard_deviation)
     (warning,) = found.warnings
     assert "segment_factors[2]: no test reaches segment 3, which begins at 10 mm" in warning
 

@@ -19,6 +19,7 @@ from beamsim.orbits.tracing import explained
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.tables import estimates
 
 BRANCHES = [{"stiffness": 200.0, "relaxation_time": 0.03}]
 TABLE = [[0, 0], [2e-3, 0.8], [10e-3, 6]]
@@ -215,6 +216,6 @@ def test_a_measured_vibration_gives_its_coefficient(law):
     section = {"snubber": "pad", "nonlinear": fit}
     scenario = case(law, changed.format(0.2), identify_stiffness=section)
     signal = MeasuredSignal("a", time, history, unit="m")
-    found = beamsim.identify_stiffness(scenario, [signal]).nonlinear.parameters[0]
+    (found,) = estimates(beamsim.identify_stiffness(scenario, [signal]), "nonlinear")
     assert found.value == pytest.approx(0.25, rel=1e-4)
     assert found.interval[0] < 0.25 < found.interval[1]

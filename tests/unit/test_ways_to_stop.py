@@ -177,7 +177,7 @@ def test_a_fit_with_too_few_evaluations(monkeypatch):
     result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))
     assert result.outcome.code == "fit_limit"
     assert not result.complete
-    assert np.isfinite([p.value for p in result.nonlinear.parameters]).all()
+    assert np.isfinite(result["nonlinear"]["value"].values).all()
 
 
 def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():

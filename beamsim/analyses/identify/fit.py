@@ -9,19 +9,22 @@ differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihood
+from beamsim.analyses.identify.layouts import ENDS
+from beamsim.analyses.identify.result import ProfileLikelihood
 from beamsim.errors import ScenarioError
+from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import Interrupted, asked_by, asked_to_stop
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import SoughtParameter, bounds_of
-from beamsim.scenario.parameters import choices_at, find_parameters, value_at, with_values
+from beamsim.scenario.parameters import choices_at, find_parameters, unit_of, value_at, with_values
 from beamsim.typing import Bools, Floats
 
 MOST_EVALUATIONS = 100  # of the residuals beside derivatives, in one fit
@@ -122,6 +125,53 @@ def varied(scenario: Scenario, numbers: Sequence[Sought], x: Floats) -> Scenario
         return with_values(scenario, values).rechecked()
     except ScenarioError as error:
         raise UnpredictableError(str(error)) from error
+
+
+class ParameterEstimate(NamedTuple):
+    """A parameter estimated by a fit, in SI units."""
+
+    parameter: str
+    before: float  # in the scenario, of the first item for [*]
+    value: float
+    standard_deviation: float  # nan where it is not known
+    interval: tuple[float, float]
+    bounds: tuple[float, float]
+    prior: float  # relative standard deviation; nan without one
+    at_bound: bool
+
+    def summary(self) -> dict[str, Any]:
+        """What the summary has of it."""
+        return {
+            "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
+            "interval": list(self.interval),
+        }  # fmt: skip
+
+
+def estimates_dataset(
+    layout: Layout,
+    scenario: Scenario,
+    parameters: Sequence[ParameterEstimate],
+    covariance: Floats,
+    more: Mapping[str, Any],
+) -> Dataset:
+    """The labelled dataset of a fit.
+
+    Parameters
+    ----------
+    layout : of the dataset.
+    scenario : that the parameters are numbers of.
+    parameters : p estimates.
+    covariance : (p, p) of them.
+    more : what else the dataset holds, by variable.
+
+    Returns
+    -------
+    Dataset
+    """
+    names = [each.parameter for each in parameters]
+    pairs = {name: np.array([getattr(each, name) for each in parameters]) for name in ("interval", "bounds")}
+    known = {"parameter": names, "other_parameter": names, "correlation": correlation_of(covariance), "end": ENDS}
+    return layout.table(parameters, [{"unit": unit_of(scenario, name)} for name in names], **known, **pairs, **more)
 
 
 @dataclass(frozen=True)

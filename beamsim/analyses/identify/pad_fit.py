@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from beamsim.analyses.identify.fit import inverse_information
-from beamsim.analyses.identify.result import PadFit
+from beamsim.analyses.identify.layouts import ENDS, PAD
+from beamsim.analyses.identify.result import Part
 from beamsim.contacts.branches import BranchFit, dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.errors import InputFileError, ScenarioError
@@ -25,7 +26,7 @@ _DIMENSIONS = {
 AT = ("identify_stiffness", "pad", "data")
 
 
-def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> PadFit:
+def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Part:
     """Fit branches to what was measured.
 
     Parameters
@@ -37,7 +38,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Pad
 
     Returns
     -------
-    PadFit
+    Part of the result.
 
     Raises
     ------
@@ -62,29 +63,42 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Pad
     intervals = _intervals(numbers, lambda each: model(each, at) / response, coverage)
     curve_at = np.geomspace(at[at > 0.0].min(), at[-1], POINTS_OF_CURVE)
     curve, of_measured = model(numbers, curve_at), model(numbers, at)
-    return PadFit(
-        kind=kind,
-        stiffness=fit.stiffness,
-        stiffness_interval=tuple(intervals[0].tolist()),
-        branch_stiffness=stiffness,
-        branch_interval=intervals[1 : stiffness.size + 1],
-        relaxation_time=numbers[stiffness.size + 1 :],
-        time_interval=intervals[stiffness.size + 1 :],
-        misfit=fit.misfit,
-        least_misfit=fit.least_misfit,
-        frequency_hz=at if dynamic else None,
-        time=None if dynamic else at,
-        measured_stiffness=measured,
-        fitted_stiffness=np.ascontiguousarray(of_measured.real),
-        measured_loss_factor=loss[0] if dynamic else None,
-        fitted_loss_factor=of_measured.imag / of_measured.real if dynamic else None,
-        curve_at=curve_at,
-        curve_stiffness=np.ascontiguousarray(curve.real),
-        curve_loss_factor=curve.imag / curve.real,
-        unit="Hz" if dynamic else "s",
-        ramp=None if dynamic else ramp,
-        warnings=tuple(_warnings(fit)),
+    values = {
+        "kind": kind,
+        "end": ENDS,
+        "stiffness": fit.stiffness,
+        "stiffness_interval": intervals[0],
+        "misfit": fit.misfit,
+        "least_misfit": fit.least_misfit,
+        "ramp": None if dynamic else ramp,
+        "branch": 1 + np.arange(stiffness.size),
+        "branch_stiffness": stiffness,
+        "branch_interval": intervals[1 : stiffness.size + 1],
+        "relaxation_time": numbers[stiffness.size + 1 :],
+        "time_interval": intervals[stiffness.size + 1 :],
+        "measurement": 1 + np.arange(at.size),
+        "frequency_hz": at if dynamic else None,
+        "time": None if dynamic else at,
+        "measured_stiffness": measured,
+        "fitted_stiffness": np.ascontiguousarray(of_measured.real),
+        "measured_loss_factor": loss[0] if dynamic else None,
+        "fitted_loss_factor": of_measured.imag / of_measured.real if dynamic else None,
+        "point": 1 + np.arange(curve_at.size),
+        "curve_at": curve_at,
+        "curve_stiffness": np.ascontiguousarray(curve.real),
+        "curve_loss_factor": curve.imag / curve.real,
+    }
+    summary = {"pad_yaml": _yaml(fit)}
+    return Part([PAD.dataset(values, unit="Hz" if dynamic else "s")], summary, list(_warnings(fit)))
+
+
+def _yaml(fit: BranchFit) -> str:
+    """Keys of a snubber that has a spring and branches."""
+    branches = ", ".join(
+        f"{{stiffness: {each.stiffness:.5g} N/m, relaxation_time: {each.relaxation_time:.4g} s}}"
+        for each in fit.branches
     )
+    return f"stiffness: {fit.stiffness:.5g} N/m\nmaxwell: [{branches}]"
 
 
 POINTS_OF_CURVE = 200

@@ -17,7 +17,7 @@ new branch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,7 +31,7 @@ from pydantic import ValidationError
 
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
-from beamsim.analyses.identify.result import SweepFit, TransientFit
+from beamsim.analyses.identify.layouts import ENDS, TESTS
 from beamsim.errors import InputFileError, rooted
 from beamsim.files import reading
 from beamsim.flow.channels import channel_extrema, channel_values
@@ -40,6 +40,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
+from beamsim.labelled import Dataset
 from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, split_heading
@@ -128,14 +129,58 @@ class Test:
             "the snubber"
         ]
 
-    def described(self, part: Misfit, found: Compared) -> dict[str, Any]:
-        """The fields that the results of all tests have."""
-        unit = level_unit(self.quantity.removeprefix("absolute_"))
-        return {
-            "name": self.name, "probe": self.probe, "quantity": self.quantity, "unit": unit, "delay_s": found.delay,
-            "treatment": self.treatment, "delay_interval": part.delay, "misfit": part.misfit,
-            "misfit_without": part.without,
-        }  # fmt: skip
+    def fitted_as(
+        self, kind: str, part: Misfit, delay: float, rows: Mapping[str, Mapping[str, Any]], **more: Any
+    ) -> FittedTest:
+        """This test with what a fit finds of it.
+
+        Parameters
+        ----------
+        kind, rows, more : see `FittedTest`.
+        part : its part of the misfit.
+        delay : s, see `Compared`.
+
+        Returns
+        -------
+        FittedTest
+        """
+        return FittedTest(
+            self.name, kind, self.probe, self.quantity, level_unit(self.quantity.removeprefix("absolute_")),
+            self.treatment, delay, part.delay, part.misfit, part.without, rows, **more,
+        )  # fmt: skip
+
+
+class FittedTest(NamedTuple):
+    """What was measured in a test beside what is predicted: the variables of `TESTS`."""
+
+    name: str
+    kind: str
+    probe: str
+    quantity: str
+    unit: str
+    treatment: str
+    delay_s: float
+    delay_interval: tuple[float, float]
+    misfit: float
+    misfit_without: float
+    rows: Mapping[str, Mapping[str, Any]]  # columns by name, by dimension: harmonic, sample, peak or point
+    frequency_hz: float | None = None
+    noise: float | None = None
+    level: float | None = None
+    direction: str | None = None
+
+
+def tests_dataset(tests: Sequence[FittedTest]) -> Dataset:
+    """The labelled dataset of tests."""
+    values: dict[str, Any] = {"end": ENDS, "delay_interval": np.array([each.delay_interval for each in tests])}
+    for dim in ("harmonic", "sample", "peak", "point"):
+        owners = [number for number, each in enumerate(tests) if dim in each.rows]
+        if owners:
+            columns = [tests[number].rows[dim] for number in owners]
+            sizes = [len(next(iter(each.values()))) for each in columns]
+            values |= {dim: 1 + np.arange(sum(sizes)), f"{dim}_test": np.repeat(owners, sizes)}
+            values |= {f"{dim}_{name}": np.concatenate([each[name] for each in columns]) for name in columns[0]}
+    return TESTS.table(tests, [{"unit": each.unit} for each in tests], **values)
 
 
 LEAST_SCATTER = 1e-6  # of a record without noise, over its range
@@ -332,12 +377,12 @@ class Transient(Test):
         by_delay = slopes(delay) if self.free_phase else shown * 0.0
         return Compared(shown + zero, delay, residuals(predicted), by_delay)
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> TransientFit:
-        """The result: its part of the misfit, and the comparison with the scenario's and with the estimated values."""
-        return TransientFit(
-            **self.described(part, found), time=self.time, measured=self.measured, noise=self.sigma,
-            before=before.values, predicted=found.values,
-        )  # fmt: skip
+    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
+        """Its part of the misfit, and the comparison with the scenario's and with the estimated values."""
+        samples = {
+            "time": self.time, "measured": self.measured, "before": before.values, "predicted": found.values,
+        }  # fmt: skip
+        return self.fitted_as("transient", part, found.delay, {"sample": samples}, noise=self.sigma)
 
 
 def fit_of(scenario: Scenario) -> NonlinearFit:
@@ -650,22 +695,20 @@ class SweptPeaks(Test):
         residuals = (numbers - self.measured) / self.sigma
         return Compared(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> SweepFit:
+    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
         """See `Transient.fitted`."""
         prediction: SweepPrediction = found.values
-        points = prediction.curve.points
-        return SweepFit(
-            **self.described(part, found),
-            level=prediction.curve.orbits.level,
-            direction=self.test.direction,
-            what=self.what,
-            measured=self.measured,
-            noise=self.sigma,
-            before=before.values.numbers,
-            predicted=prediction.numbers,
-            branch_frequency_hz=np.array([point.parameter for point in points]) / (2 * np.pi),
-            branch_peak=np.array([prediction.curve.heights(point)[0] for point in points]),
-        )
+        curve = prediction.curve
+        peaks = {
+            "what": self.what, "measured": self.measured, "noise": self.sigma, "before": before.values.numbers,
+            "predicted": prediction.numbers,
+        }  # fmt: skip
+        branch = {
+            "frequency_hz": np.array([point.parameter for point in curve.points]) / (2 * np.pi),
+            "peak": np.array([curve.heights(point)[0] for point in curve.points]),
+        }
+        rows = {"peak": peaks, "point": branch}
+        return self.fitted_as("sweep", part, found.delay, rows, level=curve.orbits.level, direction=self.test.direction)
 
     def _unstable(self, prediction: SweepPrediction) -> float | None:
         """Hz, the first motion that is followed and not stable, up to the last one that is compared."""

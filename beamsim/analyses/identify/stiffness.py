@@ -10,27 +10,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.identify.fit import widening
-from beamsim.analyses.identify.result import (
-    FrequencyCurve,
-    FrequencyTable,
-    ModelUpdate,
-    ProfileLikelihood,
-    Sensitivity,
-    StiffnessEstimate,
-    TableSlope,
-)
+from beamsim.analyses.identify.layouts import CURVES, ENDS, SENSITIVITIES, STIFFNESS, WITH
+from beamsim.analyses.identify.result import ComparedModes, Part, ProfileLikelihood
 from beamsim.contacts.pads import ForceCurve
 from beamsim.errors import Problem, ScenarioError
+from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import IdentifyStiffness
-from beamsim.scenario.parameters import find_parameters, value_at, with_values
+from beamsim.scenario.identification import IdentifyStiffness, Pad
+from beamsim.scenario.parameters import find_parameters, unit_at, value_at, with_values
 from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.modes import DENSE_LIMIT, closed_modes
 from beamsim.structures.reduction import reduce_model
@@ -368,6 +362,21 @@ def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) ->
     return ProfileLikelihood("stiffness", k, np.maximum(modes.misfit(k) - modes.misfit(stiffness), 0.0))
 
 
+class Sensitivity(NamedTuple):
+    """How the identified stiffness depends on one number of the structure."""
+
+    parameter: str
+    unit: str
+    value: float
+    relative: float  # d ln k / d ln p
+    uncertainty: float  # relative standard deviation of the parameter; nan where it is not known
+
+    @property
+    def contribution(self) -> float:
+        """Relative standard deviation of k that comes from this parameter; nan where it is not known."""
+        return abs(self.relative) * self.uncertainty
+
+
 def sensitivities(
     scenario: Scenario, modes: FittedModes, snubber: str, stiffness: float, known: dict[str, float]
 ) -> list[Sensitivity]:
@@ -407,6 +416,7 @@ def sensitivities(
     result = [
         Sensitivity(
             name,
+            unit_at(scenario, places[0]),
             float(value_at(scenario, places[0])),
             sum(relative.get(place, 0.0) for place in places),
             given.get(name, np.nan),
@@ -417,8 +427,8 @@ def sensitivities(
 
 
 def permanent_contact(
-    scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: ModelUpdate | None
-) -> tuple[dict[str, Any], Scenario, list[str]]:
+    scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: Dataset | None
+) -> tuple[Part, Scenario]:
     """What frequencies with permanent contact say.
 
     Parameters
@@ -431,7 +441,7 @@ def permanent_contact(
 
     Returns
     -------
-    fields of an `IdentificationResult`, the scenario with the stiffness, or the scale of the table, and warnings.
+    Part of the result, and the scenario with the stiffness, or the scale of the table.
     """
     snubber = section.snubber
     rigid = int(np.sum(point.omega == 0))
@@ -452,30 +462,55 @@ def permanent_contact(
     if len(measured.mode) > 1 and section.method != "thesis" and measured.sigma.all():
         measured, remarks = _widened(measured)
         warnings += remarks
-    estimate = _estimate(section, measured)
-    stiffness = estimate.stiffness
+    outcome, source, values = _estimate(section, measured)
+    stiffness, deviation = values["stiffness"], values["standard_deviation"]
     known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
-    fitted = {} if update is None else update.relative_deviations
-    sensitive = sensitivities(scenario, measured, snubber, stiffness, known | fitted)
-    estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
-    table = FrequencyTable.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
-    warnings += _fit_warnings(table, estimate)
-    resting = None
+    sensitive = sensitivities(scenario, measured, snubber, stiffness, known | _relative_deviations(update))
+    values["total_standard_deviation"] = _total(deviation, stiffness, sensitive, update)
+    modes = ComparedModes.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
+    warnings += _fit_warnings(modes, measured.mode, values["interval"])
     if on_table is None:
         path = (*scenario.located_snubber(snubber).path, "stiffness")
         found = with_values(scenario, {path: stiffness})
     else:
-        resting, found, remarks = _table_slope(scenario, snubber, *on_table, stiffness)
+        of_table, found, remarks = _table_slope(scenario, snubber, *on_table, stiffness)
+        values |= of_table
         warnings += remarks
-    fields = {
-        "estimate": estimate,
-        "table_slope": resting,
-        "with_snubber": table,
-        "sensitivities": tuple(sensitive),
-        "curves": _curves(point, count, stiffness),
-        "profile": stiffness_profile(measured, stiffness, estimate.standard_deviation),
+    datasets = [STIFFNESS.dataset(values), _curves(point, count, stiffness)]
+    if sensitive:
+        names = [each.parameter for each in sensitive]
+        datasets.append(SENSITIVITIES.table(sensitive, [{"unit": each.unit} for each in sensitive], parameter=names))
+    contributions = {each.parameter: each.contribution for each in sensitive if np.isfinite(each.contribution)}
+    summary = {
+        "snubber": snubber,
+        "method": section.method,
+        "uncertainty_from": source,
+        "sensitivities": {each.parameter: each.relative for each in sensitive},
+        "sensitivity_contributions": contributions or None,
+        **_pad_modulus(section.pad, stiffness, values["interval"]),
     }
-    return fields, found, warnings
+    profile = stiffness_profile(measured, stiffness, deviation)
+    profiles = () if profile is None else (profile,)
+    return Part(datasets, summary, warnings, profiles, {WITH: modes}, outcome), found
+
+
+def _relative_deviations(update: Dataset | None) -> dict[str, float]:
+    """Relative standard deviations of the parameters of an update that have one, by path."""
+    if update is None or not update.labels("parameter"):
+        return {}
+    relative = (update["standard_deviation"].values / update["value"].values).tolist()
+    named = zip(update.labels("parameter"), relative, strict=True)
+    return {name: deviation for name, deviation in named if np.isfinite(deviation)}
+
+
+def _pad_modulus(pad: Pad | None, stiffness: float, interval: Interval) -> dict[str, Any]:
+    """E_r = k h / b, Pa (thesis, section 1.3.3), and its interval; nan of a pad without dimensions."""
+    modulus = np.nan
+    if pad is not None and pad.height is not None and pad.area is not None:
+        modulus = stiffness * pad.height / pad.area
+    per_stiffness = modulus / stiffness
+    interval_pa = [per_stiffness * end for end in interval]
+    return {"pad_youngs_modulus_pa": modulus, "pad_youngs_modulus_interval_pa": interval_pa}
 
 
 def _widened(measured: FittedModes) -> tuple[FittedModes, list[str]]:
@@ -492,7 +527,8 @@ def _widened(measured: FittedModes) -> tuple[FittedModes, list[str]]:
     ]
 
 
-def _estimate(section: IdentifyStiffness, measured: FittedModes) -> StiffnessEstimate:
+def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcome, str, dict[str, Any]]:
+    """How the search ended, what the uncertainty is from, and the variables of `STIFFNESS`."""
     point, single = measured.point, measured.individual
     outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
     if section.method == "thesis":
@@ -514,70 +550,68 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> StiffnessEst
             weighted, k, first_order / k, section.monte_carlo.samples, section.coverage,
             np.random.default_rng(section.monte_carlo.seed),
         )  # fmt: skip
-    return StiffnessEstimate(
-        snubber=section.snubber,
-        method=section.method,
-        stiffness=k,
-        fit_to=measured.mode,
-        individual=np.where((single > 0) & np.isfinite(single), single, np.nan),
-        individual_interval=weighted.intervals(section.coverage),
-        reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
-        condition=np.asarray(point.slope(predicted) * k / predicted),
-        residual=float(np.sqrt(np.mean(relative**2))),
-        standard_deviation=first_order,
-        interval_first_order=first_order_interval,
-        interval=interval,
-        monte_carlo_standard_deviation=deviation,
-        monte_carlo_interval=sampled,
-        monte_carlo_samples=section.monte_carlo.samples if source else 0,
-        monte_carlo_unreachable=unreachable,
-        coverage=section.coverage,
-        total_standard_deviation=first_order,
-        uncertainty_from=source,
-        eigenvalue_solutions=solutions,
-        outcome=outcome,
-    )
+    values = {
+        "mode": measured.mode,
+        "end": ENDS,
+        "stiffness": k,
+        "individual": np.where((single > 0) & np.isfinite(single), single, np.nan),
+        "individual_interval": weighted.intervals(section.coverage),
+        "reach_hz": np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
+        "condition": np.asarray(point.slope(predicted) * k / predicted),
+        "residual": float(np.sqrt(np.mean(relative**2))),
+        "standard_deviation": first_order,
+        "interval_first_order": first_order_interval,
+        "interval": interval,
+        "monte_carlo_standard_deviation": deviation,
+        "monte_carlo_interval": sampled,
+        "monte_carlo_samples": section.monte_carlo.samples if source else 0,
+        "monte_carlo_unreachable": unreachable,
+        "coverage": section.coverage,
+        "eigenvalue_solutions": solutions,
+    }
+    return outcome, source, values
 
 
-def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: ModelUpdate | None) -> float:
+def _total(deviation: float, stiffness: float, sensitive: list[Sensitivity], update: Dataset | None) -> float:
     """Standard deviation including the contributions of all parameters with known uncertainty.
 
     Parameters fitted together are correlated; the others are treated as independent.
     """
-    fitted = {} if update is None else update.relative_deviations
     parts = {s.parameter: s.relative * s.uncertainty for s in sensitive if np.isfinite(s.contribution)}
-    deviation = estimate.standard_deviation
     if not parts:
         return deviation
+    fitted = _relative_deviations(update)
     variance = sum(part**2 for name, part in parts.items() if name not in fitted)
-    if update is not None:
-        names = [p.parameter for p in update.parameters]
-        vector = np.array([parts.get(name, 0.0) for name in names])
-        variance += float(vector @ np.nan_to_num(update.correlation) @ vector)
-    return float(np.hypot(0.0 if np.isnan(deviation) else deviation, estimate.stiffness * np.sqrt(variance)))
+    if update is not None and fitted:
+        vector = np.array([parts.get(name, 0.0) for name in update.labels("parameter")])
+        variance += float(vector @ np.nan_to_num(update["correlation"].values) @ vector)
+    return float(np.hypot(0.0 if np.isnan(deviation) else deviation, stiffness * np.sqrt(variance)))
 
 
-def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
+def _curves(point: SpringPoint, count: int, stiffness: float) -> Dataset:
     """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
     k = stiffness if 0 < stiffness < np.inf else 1.0
     share = 1 / (1 + np.exp(-np.linspace(-14, 14, 240)))
-    curves = []
-    for mode in range(1, min(count, point.omega.size) + 1):
+    modes, values, frequencies = range(1, min(count, point.omega.size) + 1), [], []
+    for mode in modes:
         low, high = point.reach(mode)
         omega = low + (min(high, 1e3 * low + 1e3) - low) * share
         value = point.stiffness(omega)
         kept = (value > _NARROWEST * k) & (value < k / _NARROWEST)
-        curves.append(FrequencyCurve(mode, value[kept], omega[kept] / _HZ))
-    return tuple(curves)
+        values.append(value[kept])
+        frequencies.append(omega[kept] / _HZ)
+    owners = np.repeat(np.arange(len(modes)), [each.size for each in values])
+    columns = {"stiffness": np.concatenate(values), "frequency_hz": np.concatenate(frequencies)}
+    return CURVES.dataset({"mode": modes, "point": 1 + np.arange(owners.size), "point_mode": owners, **columns})
 
 
-def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[str]:
+def _fit_warnings(modes: ComparedModes, fitted: tuple[int, ...], interval: Interval) -> list[str]:
     warnings = []
-    off = table.difference_percent
-    for i, mode in enumerate(table.mode):
-        if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > POOR_MODEL:
+    off = modes.difference_percent
+    for i, mode in enumerate(modes.mode):
+        if np.isfinite(off[i]) and mode not in fitted and abs(off[i]) > POOR_MODEL:
             warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
-    low, high = estimate.interval
+    low, high = interval
     if low == 0.0:
         warnings.append(_unbounded("the frequency without snubber", "lower"))
     elif np.isinf(high):
@@ -616,7 +650,7 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
 
 def _table_slope(
     scenario: Scenario, snubber: str, curve: ForceCurve, force: float, segment: int, stiffness: float
-) -> tuple[TableSlope, Scenario, list[str]]:
+) -> tuple[dict[str, Any], Scenario, list[str]]:
     """The slope of a table at rest beside the identified one, the scenario with a table of that slope, and warnings."""
     slope = float(curve.slopes[segment - 1])
     deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
@@ -636,7 +670,16 @@ def _table_slope(
             f"with all forces of the table multiplied by {factor:.4g} {snubber} would rest on another segment: the "
             "identified stiffness is not that of a table of this shape"
         )
-    return TableSlope(force, deflection, segment, curve.slopes.size, slope, factor, at_a_bend), scaled, warnings
+    values = {
+        "table_force": force,
+        "table_deflection": deflection,
+        "table_segment": segment,
+        "table_segments": curve.slopes.size,
+        "table_slope": slope,
+        "table_factor": factor,
+        "table_at_a_bend": at_a_bend,
+    }
+    return values, scaled, warnings
 
 
 MORE_MODES = 60  # of a large model, beyond those requested; a static vector represents the others

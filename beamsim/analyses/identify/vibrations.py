@@ -27,13 +27,15 @@ from beamsim.analyses.identify.fit import (
     Fit,
     Sought,
     UnpredictableError,
-    correlation_of,
+    estimates_dataset,
     sought_numbers,
     varied,
     widening,
 )
+from beamsim.analyses.identify.layouts import NONLINEAR
 from beamsim.analyses.identify.records import (
     Compared,
+    FittedTest,
     Misfit,
     Prediction,
     SweptPeaks,
@@ -41,8 +43,9 @@ from beamsim.analyses.identify.records import (
     Transient,
     fit_of,
     sweeps_of,
+    tests_dataset,
 )
-from beamsim.analyses.identify.result import NonlinearEstimate, SweepFit, TestFit, TransientFit
+from beamsim.analyses.identify.result import Part
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.compiled import processor_time
@@ -84,7 +87,7 @@ def fit_nonlinear(
     section: IdentifyStiffness,
     signals: Sequence[MeasuredSignal],
     progress: Progress = None,
-) -> NonlinearEstimate:
+) -> Part:
     """Fit ``section.nonlinear.estimate`` to measured signals, one per test, in SI units.
 
     Parameters
@@ -96,7 +99,7 @@ def fit_nonlinear(
 
     Returns
     -------
-    NonlinearEstimate
+    Part of the result
         From the start with the lowest misfit; where it is asked to stop, the best so far, without intervals.
 
     Raises
@@ -112,10 +115,10 @@ def fit_nonlinear(
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
     search = _searched(vibrations, nonlinear, progress)
-    found = _judged(vibrations, search, section)
+    found = _judged(vibrations, search, section, begin)
     records = zip(nonlinear.recorded.values(), signals, strict=True)
-    of_records = tuple(f"{test.label}: {text}" for test, signal in records for text in signal.warnings)
-    return replace(found, warnings=(*of_records, *found.warnings), processor_time_s=processor_time() - begin)
+    of_records = [f"{test.label}: {text}" for test, signal in records for text in signal.warnings]
+    return replace(found, warnings=(*of_records, *found.warnings))
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,7 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness) -> NonlinearEstimate:
+def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, begin: float) -> Part:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters
@@ -171,10 +174,11 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     vibrations : with the tests as the search left them.
     search : where it ended; parameters of which the tests say nothing get the scenario's values again.
     section : with the probability of the intervals.
+    begin : processor time before the search, s.
 
     Returns
     -------
-    NonlinearEstimate
+    Part of the result.
     """
     fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
     fit.residuals(best.x)
@@ -200,24 +204,23 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
     interrupted = f"after {search.tried} of {settings.starts} starts" if asked_to_stop() else ""
-    return NonlinearEstimate(
-        outcome=_outcome(interrupted, best, without if complete else ()),
-        parameters=parameters,
-        correlation=correlation_of(covariance),
-        tests=tuple(each for each in records if isinstance(each, TestFit)),
-        transients=tuple(each for each in records if isinstance(each, TransientFit)),
-        sweeps=tuple(each for each in records if isinstance(each, SweepFit)),
-        misfit_before=search.misfit_before,
-        misfit=best.misfit,
-        degrees_of_freedom=freedom,
-        starts=search.tried,
-        starts_agreeing=search.agreeing,
-        profiles=profiles,
-        responses=vibrations.responses[0],
-        processor_time_s=0.0,
-        coverage=coverage,
-        warnings=(*warnings, *search.warnings),
-    )
+    more = {
+        "misfit_before": search.misfit_before, "misfit": best.misfit, "degrees_of_freedom": freedom,
+        "starts": search.tried, "starts_agreeing": search.agreeing, "responses": vibrations.responses[0],
+        "processor_time_s": processor_time() - begin, "coverage": coverage,
+    }  # fmt: skip
+    dataset = estimates_dataset(NONLINEAR, vibrations.scenario, parameters, covariance, more)
+    delays = {each.name: [each.delay_s, *each.delay_interval] for each in records}
+    summary = {
+        "estimated": {each.parameter: each.summary() for each in parameters},
+        "nonlinear_misfit": [search.misfit_before, best.misfit],
+        "test_misfits": {each.name: [each.misfit, each.misfit_without] for each in records},
+        "test_delays_s": {name: each for name, each in delays.items() if np.isfinite(each).all()},
+        "starts_agreeing": [search.agreeing, search.tried],
+    }
+    outcome = _outcome(interrupted, best, without if complete else ())
+    warnings += search.warnings
+    return Part([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
 def _outcome(interrupted: str, best: Best, without_derivative: Sequence[str]) -> Outcome:
@@ -317,20 +320,17 @@ class _Steady(Test):
         difference = (predicted - self.harmonics.value) / self.sigma
         return np.concatenate([difference.real, difference.imag])
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> TestFit:
+    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
         """See `Transient.fitted`."""
         turn = 2 * np.pi / self.omega
         shift = turn * round(found.delay / turn)
         part = part._replace(delay=(part.delay[0] - shift, part.delay[1] - shift))
-        return TestFit(
-            **self.described(part, found._replace(delay=found.delay - shift)),
-            frequency_hz=self.frequency_hz,
-            order=self.harmonics.order / self.multiple,
-            measured=self.harmonics.value,
-            noise=self.sigma,
-            before=before.values,
-            predicted=found.values,
-        )
+        harmonics = {"order": self.harmonics.order / self.multiple, "noise": self.sigma}
+        compared = {"measured": self.harmonics.value, "before": before.values, "predicted": found.values}
+        harmonics |= {f"{name}_real": each.real for name, each in compared.items()}
+        harmonics |= {f"{name}_imag": each.imag for name, each in compared.items()}
+        rows = {"harmonic": harmonics}
+        return self.fitted_as("steady", part, found.delay - shift, rows, frequency_hz=self.frequency_hz)
 
 
 AnyTest = _Steady | Transient | SweptPeaks

@@ -1,0 +1,126 @@
+"""Parameters of the structure from natural frequencies measured without the snubber."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from beamsim.analyses.identify.fit import Fit, Sought, UnpredictableError, estimates_dataset, sought_numbers, varied
+from beamsim.analyses.identify.layouts import BEFORE, UPDATE
+from beamsim.analyses.identify.result import ComparedModes, Part
+from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
+from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.parameters import choices_at, value_at, with_values
+from beamsim.structures.assembly import assemble
+from beamsim.structures.modes import natural_modes
+from beamsim.typing import Floats
+
+
+def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
+    """Natural frequencies, every contact open, of the bodies that a snubber acts on.
+
+    Parameters
+    ----------
+    scenario : with the snubber.
+    snubber : its name.
+    count : number of modes beside the rigid-body modes.
+
+    Returns
+    -------
+    (m,) array
+        Hz: zeros of the rigid-body modes, then ``count`` others, or all there are.
+    """
+    model = assemble(scenario, scenario.located_snubber(snubber).bodies)
+    count += model.rigid.shape[1]
+    return np.asarray(natural_modes(model, count=count).omega[:count] * model.frequency_scale / (2 * np.pi))
+
+
+def too_few_modes(key: str, measured: int, modes: int) -> Problem:
+    """More frequencies were measured than the model has modes."""
+    return Problem(
+        f"identify_stiffness.{key}",
+        f"has {measured} frequencies, but the model has only {modes} modes",
+        "increase the number of elements, or leave out the highest frequencies",
+    )
+
+
+def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Part, Scenario]:
+    """Fit the parameters of ``section.update`` to ``section.measured_without``.
+
+    Parameters
+    ----------
+    scenario : with the values where the search begins.
+    section : what was measured, and what is sought.
+
+    Returns
+    -------
+    Part of the result, with the modes before the update, and the scenario with the parameters found.
+
+    Raises
+    ------
+    ScenarioError
+        If no combination of supports has a case with as many modes as were measured.
+    """
+    numbers, words = sought_numbers(scenario, section.update)
+    start, tried, refused = np.zeros(len(numbers)), [], {}
+    for choice in product(*(choices_at(scenario, place) for place in words)):
+        text = ", ".join(choice)
+        try:
+            case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
+            fit = _fit(case, section, numbers)
+            tried.append((text, case, fit, fit.best(start)))
+        except ScenarioError as error:  # a support that holds the snubber's point, for example
+            refused[text] = error.problems[0]
+        except UnpredictableError:
+            measured = len(section.measured_without)
+            modes = int(np.sum(free_frequencies(case, section.snubber, measured) > 0))
+            refused[text] = too_few_modes("measured_without", measured, modes)
+    if not tried:
+        raise ScenarioError(next(iter(refused.values())))
+    tried.sort(key=lambda each: each[3].misfit)
+    _, case, fit, best = tried[0]
+    freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
+    # an unknown standard deviation is that of the residuals
+    scale = 1.0 if known else best.misfit / freedom if freedom > 0 else np.nan
+    parameters, covariance, warnings = fit.estimates(best, fit.jacobian(best.x), scale, section.coverage)
+    profiles = fit.profiles(best, covariance, scale, points=13) if scale > 0.0 else ()
+    if len(tried) > 1 and tried[1][3].misfit < best.misfit + 4.0 * scale:
+        warnings.append(f"the supports {tried[1][0]} fit nearly as well: these frequencies do not distinguish them")
+    updated = varied(case, numbers, best.x)
+    misfits = {text: found.misfit for text, _, _, found in tried} | dict.fromkeys(refused, np.inf) if words else {}
+    misfit_before = float(np.sum(_fit(scenario, section, numbers).residuals(start) ** 2))
+    more = {
+        "combination": list(misfits), "combination_misfit": list(misfits.values()), "misfit_before": misfit_before,
+        "misfit_after": best.misfit, "evaluations": sum(fit.evaluations for _, _, fit, _ in tried),
+        "scenario": updated.to_yaml(),
+    }  # fmt: skip
+    dataset = estimates_dataset(UPDATE, scenario, parameters, covariance, more)
+    chosen = {path_text(place): str(value_at(updated, place)) for place in words}
+    summary = {
+        "updated": {each.parameter: each.summary() for each in parameters} | chosen,
+        "supports_tried": misfits or None,
+        "update_misfit": [misfit_before, best.misfit],
+    }
+    predicted = free_frequencies(scenario, section.snubber, len(section.measured_without))
+    before = ComparedModes.of(predicted, section.measured_without, int(np.sum(predicted == 0)))
+    return Part([dataset], summary, warnings, profiles, {BEFORE: before}), updated
+
+
+def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:
+    measured, sigma = np.array(section.measured_without), _sigma(section)
+
+    def residuals(x: Floats, _: bool) -> Floats:
+        predicted = free_frequencies(varied(scenario, numbers, x), section.snubber, measured.size)
+        predicted = predicted[predicted > 0]
+        if predicted.size < measured.size:
+            raise UnpredictableError("the model has fewer modes than were measured")
+        return np.asarray((predicted - measured) / (measured * (sigma if sigma.all() else 1.0)))
+
+    return Fit(numbers, residuals)
+
+
+def _sigma(section: IdentifyStiffness) -> Floats:
+    return np.array([section.uncertainty_of(j + 1) for j in range(len(section.measured_without))])
