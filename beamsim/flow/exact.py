@@ -36,6 +36,8 @@ EPS = 1e-15  # round-off of a state and of what makes up its rate
 HIGHEST_DERIVATIVE = ORDERS - 2  # that is looked at: with the slope of its inputs, from order 0 on
 USUAL_DERIVATIVE = 3  # that decides under most loads: higher ones are computed where it does not
 TABLES_SHARE = 0.2  # of the memory, for tables of contact states
+# parts of a contact state that the kernels take as they are
+OF_STATES = ("exponent", "power", "projector", "term_basis", "term_source", "term_vector", "horizon")
 FITTED = 6  # power of time from which on an input is a polynomial that was fitted (swept sines)
 
 
@@ -290,19 +292,13 @@ class ExactFlow:
         self.states[index : index + 1] = [state]  # a new place, or that of a state that was dropped
         self._index[key] = index
         self._used.discard(index)
-        rows: dict[str, NDArray[np.generic]] = {
+        rows: dict[str, NDArray[np.generic]] = {name: np.asarray(getattr(state, name)) for name in OF_STATES}
+        rows |= {
             "n_basis": np.array(state.exponent.size),
-            "exponent": state.exponent,
-            "power": state.power,
             "n_free": np.array(state.projector.shape[0]),
-            "projector": state.projector,
             "n_terms": np.array(state.term_basis.size),
-            "term_basis": state.term_basis,
-            "term_source": state.term_source,
-            "term_vector": state.term_vector,
             "watch": watch,
             "roughness": state.roughness(events.guards, watch[:, : events.count]),
-            "horizon": np.array(state.horizon),
             "phase": state.phases,
             "n_guards": np.array(events.count),
             "n_joining": np.array(events.joining),

@@ -507,28 +507,33 @@ class Trajectory:
         out = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
         for state, segments in self.by_state():
             table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
-            basis, source = state.term_basis, state.term_source
-            products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
-            if state.exponential:
-                for part in blocks(segments.size, basis.size):
-                    amplitude = self.amplitudes(state, segments[part])[:, source]
-                    some = np.flatnonzero(amplitude.any(axis=0))  # what rests may grow without bound
-                    found = summed_products(state.exponent[basis[some]], amplitude[:, some], length[part])
-                    products[some[:, None], np.append(some, basis.size + some)] += found
-            else:
-                functions, zeta = (
-                    (basis[:, None], np.append(basis, state.exponent.size + basis)),
-                    self.amplitudes(state, segments),
-                )
-                sources, whole = (
-                    (source[:, None], np.append(source, zeta.shape[1] + source)),
-                    np.hstack([zeta, zeta.conj()]),
-                )
-                for entries, moments in moments_by_time(state.exponent, state.power, length):
-                    products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
+            of_terms = self._squares_of_exponentials if state.exponential else self._squares_by_time
+            products = of_terms(state, segments, length)
             both = 0.5 * np.concatenate([table, table.conj()])
             out += (table * (products @ both)).sum(axis=0).real
         return out
+
+    def _squares_of_exponentials(self, state: ContactState, segments: Ints, length: Floats) -> Complexes:
+        """(T, 2 T) integrals of products of the terms with each other and with their conjugates, over segments."""
+        basis, source = state.term_basis, state.term_source
+        products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
+        for part in blocks(segments.size, basis.size):
+            amplitude = self.amplitudes(state, segments[part])[:, source]
+            some = np.flatnonzero(amplitude.any(axis=0))  # what rests may grow without bound
+            found = summed_products(state.exponent[basis[some]], amplitude[:, some], length[part])
+            products[some[:, None], np.append(some, basis.size + some)] += found
+        return products
+
+    def _squares_by_time(self, state: ContactState, segments: Ints, length: Floats) -> Complexes:
+        """(T, 2 T) the same in a contact state with powers of time."""
+        basis, source = state.term_basis, state.term_source
+        zeta = self.amplitudes(state, segments)
+        functions = basis[:, None], np.append(basis, state.exponent.size + basis)
+        sources, whole = (source[:, None], np.append(source, zeta.shape[1] + source)), np.hstack([zeta, zeta.conj()])
+        products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
+        for entries, moments in moments_by_time(state.exponent, state.power, length):
+            products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
+        return products
 
     @cached_property
     def equal_lengths(self) -> Floats:

@@ -139,15 +139,16 @@ def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
     ScenarioError
         If a field does not accept its value.
     """
-    read: dict[Path, object] = {}
+    read = dict(values)
     for place, value in values.items():
-        read[place] = value
-        if isinstance(value, Schema) or field_type_at(scenario, place) is None:
+        field = None if isinstance(value, Schema) else field_type_at(scenario, place)
+        if field is None:
             continue  # parts, words and plain flags as they are
         try:
-            read[place] = number = read_as(scenario, place, value)
-        except Unfit as error:
-            raise ScenarioError(error.problem(place)) from None
+            read[place] = number = field.read(value)
+        except UnitError as error:
+            message = f"= {single_line(value)} {error.message}"
+            raise ScenarioError(problem(place, message, error.remedy)) from None
         if isinstance(number, LevelValue):
             read[place] = LevelValue(number, meant(number) or meant(value_at(scenario, place)))
     return replaced(scenario, read)

@@ -80,7 +80,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
         if placed_by_bodies:
             _check_places(scenario, placed_by_bodies, bodies)
         parts.append(join(bodies, within, origins) if within else bodies[0])
-    return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
+    return side_by_side(parts)
 
 
 def couplings_of(scenario: Scenario) -> list[Coupling]:
@@ -299,7 +299,12 @@ def _highest_of(body: BodyStructure) -> float:
     return float(highest) * (1 - 1e-11) * body.frequency_scale
 
 
-def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
+def side_by_side(parts: Sequence[Structure]) -> Structure:
+    """Several parts as one structure; one alone is that."""
+    return parts[0] if len(parts) == 1 else _blocks_of(parts)
+
+
+def _blocks_of(parts: Sequence[Structure]) -> SeveralBodies:
     """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
     mass_scale = max(part.mass_scale for part in parts)
     stiffness_scale = max(part.stiffness_scale for part in parts)
@@ -348,7 +353,7 @@ def join(
     SeveralBodies
         On the dofs that the constraints leave.
     """
-    apart = assemble_side_by_side(bodies)
+    apart = side_by_side(bodies)
     held = apart.rows([c.site for c in couplings if c.stiffness is None])
     basis = null_space_basis(held)
     springs = [c for c in couplings if c.stiffness]

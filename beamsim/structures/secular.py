@@ -44,7 +44,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, walk
 from beamsim.scenario.parameters import replaced, side_at, value_at
 from beamsim.scenario.quantities import Share
-from beamsim.structures.assembly import SeveralBodies, assemble, assemble_side_by_side, couplings_of, snubber_site
+from beamsim.structures.assembly import assemble, couplings_of, side_by_side, snubber_site
 from beamsim.structures.places import Site
 from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.typing import Floats
@@ -67,21 +67,14 @@ class SpringPoint:
         order = np.argsort(omega, kind="stable")
         self.omega: Floats = np.asarray(omega, dtype=float)[order]
         self.shape: Floats = np.asarray(shape, dtype=float)[order]
+        weight = self.shape**2
+        loaded = weight > NODE * weight.max(initial=0.0)  # a mode with a node there does not load the spring
+        frequency = self.omega[loaded]
+        first = np.diff(frequency, prepend=-np.inf) > ONE_POLE * frequency  # of those at one pole
+        poles, of_pole = frequency[first], np.cumsum(first) - 1
         # poles of g, their weights, and the natural frequencies that no spring changes (repeated, or with a node)
-        poles: list[float] = []
-        weights: list[float] = []
-        fixed: list[float] = []
-        least = NODE * float((self.shape**2).max(initial=0.0))
-        for frequency, weight in zip(self.omega.tolist(), (self.shape**2).tolist(), strict=True):
-            if weight <= least:  # a mode with a node there does not load the spring
-                fixed.append(frequency)
-            elif poles and frequency - poles[-1] <= ONE_POLE * frequency:
-                weights[-1] += weight
-                fixed.append(poles[-1])
-            else:
-                poles.append(frequency)
-                weights.append(weight)
-        self._poles = np.array(poles), np.array(weights), np.array(fixed)
+        unchanged = np.concatenate([self.omega[~loaded], poles[of_pole[~first]]])
+        self._poles = poles, np.bincount(of_pole, weight[loaded]), unchanged
 
     def mode_number(self, omega: float) -> int:
         """Number, from 1, of the mode that a spring can raise to omega: the number of free modes at or below omega.
@@ -215,7 +208,7 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
 class _LoadedPart:
     """A part of a structure on which the spring acts, and its motion at the frequency."""
 
-    bodies: SeveralBodies  # apart
+    bodies: Structure  # apart
     stiffness: float  # N/m, of the spring, that gives the part alone the frequency
     field: Floats  # (dofs of the bodies,) v
     forces: Floats  # of the constraints among the couplings, in their order
@@ -226,7 +219,7 @@ class _LoadedPart:
         row, squared = part.own_row(site), (omega / part.frequency_scale) ** 2
         mode = np.asarray(spsolve((part.factor.T @ part.factor - squared * part.mass).tocsc(), row))
         scaled = -1.0 / float(row @ mode)
-        stiffness, bodies = scaled * part.stiffness_scale, assemble_side_by_side([m.body for m in part.members])
+        stiffness, bodies = scaled * part.stiffness_scale, side_by_side([m.body for m in part.members])
         field = np.concatenate([member.expansion @ (scaled * mode) for member in part.members])
         left = stiffness * bodies.own_row(site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
         left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
@@ -242,7 +235,7 @@ class _LoadedPart:
         """F, N/m, of the motion with other numbers in the scenario."""
         sections, v = scenario.all_bodies, self.field
         before = [member.body for member in self.bodies.members]
-        bodies = assemble_side_by_side(
+        bodies = side_by_side(
             [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
         )
         bent = bodies.factor @ v
