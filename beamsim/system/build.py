@@ -60,9 +60,9 @@ def _start_on_supports(parts: Parts, forcing: Forcing) -> Floats:
     A start is relative to it, as one is to a base that moves.
     """
     start = np.zeros(2 * parts.basis.size)
-    first = len(parts.acting.forces)
-    for k, moved in enumerate(parts.moved):
-        _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
+    number = parts.acting.signals
+    for moved in parts.moved:
+        velocity, displacement = (forcing.signal[number[moved.path, of]] for of in ("velocity", "displacement"))
         shape = moved.static_shape(parts.structure, parts.basis)
         start += np.concatenate([shape * float(displacement(0.0)), shape * float(velocity(0.0))])
     return start

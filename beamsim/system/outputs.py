@@ -18,7 +18,6 @@ from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, Loa
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.parts import (
-    Moved,
     Parts,
     determined,
     gravity_loads,
@@ -62,7 +61,7 @@ def output_sites(parts: Parts) -> list[Site]:
     return [site_in(parts.scenario, each) for _, each in parts.scenario.requested_outputs if each.kind in _BENDING]
 
 
-_SIGNALS = ("acceleration", "velocity", "displacement")  # of a support that moves, in their order
+_BY_ORDER = ("displacement", "velocity", "acceleration")  # by the order of their time derivative
 _BENDING = ("bending_moment", "stress", "strain")
 
 
@@ -85,12 +84,6 @@ class _Asked:
     def force_sites(self) -> list[LoadSite]:
         """Where the forces of the excitation act, in the order of the signals; none of base motion."""
         return [load_site_in(self.parts.scenario, force.applied_to) for _, force in self.parts.acting.forces]
-
-    @property
-    def moved_signals(self) -> list[tuple[slice, Moved]]:
-        """Supports that move, each with its three signals: acceleration, velocity and displacement."""
-        first, moved = len(self.force_sites), self.parts.moved
-        return [(slice(first + 3 * k, first + 3 * k + 3), each) for k, each in enumerate(moved)]
 
     @cached_property
     def cubic_sites(self) -> list[Site]:
@@ -126,8 +119,8 @@ class _Asked:
         moved = self.parts.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
-        for signals, each in self.moved_signals:  # what moves with a support has its motion beside that of free dofs
-            load[0, signals][_SIGNALS.index(quantity)] = each.support.direct(place)
+        for each in self.parts.moved:  # what moves with a support has its motion beside that of free dofs
+            load[0, self.parts.acting.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
     def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
@@ -138,16 +131,16 @@ class _Asked:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
         member, motion = structure.member(name), self.parts.base or UPWARDS
-        row = member.body.recovery_row(names.index(output.row), _SIGNALS[::-1].index(output.motion))
+        row = member.body.recovery_row(names.index(output.row), _BY_ORDER.index(output.motion))
         on_dofs = (row @ member.body.on_all_dofs) @ member.expansion
         shape = on_dofs @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         of_base = row @ member.body.rigid_motion(motion)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
-        for signals, each in self.moved_signals:
+        for each in self.parts.moved:
             field = each.support.motion.fields.get(name)
             if field is not None:
-                load[0, signals][_SIGNALS.index(output.motion)] = row @ field
+                load[0, self.parts.acting.signals[each.path, output.motion]] = row @ field
         return self._channel(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> Channel:
@@ -227,12 +220,15 @@ class _Asked:
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
             weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
-        load = np.zeros(len(self.forcing.signal))
-        load[: len(self.force_sites)] = -shares(self.force_sites)
-        for signals, moved in self.moved_signals:
-            load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
-        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) + len(self.parts.acting.stops) :]
-        of_base[1:] = displaced  # after the base's acceleration its displacement, which springs to the ground feel
+        load, acting, number = np.zeros(len(self.forcing.signal)), self.parts.acting, self.parts.acting.signals
+        for site, (path, _) in zip(self.force_sites, acting.forces, strict=True):
+            load[number[path, "force"]] = -share(site)
+        for moved in self.parts.moved:
+            forces = total(partial(Support.moved, other=moved.support))
+            for quantity, force in zip(("displacement", "acceleration", "velocity"), forces, strict=True):
+                load[number[moved.path, quantity]] = force
+        if acting.base is not None and number[acting.base[0], "displacement"] < load.size:
+            load[number[acting.base[0], "displacement"]] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(
             output, at,
@@ -250,7 +246,7 @@ class _Asked:
         member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
         body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
         fields = (member.expansion @ self.parts.basis.vectors) / np.sqrt(whole.mass_scale)
-        moved = [each.support for _, each in self.moved_signals]
+        moved = [each.support for each in self.parts.moved]
         part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
         n = fields.shape[1]
         form = np.zeros((n + len(moved), n + len(moved)))
@@ -271,6 +267,6 @@ class _Asked:
         rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scale
         quantity = "velocity" if kinetic else "displacement"
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))
-        for k, (signals, _) in enumerate(self.moved_signals):
-            load[:, signals][:, _SIGNALS.index(quantity)] = rows[:, n + k]
+        for k, each in enumerate(self.parts.moved):
+            load[:, self.parts.acting.signals[each.path, quantity]] = rows[:, n + k]
         return self._channel(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})

@@ -23,7 +23,7 @@ from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
-from beamsim.scenario.body import MovedStop, MovedSupport, OnSupport
+from beamsim.scenario.body import TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
 from beamsim.scenario.excitation import One, point_of
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
@@ -139,6 +139,21 @@ class Acting(NamedTuple):
             else:
                 forces.append(item)
         return cls(forces, supports, stops, base)
+
+    @property
+    def signals(self) -> dict[tuple[Path, str], int]:
+        """Number of each signal of the loads, by the path of what gives it and its quantity.
+
+        That of the base's displacement is there only where springs to the ground feel it.
+        """
+        named = [
+            *((path, "force") for path, _ in self.forces),
+            *((path, quantity) for path, _ in self.supports for quantity in TRANSLATION_TAKES),
+            *((path, "displacement") for path, _ in self.stops),
+        ]
+        if self.base is not None:
+            named += [(self.base[0], "acceleration"), (self.base[0], "displacement")]
+        return {key: number for number, key in enumerate(named)}
 
 
 def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
@@ -304,7 +319,7 @@ class Parts:
         ScenarioError
             Where a snubber is mounted on a support that there is not.
         """
-        scenario, first, stops = self.scenario, len(self.acting.forces), self.acting.stops
+        scenario, number = self.scenario, self.acting.signals
         influence = np.zeros((len(self.snubber_sites), signals))
         for row, site, (path, _, snubber, _) in zip(
             influence, self.snubber_sites, scenario.located_snubbers, strict=True
@@ -314,12 +329,12 @@ class Parts:
                 at, body = (*path, "mounted_on", "support"), on.body or scenario.default_body
                 assert isinstance(site, Place)
                 supports_named(supports_of(self.structure), body, on.support, at)
-                for k, moved in enumerate(self.moved):
+                for moved in self.moved:
                     by = moved.support
                     if by.at is None and (by.body, by.name, by.direction) == (body, on.support, site.direction):
-                        row[first + 3 * k + 2] = -1.0
-            for k, (_, driven) in enumerate(stops, start=first + 3 * len(self.moved)):
-                row[k] = -float(driven.moves_stop(snubber.name))
+                        row[number[moved.path, "displacement"]] = -1.0
+            for of_stop, driven in self.acting.stops:
+                row[number[of_stop, "displacement"]] = -float(driven.moves_stop(snubber.name))
         return influence
 
 

@@ -253,9 +253,9 @@ class StructuralSystem:
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
-        moved, first = self.parts.moved, len(self.parts.acting.forces)
-        motion = np.zeros((times.size, len(places)))
-        for each, displacement in zip(moved, self.forcing.signal[first + 2 :: 3], strict=False):
+        motion, number = np.zeros((times.size, len(places))), self.parts.acting.signals
+        for each in self.parts.moved:
+            displacement = self.forcing.signal[number[each.path, "displacement"]]
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
         return motion
 

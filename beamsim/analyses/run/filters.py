@@ -649,8 +649,8 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
     supports = supports_of(parts.structure, parts.base or UPWARDS)
     levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
     moving: dict[str, list[tuple[float, Pieces]]] = {}
-    for moved, own in zip(parts.moved, system.forcing.signal[len(parts.acting.forces) :: 3], strict=False):
-        support = moved.support
+    for moved in parts.moved:
+        support, own = moved.support, system.forcing.signal[parts.acting.signals[moved.path, "acceleration"]]
         at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
         if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
             with_base = [(lever, of_base)] if of_base is not None and lever else []
