@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.designs.responses import means
-from beamsim.analyses.designs.result import CaseOutcome, limited_response
+from beamsim.analyses.designs.cases import CaseOutcome
+from beamsim.analyses.designs.responses import limited_response, means
 from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import spectrum

@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from beamsim.analyses.designs.result import (
-    DesignsResult,
-    limited_response,
-    objectives,
-    responses_of,
-)
+from beamsim.analyses.designs.objectives import objectives
+from beamsim.analyses.designs.responses import limited_response, means
+from beamsim.analyses.designs.result import DesignsResult
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
@@ -45,13 +42,13 @@ def design_screen(result: DesignsResult) -> Screen:
     shown = shown or list(s["responses"].items())
     if result.kind == "optimise":
         rows = [{"": "as it is"} | row for row in _best_rows(result, [s["as_it_is"]] if "as_it_is" in s else [])]
-        called = "front" if result.front is not None else "best"
+        called = "front" if "front" in result["cases"] else "best"
         rows += [{"": f"{k}. {called}"} | row for k, row in enumerate(_best_rows(result, s.get("best", ())), 1)]
         lines += _near_lines(result)
     elif "best" in s:
         rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)]
         ranges = [
-            f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.responses[name].unit)}"
+            f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.units[name])}"
             for name, of in shown[:SHOWN]
         ]
         lines += [f"all cases: {', '.join(ranges)}"] if ranges else []
@@ -74,7 +71,7 @@ def design_screen(result: DesignsResult) -> Screen:
 
 def _comparison(result: DesignsResult) -> str:
     """How many cases are compared with a finer model."""
-    count, total = int(result.compared.sum()), result.cases
+    count, total = int(result["cases"]["compared"].values.sum()), result.count
     if count == total:
         return "all cases compared with a finer model"
     others = f", the other {total - count} not" if count else ""
@@ -83,12 +80,14 @@ def _comparison(result: DesignsResult) -> str:
 
 def _near_lines(result: DesignsResult) -> Iterator[str]:
     """How sharply the best design is located, and what is known of the front."""
-    if result.front is not None:
-        yield f"{counted(int(result.front.sum()), 'design')} of the front: none is better in both objectives"
-    units = {c.path: c.unit for c in result.coordinates}
+    if "front" in result["cases"]:
+        count = int(result["cases"]["front"].values.sum())
+        yield f"{counted(count, 'design')} of the front: none is better in both objectives"
     near = result.summary.get("near_best", {})
     if near:
-        ranges = [f"{parameter_label(p)} {extent(of['smallest'], of['largest'], units[p])}" for p, of in near.items()]
+        ranges = [
+            f"{parameter_label(p)} {extent(of['smallest'], of['largest'], result.units[p])}" for p, of in near.items()
+        ]
         yield f"within 1 % of the best: {', '.join(ranges)}"
     for path in (p for p, of in near.items() if of.get("at_end")):
         yield f"the best {parameter_label(path)} is an end of its range; a wider range may have a better one"
@@ -113,13 +112,18 @@ def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
 
 def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
     """The numbers that scatter, the most important one first."""
-    for number in sorted(result.random_numbers or (), key=lambda number: -number.importance):
-        doubles = math.log(2.0) * number.deviation / (number.by_mean or math.nan)
-        shift = f"{'+' * (doubles > 0)}{rounded(doubles, number.unit)}" if abs(number.by_mean) > SLIGHT else ""
+    if "random_numbers" not in result.datasets:
+        return
+    numbers = result["random_numbers"]
+    for path in sorted(numbers.labels("number"), key=lambda path: -numbers["importance"].sel(number=path).item()):
+        of = numbers.sel(number=path)
+        by_mean, deviation, unit = of["by_mean"].item(), of["deviation"].item(), of["mean"].unit
+        doubles = math.log(2.0) * deviation / (by_mean or math.nan)
+        shift = f"{'+' * (doubles > 0)}{rounded(doubles, unit)}" if abs(by_mean) > SLIGHT else ""
         yield {
-            "": parameter_label(number.path), "mean": rounded(number.mean, number.unit),
-            "deviation": rounded(number.deviation, number.unit), "design point": rounded(number.design, number.unit),
-            "importance": _share(number.importance), "doubles with the mean": shift,
+            "": parameter_label(path), "mean": rounded(of["mean"].item(), unit),
+            "deviation": rounded(deviation, unit), "design point": rounded(of["design"].item(), unit),
+            "importance": _share(of["importance"].item()), "doubles with the mean": shift,
         }  # fmt: skip
 
 
@@ -127,11 +131,11 @@ def _judged(result: DesignsResult) -> str:
     """How many cases there are and how many meet the limits."""
     s = result.summary
     sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
-    solved = f", {s['solved']} solved" if s["solved"] < result.cases else ""
+    solved = f", {s['solved']} solved" if s["solved"] < result.count else ""
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
     failed += f", {s['not_reliable']} not reliable" if s.get("not_reliable") else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
-    cases = f"{_DESIGNS[result.kind]}{sides}{counted(result.cases, 'case')}, each a {result.analysis.replace('_', ' ')}"
+    cases = f"{_DESIGNS[result.kind]}{sides}{counted(result.count, 'case')}, each a {s['analysis'].replace('_', ' ')}"
     return f"{cases}{solved}{failed}{passing}"
 
 
@@ -139,7 +143,7 @@ def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterato
     """The populations of a response of a sample, and the parameters that it depends on most."""
     called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
     if "populations" in of:
-        mean = rounded(of["mean"], result.responses[name].unit)
+        mean = rounded(of["mean"], result.units[name])
         yield f"{called} has {_populations(result, name, of)}; its mean of {mean} describes none of them"
     key, text = ("total_order", _share) if result.kind == "sobol" else ("rank_correlation", "({:+.2f})".format)
     sure = {path: each[key] for path, each in shares.items() if key in each and each.get("p_value", 0.0) < 0.05}
@@ -153,7 +157,7 @@ def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterato
 def _swing_rows(result: DesignsResult, names: Sequence[str]) -> Iterator[dict[str, str]]:
     """Responses of the scenario as it is, and their ranges with each parameter; that of the largest first one first."""
     swings = {name: result.summary["sensitivity"][name] for name in names if name in result.summary["sensitivity"]}
-    of = {name: (result.responses[name].unit, _response_label(result, name)) for name in swings}
+    of = {name: (result.units[name], _response_label(result, name)) for name in swings}
     yield {"": "as it is"} | {
         label: amount(float(result.responses[n].values[0]), unit) for n, (unit, label) in of.items()
     }
@@ -166,7 +170,7 @@ def _swing_rows(result: DesignsResult, names: Sequence[str]) -> Iterator[dict[st
 
 def _populations(result: DesignsResult, name: str, of: Mapping[str, Any]) -> str:
     """The populations that values are in."""
-    unit, groups = result.responses[name].unit, of["populations"]
+    unit, groups = result.units[name], of["populations"]
     ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {counted(g['cases'], 'case')}" for g in groups]
     return f"{len(groups)} populations: {', '.join(ranges)}"
 
@@ -191,7 +195,7 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
         else:
             exceeded = item["verdict"] == OnLimit.EXCEEDED
             count = item.get("cases_exceeding" if exceeded else "cases_not_reliable")
-            where = f"in {count or 'some'} of {result.cases} cases:"
+            where = f"in {count or 'some'} of {result.count} cases:"
             with_them = _parameters(result, item.get("parameters", {})).items()
             most = "".join(f", {label} {value}" for label, value in with_them)
         met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
@@ -203,10 +207,10 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
 
 def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
     """A response with its ends and the parameters there."""
-    row, unit = {"": _response_label(result, name)}, result.responses[name].unit
+    row, unit = {"": _response_label(result, name)}, result.units[name]
     if "mean" in of:  # of a sample
         return row | {label: rounded(of[key], unit) for key, label in _STATISTICS.items()}
-    varied = ", ".join(parameter_label(coordinate.path.rpartition(".")[2]) for coordinate in result.coordinates)
+    varied = ", ".join(parameter_label(path.rpartition(".")[2]) for path in result["cases"].labels("parameter"))
     for end in ("smallest", "largest"):
         at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
         row[f"{end} (at {varied})"] = f"{rounded(of[end], unit)}{f' ({at})' if at else ''}"
@@ -218,13 +222,12 @@ def _decisive(result: DesignsResult) -> list[str]:
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
     asked = asked or [value.name for value in VALUES if value.followed]
-    return list(dict.fromkeys(r.name for name in asked for r in responses_of(result.responses, name)))
+    return list(dict.fromkeys(name for each in asked for name in result.responses if means(each, name)))
 
 
 def _parameters(result: DesignsResult, values: Mapping[str, Any]) -> dict[str, str]:
-    units = {c.path: c.unit for c in result.coordinates}
     return {
-        parameter_label(path): value if isinstance(value, str) else amount(value, units.get(path, "1"))
+        parameter_label(path): value if isinstance(value, str) else amount(value, result.units.get(path, "1"))
         for path, value in values.items()
     }
 
@@ -234,18 +237,16 @@ def _passing(result: DesignsResult, passing: int) -> str:
     if "tolerances" in result.summary:
         quantile = result.summary["tolerances"]["quantile"]
         every += " in all realisations" if quantile == 1.0 else f" at its {_share(quantile)} quantile"
-    return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
+    return f"{passing} of {result.count} cases meet {every}" if passing else f"no case meets {every}"
 
 
 def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     """The first of the best cases."""
-    aims, rows = objectives(result.scenario), []
-    known = [aim.of(result.responses, result.shape) for aim in aims]
+    known, rows = result["cases"].by_label("objective_value"), []
     for item in best[:MOST_BEST]:
         row = _parameters(result, item["parameters"])
-        for aim, response, value in zip(aims, known, item.get("values", {"": item["value"]}).values(), strict=True):
-            if response is not None:
-                row[aim.label] = amount(value, response.unit)
+        for (name, of), value in zip(known.items(), item.get("values", {"": item["value"]}).values(), strict=False):
+            row[name.replace("_", " ")] = amount(value, of.unit)
         if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
             row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
             row["limit"] = limit_label(item["limit"])

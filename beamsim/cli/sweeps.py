@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from signal import SIGINT
@@ -191,7 +191,11 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any
     plan = plan_designs(scenario)
     check_cases(plan)
     limits = {} if scenario.limits is None else scenario.limits.given
-    if given.resume and _finished("designs", target, given, fingerprint=plan.fingerprint, limits=limits):
+
+    def same(stored: DesignsResult) -> bool:
+        return stored["cases"]["fingerprint"].item() == plan.fingerprint and stored.limits == limits
+
+    if given.resume and _finished("designs", target, given, same):
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
@@ -246,14 +250,14 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
         raise
 
 
-def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
-    """Whether the file has everything that was asked for, with fields that are the same; it is then printed."""
+def _finished(kind: str, target: Path, given: Given, same: Callable[[Any], bool]) -> bool:
+    """Whether the file has everything that was asked for: a result that is the same; it is then printed."""
     if journal_path(target).exists() or not holds(target, kind):
         return False
     stored: Any = load(target, kind)
     if not stored.outcome.usable or stored.beamsim_version != __version__:
         return False
-    if any(getattr(stored, name) != value for name, value in same.items()):
+    if not same(stored):
         return False
     if not given.quiet:
         say(f"beamsim: {target} has all of it; there is nothing to compute")
@@ -270,7 +274,7 @@ def _say_known(journal: Journal, cases: str, given: Given) -> None:
 
 def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> None:
     """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
-    if given.resume and _finished("coexisting", target, given, scenario=scenario):
+    if given.resume and _finished("coexisting", target, given, lambda stored: stored.scenario == scenario):
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
     with opened_journal(path, fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
@@ -308,5 +312,5 @@ def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
             continue
         path = _design_file(target, name)
         with replacing(path) as temporary:
-            temporary.write_text(design(result, case).to_yaml(), encoding="utf-8")
+            temporary.write_text(design(result.scenario, case).to_yaml(), encoding="utf-8")
         yield path

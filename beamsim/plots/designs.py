@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -11,15 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from beamsim.analyses.designs.result import (
-    Coordinate,
-    DesignsResult,
-    Response,
-    is_scalar,
-    objectives,
-    responses_of,
-    varies,
-)
+from beamsim.analyses.designs.objectives import objectives
+from beamsim.analyses.designs.plan import ParameterColumn
+from beamsim.analyses.designs.responses import means, place_of, quantity_of
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.designs.statistics import varies
+from beamsim.labelled import Dataset
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
@@ -38,7 +34,7 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.style import Scale, amount, extent, scale_for
 from beamsim.results.values import BY_NAME, OUTPUT, parameter_label
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 SHOWN = (
     "peak_displacement", "peak_force", "bending_stress", "contact_share", "resonance_frequency", "largest_gap",
@@ -58,36 +54,37 @@ NAMED = {
 
 def shown_quantities(result: DesignsResult) -> list[str]:
     """The quantities to plot, by importance: those that vary."""
-    known = dict.fromkeys(_quantity(r) for r in result.responses.values())
+    known = dict.fromkeys(map(_quantity, result.responses))
     ranked = [q for q in SHOWN if q in known] + [q for q in known if _peak_of_output(q)]
     ranked += [q for q in known if q not in ranked and "/" not in q][: max(3 - len(ranked), 0)]
     terms = [name for objective in objectives(result.scenario) for name, _ in objective.terms]
-    asked = {_quantity(r) for name in terms for r in responses_of(result.responses, name)}
+    asked = {_quantity(name) for term in terms for name in result.responses if means(term, name)}
     limited = [q for q in ranked if q in asked or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
-    return [q for q in ranked if any(varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
+    varying = [q for q in ranked if any(varies(result.responses[name].values) for name in _of(result, q))]
+    return varying[:MOST_PANELS] or ranked[:1]
 
 
 def response_curves(result: DesignsResult, quantity: str) -> Chart:
     """A quantity at every place where it is known, over the first parameter, with its limit and the range within the
     tolerances."""
-    coordinate = result.coordinates[0]
-    x, label = _axis(coordinate)
+    parameter = result.parameters[0]
+    x, label = _axis(parameter)
     order = np.argsort(x, kind="stable")
     marks = {"marker": "o" if x.size <= 30 else "", "markersize": 3}
     if result.kind not in ("grid", "zip"):  # samples are in no order
         marks = {"marker": ".", "markersize": 3, "linestyle": "none"}
-    curves = [Curve(name, x[order], values[order], marks) for name, values in _curves(_of(result, quantity))]
+    curves = [Curve(name, x[order], values[order], marks) for name, values in _curves(result, quantity)]
 
     def bands(ax: Axes, _: Scale, y: Scale) -> None:
         for k, curve in enumerate(curves[:MOST_CURVES]):
             if (band := _band(result, quantity, curve.label)) is not None:
                 low, high = (values[order] * y.factor for values in band)
                 ax.fill_between(curve.x, low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
-        _write_words(ax, coordinate)
+        _write_words(ax, parameter)
 
-    up = (_words(quantity), _of(result, quantity)[0].unit)
-    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, coordinate), more=bands)
+    up = (_words(quantity), _unit(result, quantity))
+    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, parameter), more=bands)
 
 
 def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
@@ -96,7 +93,7 @@ def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
 
 
 def plot_response_map(
-    result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...] = (), best: int | None = None
+    result: DesignsResult, ax: Axes, name: str, at: tuple[int, ...] = (), best: int | None = None
 ) -> None:
     """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
@@ -106,17 +103,17 @@ def plot_response_map(
     ----------
     result : of a grid of two or more parameters.
     ax : to draw on.
-    response : with one value a case.
+    name : of a response with one value a case.
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
     """
-    quantity = _quantity(response)
-    scale, limit = scale_for(response.unit, response.values, digits=3), _limit(result, quantity)
-    every: Any = np.ma.masked_invalid(response.values * scale.factor)
+    judged = result.judged(name).reshape(result.shape)
+    scale, limit = scale_for(result.units[name], judged, digits=3), _limit(result, _quantity(name))
+    every: Any = np.ma.masked_invalid(judged * scale.factor)
     values = every[(slice(None), slice(None), *at)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
     cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
-    bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_titled(response), scale))
+    bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_titled(name), scale))
     starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
     star = starred[:2] if starred[2:] == at else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
@@ -130,14 +127,15 @@ def plot_response_map(
         ax.plot(*np.nonzero(beyond.T), linestyle="none", marker="x", markersize=3.5, color=RED)
     if limit is not None:
         bar.ax.axhline(limit * scale.factor, color=RED, linewidth=1.8)
-    for axis, coordinate in zip((ax.xaxis, ax.yaxis), result.coordinates, strict=False):
-        texts = [_value_text(coordinate, k) for k in range(coordinate.values.size)]
+    axes = axes_of_grid(result)
+    for axis, parameter in zip((ax.xaxis, ax.yaxis), axes, strict=False):
+        texts = [_value_text(parameter, k) for k in range(parameter.values.size)]
         shown = range(0, len(texts), -(-len(texts) // 4))
         axis.set_ticks(list(shown), [texts[k] for k in shown])
-    finish(ax, *(_axis(coordinate)[1] for coordinate in result.coordinates[:2]))
+    finish(ax, *(_axis(parameter)[1] for parameter in axes[:2]))
     ax.grid(visible=False)
-    further = zip(result.coordinates[2:], at, strict=True)
-    ax.set_title(", ".join(f"{_axis(c)[1]}: {_value_text(c, k)}" for c, k in further), fontsize="small", loc="left")
+    further = zip(axes[2:], at, strict=True)
+    ax.set_title(", ".join(f"{_axis(p)[1]}: {_value_text(p, k)}" for p, k in further), fontsize="small", loc="left")
 
 
 def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int, ...]) -> None:
@@ -157,9 +155,9 @@ def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int,
         )  # fmt: skip
 
 
-def _write_words(ax: Axes, coordinate: Coordinate) -> None:
+def _write_words(ax: Axes, parameter: ParameterColumn) -> None:
     """Words in place of their numbers."""
-    if words := _tick_words(coordinate):
+    if words := _tick_words(parameter):
         ax.set_xticks(np.arange(len(words)), words)
 
 
@@ -194,14 +192,13 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, name: str) -> None:
         ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
     elif result.kind == "one_at_a_time":
         scale = scale_for(response.unit, response.values)
-        label, nominal = with_unit(_words(_quantity(response)), scale), float(response.values[0]) * scale.factor
-        units = {c.path: c.unit for c in result.coordinates}
+        label, nominal = with_unit(_words(_quantity(name)), scale), float(response.values[0]) * scale.factor
         for end, align in (("smallest", "right"), ("largest", "left")):
             values = column(end) * scale.factor
             ax.barh(rows, values - nominal, 0.6, nominal, color=DARK)
             for row, path in enumerate(paths):
                 at = of[path][f"{end}_at"]
-                text = at if isinstance(at, str) else amount(at, units[path])
+                text = at if isinstance(at, str) else amount(at, result.units[path])
                 if values[row] != nominal:
                     ax.text(values[row], row, f" {text} ", ha=align, va="center", fontsize="x-small")
         ax.axvline(nominal, color="black", linewidth=0.9)
@@ -213,7 +210,7 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, name: str) -> None:
         ax.set(xlim=(-1.0, 1.0), xticks=(-1.0, -0.5, 0.0, 0.5, 1.0))
     ax.set_yticks(rows, [parameter_label(path) for path in paths])
     ax.invert_yaxis()
-    ax.set_title(_titled(response), fontsize="small", loc="left")
+    ax.set_title(_titled(name), fontsize="small", loc="left")
     finish(ax, label, "")
 
 
@@ -224,23 +221,23 @@ def _importance(of: Mapping[str, Any]) -> float:
     return abs(float(of["total_order"] if "total_order" in of else of["rank_correlation"]))
 
 
-def histogram(result: DesignsResult, response: Response, values: Floats, of: Mapping[str, Any]) -> Chart:
+def histogram(result: DesignsResult, name: str, values: Floats, of: Mapping[str, Any]) -> Chart:
     """How many cases have which value, a colour for each population, with the limit and the quantiles that are known.
 
     Parameters
     ----------
     result : of a sample.
-    response : that the values are of.
+    name : of the response that the values are of.
     values : (cases,) of a sample, or of the realisations of one case; nan where not known.
     of : what the summary says of them.
     """
-    known, limit = values[np.isfinite(values)], _limit(result, _quantity(response))
+    known, limit, unit = values[np.isfinite(values)], _limit(result, _quantity(name)), result.units[name]
     edges = np.linspace(known.min(), known.max(), min(max(10, known.size // 5), 30) + 1)
     curves = []
     for k, group in enumerate(of.get("populations", [of])):
         own = known[(known >= group["smallest"]) & (known <= group["largest"])]
         heights = np.concatenate([[0.0], np.repeat(np.histogram(own, edges)[0], 2), [0.0]])
-        cases = f"{extent(group['smallest'], group['largest'], response.unit)}, {own.size} cases"
+        cases = f"{extent(group['smallest'], group['largest'], unit)}, {own.size} cases"
         style = {**curve_style(k + 2 if k else 0), "linestyle": "-"}  # the second colour is that of the limit
         curves.append(Curve(cases if "populations" in of else "", np.repeat(edges, 2), heights, style))
 
@@ -257,28 +254,26 @@ def histogram(result: DesignsResult, response: Response, values: Floats, of: Map
         ax.margins(y=0.2)
 
     what = "Realisations of the best case" if "nominal" in of else "Cases"
-    return Chart((_titled(response), response.unit), (what, ""), curves, more=more, y_ends=(0.0, None))
+    return Chart((_titled(name), unit), (what, ""), curves, more=more, y_ends=(0.0, None))
 
 
 def _histograms(result: DesignsResult, quantities: Sequence[str]) -> Iterator[Chart]:
     """Of the responses that are shown of a sample, or of the best case within tolerances."""
     scatter = result.summary.get("scatter", {})
     said = scatter.get("responses", result.summary["responses"])
-    for response in (r for q in quantities for r in _of(result, q)[:2]):
-        values = response.values
-        if scatter and response.name in result.realised:
-            values = result.realised[response.name].values.reshape(result.cases, -1)[scatter["case"]]
-        of = said.get(response.name, {})
+    realised = _realised(result) if scatter else {}
+    for name in (name for q in quantities for name in _of(result, q)[:2]):
+        values = realised[name][scatter["case"]] if name in realised else result.responses[name].values
+        of = said.get(name, {})
         if "quantile_50_percent" in of and of["smallest"] < of["largest"]:
-            yield histogram(result, response, values, of)
+            yield histogram(result, name, values, of)
 
 
 def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
     """A quantity (at its worst place) of every case over parameter k; cases beyond the limit are marked."""
-    coordinate = result.coordinates[k]
-    x, label = _axis(coordinate)
-    known = [response for response in _of(result, quantity) if is_scalar(response, result.shape)]
-    along, values = _cases(result, k, x), result.judged(*known).ravel()
+    parameter = result.parameters[k]
+    along, label = _axis(parameter)
+    values = result.judged(*_of(result, quantity))
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
     kinds = ((~beyond, {"marker": ".", "color": DARK, "markersize": 3}), (beyond, {"marker": "x", "color": RED}))
@@ -286,10 +281,10 @@ def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
         Curve("", along[which], values[which], {"linestyle": "none", "markersize": 4, **style})
         for which, style in kinds
     ]
-    up = (_words(quantity), scale_for(_of(result, quantity)[0].unit, values))
+    up = (_words(quantity), scale_for(_unit(result, quantity), values))
     levels = [level._replace(label="") for level in _limit_level(result, quantity)]
     return Chart(
-        (label, ""), up, curves, levels, log=_log(result, coordinate), more=lambda ax, *_: _write_words(ax, coordinate)
+        (label, ""), up, curves, levels, log=_log(result, parameter), more=lambda ax, *_: _write_words(ax, parameter)
     )
 
 
@@ -298,7 +293,7 @@ def _judgement(result: DesignsResult) -> str:
     tolerances = result.summary.get("tolerances")
     if tolerances is None:
         return ""
-    if len(result.coordinates) == 1 or result.kind == "zip":
+    if len(result.parameters) == 1 or result.kind == "zip":
         return f"   (bands: {tolerances['realisations']} realisations within the tolerances)"
     which = "worst" if tolerances["quantile"] == 1.0 else f"{100 * tolerances['quantile']:.4g} % quantile"
     return f"   ({which} of {tolerances['realisations']} realisations within the tolerances)"
@@ -307,12 +302,13 @@ def _judgement(result: DesignsResult) -> str:
 def design_figures(result: DesignsResult) -> dict[str, Picture]:
     """All pictures of this study; the key is the last part of the file name."""
     if result.kind == "reliability":
-        return {"probability": _probability(result)} if result.rounds else {}
-    if not np.any(result.solved):
+        return {"probability": _probability(result)} if "rounds" in result.datasets else {}
+    if not np.any(result["cases"]["solved"].values):
         return {}
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
     title = result.title + _judgement(result)
-    quantities, dimensions = shown_quantities(result), len(result.coordinates)
+    quantities, dimensions = shown_quantities(result), len(result.parameters)
+    modal = result["cases"].labels("modal_response")
     figures: dict[str, Picture] = _searched(result)
     if causes := _explained(result, quantities):
         shares = [partial(plot_sensitivity, result, name=name) for name in causes]
@@ -324,28 +320,33 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
         figures["histograms"] = _grid(result.title, counts, 2, 3.0)
     if dimensions == 1 or result.kind == "zip":
         return {"curves": _grid(title, [response_curves(result, q) for q in quantities], 2, 3.2), **figures}
-    maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and varies(r)]
+    numbers = [name for q in quantities for name in _of(result, q)[:2] if name not in modal]
+    maps = [name for name in numbers if varies(result.responses[name].values)]
     if result.kind == "grid" and min(result.shape[:2]) > 1 and maps:
         starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
         places = _slices(result, best)
         if dimensions > 2:
-            maps = list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
-        plots = [_map(result, response, at, best) for response in maps[:MOST_PANELS] for at in places]
+            maps = list({_quantity(name): name for name in reversed(maps)}.values())[::-1][:MOST_SLICED]
+        plots = [_map(result, name, at, best) for name in maps[:MOST_PANELS] for at in places]
         figures["maps" if dimensions == 2 else "slices"] = _grid(starred, plots, max(len(places), 2), 3.4)
     if dimensions == 2 and "maps" in figures:
         return figures
-    scalar = [q for q in quantities if any(is_scalar(r, result.shape) for r in _of(result, q))][:4]
+    scalar = [q for q in quantities if any(name not in modal for name in _of(result, q))][:4]
     columns = min(dimensions, MOST_PANELS)
     cases = [response_scatter(result, k, q) for q in scalar for k in range(columns)]
     figures["scatter"] = _grid(title, cases, columns, 2.4)._replace(outer_labels=True)
     return figures
 
 
-def search_chart(result: DesignsResult, objective: Response) -> Chart:
+def search_chart(result: DesignsResult, objective: str) -> Chart:
     """One objective of every design in the order in which they were tried, and the best one up to there."""
-    values, number, dots = objective.values, np.arange(1.0, result.cases + 1.0), {"linestyle": "none", "markersize": 3}
-    meets = np.isfinite(values) & (True if result.passing is None else result.passing)
-    largest = objective.long_name.startswith("largest")
+    values, number = (
+        result["cases"]["objective_value"].sel(objective=objective).values,
+        np.arange(1.0, result.count + 1.0),
+    )
+    dots: dict[str, Any] = {"linestyle": "none", "markersize": 3}
+    meets = np.isfinite(values) & _passing(result)
+    largest = next(aim.largest for aim in objectives(result.scenario) if aim.name == objective)
     tried = np.where(meets & (number > 1.0), values, -np.inf if largest else np.inf)  # the first one is as it is
     best = (np.maximum if largest else np.minimum).accumulate(tried)
     curves = [
@@ -354,64 +355,82 @@ def search_chart(result: DesignsResult, objective: Response) -> Chart:
         Curve("best so far", number, np.where(np.isfinite(best), best, np.nan),
               {"color": DARK, "linestyle": "-", "drawstyle": "steps-post"}),
     ]  # fmt: skip
-    return Chart(("Number of the design", ""), _axis_of(objective), curves if result.limits else curves[1:])
+    return Chart(("Number of the design", ""), _axis_of(result, objective), curves if result.limits else curves[1:])
 
 
-def front_chart(result: DesignsResult, x: Response, y: Response) -> Chart:
+def front_chart(result: DesignsResult, across: str, up: str) -> Chart:
     """Two objectives of all designs that meet every limit, and the front of those that none is better than in both.
 
     Parameters
     ----------
     result : of a search for two objectives.
-    x, y : the objectives.
+    across, up : names of the objectives.
     """
-    front = np.flatnonzero(np.asarray(result.front))
-    front = front[np.argsort(x.values[front])]
-    others = np.flatnonzero(~np.asarray(result.front) & (True if result.passing is None else result.passing))
+    x, y = (result["cases"]["objective_value"].sel(objective=name).values for name in (across, up))
+    of_front = result["cases"]["front"].values
+    front = np.flatnonzero(of_front)
+    front = front[np.argsort(x[front])]
+    others = np.flatnonzero(~of_front & _passing(result))
     curves = [
-        Curve(label, x.values[which], y.values[which], style)
+        Curve(label, x[which], y[which], style)
         for label, which, style in (
             ("dominated", others, {"linestyle": "none", "marker": ".", "markersize": 3, "color": PALE}),
             ("front", front, {"linestyle": "-", "linewidth": 0.8, "marker": "o", "markersize": 3.5, "color": DARK}),
             ("as it is", np.array([0]), {"linestyle": "none", "marker": "D", "markersize": 5, "color": RED}),
         )
     ]
-    return Chart(_axis_of(x), _axis_of(y), curves)
+    return Chart(_axis_of(result, across), _axis_of(result, up), curves)
 
 
-def _axis_of(objective: Response) -> tuple[str, str]:
+def _passing(result: DesignsResult) -> Bools:
+    """(cases,) which meet every limit; all without limits."""
+    cases = result["cases"]
+    return cases["passing"].values if "passing" in cases else np.ones(result.count, dtype=bool)
+
+
+def _axis_of(result: DesignsResult, objective: str) -> tuple[str, str]:
     """What is to be large or small, and its unit."""
-    text = objective.long_name.partition(" ")[2]
-    return text[:1].upper() + text[1:], objective.unit
+    text = objective.replace("_", " ")
+    return text[:1].upper() + text[1:], result["cases"]["objective_value"].sel(objective=objective).unit
 
 
 def _searched(result: DesignsResult) -> dict[str, Picture]:
     """The pictures that only searches have: designs in their order, the front, and the run of the best design."""
-    aims = list((result.objectives or {}).values())
+    aims = result["cases"].labels("objective") if result.kind == "optimise" else []
     panels = [search_chart(result, aim) for aim in aims]
-    if result.front is not None:
+    if "front" in result["cases"]:
         panels.append(front_chart(result, *aims))
     figures = {"search": _grid(result.title, panels, 3, 3.4, 4.6)} if panels else {}
-    runs = {name.replace("_", " "): run for name, run in (result.runs or {}).items()}
-    styles = {"as it is": {"color": PALE, "linestyle": "-"}, "best": {"color": DARK, "linestyle": "-"}}
-    order = sorted(runs)  # the best one in front
-    if runs:
-        probe = runs["best"].probe
-        curves = [Curve(name, runs[name].time, runs[name].displacement, styles[name]) for name in order]
-        charts = [Chart(("Time", "s"), (f"Displacement {probe}", "m"), curves)]
-        forces = [(name, run, run.force) for name in order if (run := runs[name]).force is not None]
-        if forces:
-            levels = limit_levels(result.scenario.limits, "peak_force")
-            lines = [Curve(f"{name}, {run.snubber}", run.time, force, styles[name]) for name, run, force in forces]
-            charts.append(Chart(("Time", "s"), ("Contact force", forces[0][1].unit), lines, levels))
+    if "runs" in result.datasets:
+        charts = list(_run_charts(result, result["runs"]))
         figures["best"] = Picture(f"{result.title}, best design", charts, 1, (6.4, 2.7 * len(charts)))
     return figures
 
 
+def _run_charts(result: DesignsResult, runs: Dataset) -> Iterator[Chart]:
+    """The motions and the contact forces of the best design and of the scenario as it is."""
+    styles = {"as_it_is": {"color": PALE, "linestyle": "-"}, "best": {"color": DARK, "linestyle": "-"}}
+    of = dict(sorted(runs.groups("sample_design").items()))  # the best one in front
+    probe = runs["probe"].sel(design="best").item()
+    curves = [
+        Curve(name.replace("_", " "), run["time"].values, run["displacement"].values, styles[name])
+        for name, run in of.items()
+    ]
+    yield Chart(("Time", "s"), (f"Displacement {probe}", "m"), curves)
+    lines = [
+        Curve(f"{name.replace('_', ' ')}, {snubber}", run["time"].values, run["force"].values, styles[name])
+        for name, run in of.items()
+        if (snubber := runs["snubber"].sel(design=name).item())
+    ]
+    if lines:
+        levels = limit_levels(result.scenario.limits, "peak_force")
+        yield Chart(("Time", "s"), ("Contact force", runs["force"].unit), lines, levels)
+
+
 def _probability(result: DesignsResult) -> Picture:
     """The probability over the number of histories, and what each number has to do with it."""
-    names = ("histories", "level", "probability", "variation")
-    x, level, p, v = (np.array([getattr(each, name) for each in result.rounds or ()], dtype=float) for name in names)
+    rounds, names = result["rounds"], ("histories", "level", "probability", "variation")
+    x, level, p, v = (rounds[name].values.astype(float) for name in names)
     spread, last = np.exp(1.96 * np.sqrt(np.log1p(np.where(np.isfinite(v), v, 0.0) ** 2))), level == 0.0
     kinds = (("the limit", last, DARK), ("levels below it", ~last, PALE))
     curves = [
@@ -424,7 +443,7 @@ def _probability(result: DesignsResult) -> Picture:
         ax.fill_between(x[last], (p / spread)[last], (p * spread)[last], color=DARK, alpha=0.18, linewidth=0)
 
     panels: list[Any] = [Chart(("Histories", ""), ("Probability", ""), curves, log="y", more=band)]
-    if result.random_numbers:
+    if "random_numbers" in result.datasets:
         panels.append(partial(_plot_importance, result))
     title = f"{result.title}   (probability of exceeding the limits, 95 % interval)"
     return Picture(title, panels, len(panels), (5.0 * len(panels), 3.6))
@@ -432,14 +451,16 @@ def _probability(result: DesignsResult) -> Picture:
 
 def _plot_importance(result: DesignsResult, ax: Axes) -> None:
     """Bars of the importance of the numbers that scatter, with their values at the design point."""
-    numbers = sorted(result.random_numbers or (), key=lambda number: number.importance)[-MOST_BARS:]
-    shares = [100.0 * number.importance for number in numbers]
-    ax.barh(range(len(numbers)), shares, 0.6, color=DARK)
-    for row, number in enumerate(numbers):
-        away = (number.design - number.mean) / number.deviation
-        text = f" {amount(number.design, number.unit, 3)}, {away:+.1f} deviations"
+    numbers = result["random_numbers"]
+    order = np.argsort(numbers["importance"].values, kind="stable")[-MOST_BARS:]
+    shares, paths = 100.0 * numbers["importance"].values[order], [numbers.labels("number")[k] for k in order]
+    ax.barh(range(order.size), shares, 0.6, color=DARK)
+    for row, path in enumerate(paths):
+        design, mean, deviation = (numbers[name].sel(number=path) for name in ("design", "mean", "deviation"))
+        away = (design.item() - mean.item()) / deviation.item()
+        text = f" {amount(design.item(), design.unit, 3)}, {away:+.1f} deviations"
         ax.text(shares[row], row, text, va="center", fontsize="x-small")
-    ax.set_yticks(range(len(numbers)), [parameter_label(number.path) for number in numbers])
+    ax.set_yticks(range(order.size), list(map(parameter_label, paths)))
     ax.set_title("Value at the design point", fontsize="small", loc="left")
     ax.set_xlim(0.0, 1.6 * max(shares))
     finish(ax, "Importance (%)", "")
@@ -448,7 +469,7 @@ def _plot_importance(result: DesignsResult, ax: Axes) -> None:
 def _explained(result: DesignsResult, quantities: Sequence[str]) -> list[str]:
     """The responses whose dependence on the parameters is drawn: those of the quantities that are shown, or others."""
     known = [name for name, of in result.summary.get("sensitivity", {}).items() if of]
-    return ([r.name for q in quantities for r in _of(result, q) if r.name in known] or known)[:MOST_PANELS]
+    return ([name for q in quantities for name in _of(result, q) if name in known] or known)[:MOST_PANELS]
 
 
 def _grid(title: str, panels: Sequence[Any], columns: int, height: float, width: float = 3.6) -> Picture:
@@ -457,16 +478,25 @@ def _grid(title: str, panels: Sequence[Any], columns: int, height: float, width:
     return Picture(title, panels, columns, (max(width * columns, 6.4), height * -(-len(panels) // columns)))
 
 
-def _map(result: DesignsResult, response: Response, at: tuple[int, ...], best: int | None) -> Any:
+def axes_of_grid(result: DesignsResult) -> list[ParameterColumn]:
+    """The parameters of a grid with their values along its axes."""
+    each = enumerate(result.parameters)
+    return [
+        p._replace(values=np.moveaxis(p.values.reshape(result.shape), k, 0).reshape(result.shape[k], -1)[:, 0])
+        for k, p in each
+    ]
+
+
+def _map(result: DesignsResult, name: str, at: tuple[int, ...], best: int | None) -> Any:
     """One response over the first two parameters; of two that are numbers a map that pages can show, too."""
-    judged = replace(response, values=result.judged(response))
-    plot = partial(plot_response_map, result, response=judged, at=at, best=best)
-    if len(result.coordinates) > 2 or not all(c.numeric for c in result.coordinates):
+    plot = partial(plot_response_map, result, name=name, at=at, best=best)
+    axes = axes_of_grid(result)
+    if len(axes) > 2 or not all(parameter.numeric for parameter in axes):
         return plot
-    across, up = ((c.label, c.unit) for c in result.coordinates)
-    x, y = (c.values.astype(float) for c in result.coordinates)
-    words = f"{response.quantity.replace('_', ' ')} {response.place}".strip()
-    return HeatMap(across, up, (words, response.unit), x, y, judged.values.T, plot)
+    across, up = ((parameter.label, parameter.unit) for parameter in axes)
+    x, y = (parameter.values.astype(float) for parameter in axes)
+    words = f"{quantity_of(name).replace('_', ' ')} {place_of(name)}".strip()
+    return HeatMap(across, up, (words, result.units[name]), x, y, result.judged(name).reshape(result.shape).T, plot)
 
 
 def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
@@ -484,17 +514,24 @@ def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
 
 def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
     """The smallest and largest value of each case within the tolerances."""
-    names = [r.name for r in _of(result, quantity) if r.place == place and r.name in result.realised]
-    if not names:
-        return None
-    values = result.realised[names[0]].values
-    return values.min(axis=-1), values.max(axis=-1)
+    realised = _realised(result)
+    values = next(
+        (realised[name] for name in _of(result, quantity) if place_of(name) == place and name in realised), None
+    )
+    return None if values is None else (values.min(axis=1), values.max(axis=1))
 
 
-def _quantity(response: Response) -> str:
-    """Of an output with its name, as each has a unit of its own."""
-    of_output = BY_NAME[response.quantity].section == OUTPUT.section
-    return "/".join(response.name.split("/")[-2:]) if of_output else response.quantity
+def _realised(result: DesignsResult) -> dict[str, Floats]:
+    """(cases, realisations) values of the responses within tolerances; none without tolerances."""
+    if "realisations" not in result.datasets:
+        return {}
+    return {name: column.values for name, column in result["realisations"].by_label("value").items()}
+
+
+def _quantity(name: str) -> str:
+    """The quantity of a response; of an output with its name, as each has a unit of its own."""
+    quantity = quantity_of(name)
+    return "/".join(name.split("/")[-2:]) if BY_NAME[quantity].section == OUTPUT.section else quantity
 
 
 def _peak_of_output(quantity: str) -> str:
@@ -503,60 +540,60 @@ def _peak_of_output(quantity: str) -> str:
     return name if of == OUTPUT.name else ""
 
 
-def _of(result: DesignsResult, quantity: str) -> list[Response]:
-    return [r for r in result.responses.values() if _quantity(r) == quantity]
+def _of(result: DesignsResult, quantity: str) -> list[str]:
+    """Names of the responses of a quantity."""
+    return [name for name in result.responses if _quantity(name) == quantity]
 
 
-def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
-    for response in responses:
-        if response.values.ndim == 1:
-            yield response.place, response.values
+def _unit(result: DesignsResult, quantity: str) -> str:
+    """Unit of a quantity."""
+    return result.units[_of(result, quantity)[0]]
+
+
+def _curves(result: DesignsResult, quantity: str) -> Iterator[tuple[str, Floats]]:
+    for name in _of(result, quantity):
+        values, place = result.responses[name].values, place_of(name)
+        if values.ndim == 1:
+            yield place, values
         else:
-            for k in range(min(MOST_MODES, response.values.shape[-1])):
-                if not np.isfinite(response.values[..., k]).any():
+            for k in range(min(MOST_MODES, values.shape[1])):
+                if not np.isfinite(values[:, k]).any():
                     continue  # a chain of two masses has no third mode
-                yield f"{response.place} mode {k + 1}".strip(), response.values[..., k]
+                yield f"{place} mode {k + 1}".strip(), values[:, k]
 
 
-def _cases(result: DesignsResult, coordinate: int, x: Floats) -> Floats:
-    """Value of a coordinate in every case."""
-    if result.kind != "grid":
-        return x
-    return np.asarray(np.meshgrid(*[_axis(c)[0] for c in result.coordinates], indexing="ij")[coordinate]).ravel()
-
-
-def _axis(coordinate: Coordinate) -> tuple[Floats, str]:
+def _axis(parameter: ParameterColumn) -> tuple[Floats, str]:
     """Values along the axis, words by their numbers, and the label of the axis."""
-    name = coordinate.label[:1].upper() + coordinate.label[1:]
-    if words := _tick_words(coordinate):
-        return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), name
-    values = coordinate.values.astype(float)
-    scale = scale_for(coordinate.unit, values, digits=3)
+    name = parameter.label[:1].upper() + parameter.label[1:]
+    if words := _tick_words(parameter):
+        return np.array([words.index(str(v)) for v in parameter.values], dtype=float), name
+    values = parameter.values.astype(float)
+    scale = scale_for(parameter.unit, values, digits=3)
     return values * scale.factor, with_unit(name, scale)
 
 
-def _tick_words(coordinate: Coordinate) -> list[str]:
+def _tick_words(parameter: ParameterColumn) -> list[str]:
     """The different values, if they are words."""
-    return [] if coordinate.numeric else list(dict.fromkeys(str(v) for v in coordinate.values))
+    return [] if parameter.numeric else list(dict.fromkeys(str(v) for v in parameter.values))
 
 
-def _value_text(coordinate: Coordinate, k: int) -> str:
+def _value_text(parameter: ParameterColumn, k: int) -> str:
     """Value k of the axis, without its unit."""
-    if not coordinate.numeric:
-        return str(coordinate.values[k])
-    return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float), digits=3).factor:.3g}"
+    if not parameter.numeric:
+        return str(parameter.values[k])
+    return f"{parameter.values[k] * scale_for(parameter.unit, parameter.values.astype(float), digits=3).factor:.3g}"
 
 
-def _log(result: DesignsResult, coordinate: Coordinate) -> str:
+def _log(result: DesignsResult, parameter: ParameterColumn) -> str:
     """The letter of the axis across, where the values are spread so that it is logarithmic; of a search those asked
     for, as designs crowd where they are good."""
-    if not coordinate.numeric:
+    if not parameter.numeric:
         return ""
     if (search := result.scenario.optimise) is not None:
         return "x" * any(
-            (p.path, getattr(p, "spacing", "")) == (coordinate.path, "logarithmic") for p in search.parameters
+            (p.path, getattr(p, "spacing", "")) == (parameter.path, "logarithmic") for p in search.parameters
         )
-    values = np.unique(coordinate.values.astype(float))
+    values = np.unique(parameter.values.astype(float))
     if values.size < 3 or values[0] <= 0.0 or values[-1] / values[0] < 5.0:
         return ""
     steps, ratios = np.diff(values), np.diff(np.log(values))
@@ -569,8 +606,9 @@ def _limit(result: DesignsResult, quantity: str) -> float | None:
     return result.limits.get(BY_NAME[quantity].limit)
 
 
-def _titled(response: Response) -> str:
-    return _words(_quantity(response)) + (f", {response.place}" if response.place else "")
+def _titled(name: str) -> str:
+    place = place_of(name)
+    return _words(_quantity(name)) + (f", {place}" if place else "")
 
 
 def _words(quantity: str) -> str:

@@ -18,9 +18,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
-from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.designs.summary import result_of
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome
@@ -78,7 +79,7 @@ def stored_study(
 
     def save() -> None:
         with suppress(NotWrittenError):  # every case is in the journal
-            write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target, resumed=journal.resumed)
+            write_result(result_of(plan, journal.outcomes, clock.monotonic() - begin), target, resumed=journal.resumed)
 
     try:
         result = design_study(
@@ -126,7 +127,7 @@ def ensemble(
     -------
     DesignsResult
         Of the kind ``draws``; `DesignsResult.table` has the columns. A draw that is no valid scenario or that fails has
-        no responses (nan), and is listed in ``failures``.
+        no responses (nan); ``failure`` of ``cases`` says why.
 
     Raises
     ------

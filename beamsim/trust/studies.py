@@ -8,24 +8,30 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case, unsettled
-from beamsim.analyses.designs.gathering import gather, worth_comparing
+from beamsim.analyses.designs.cases import CaseOutcome, Ended, Evaluator, failed_case, unsettled
+from beamsim.analyses.designs.layouts import RUNS
+from beamsim.analyses.designs.objectives import objectives
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, design, plan_designs
 from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
-from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
+from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.designs.search import search
+from beamsim.analyses.designs.summary import result_of
+from beamsim.analyses.designs.table import worth_comparing
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import BeamsimError, allowing_hours
+from beamsim.labelled import Dataset, LabelledArray
 from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, tell
 from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
@@ -173,7 +179,7 @@ def design_study(
             realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
         ) as evaluate:  # fmt: skip
             ended, histories = _evaluated(plan, evaluate, progress)
-        result = gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+        result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
         if evaluate.ended == "interrupted":
             return result.interrupted(COMPARISON) if result.finished else result
         return _with_runs(result if histories is None else concluded(result, histories))
@@ -202,8 +208,9 @@ def _with_runs(result: DesignsResult) -> DesignsResult:
     if result.kind != "optimise" or not result.finished or "best" not in result.summary:
         return result
     chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
+    analysis = result.summary["analysis"]
     runs = {
-        name: solve_case(design(result, case), result.analysis) for name, case in chosen.items() if case is not None
+        name: solve_case(design(result.scenario, case), analysis) for name, case in chosen.items() if case is not None
     }
     if asked_to_stop():
         return result.interrupted("the run of the best design")
@@ -212,17 +219,46 @@ def _with_runs(result: DesignsResult) -> DesignsResult:
     for doubts in ("doubtful", "after_parting"):
         said[doubts] = _concerning(result, said.get(doubts, ()))
     summary = result.summary | said
-    shown = {name: RunOfDesign.of(name, of) for name, of in runs.items() if isinstance(of, RunResult)} or None
+    shown = {name: of for name, of in runs.items() if isinstance(of, RunResult)}
     checked = replace(
-        result, runs=shown, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary}
+        result,
+        datasets=result.datasets | ({"runs": _runs(shown)} if shown else {}),
+        summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
     concerned = said["doubtful"] or said["after_parting"] or not best.outcome.usable
     parts = (replace(best.outcome, within="the best design"),) if concerned else ()
     return checked.ended(result.outcome.but(*parts))
 
 
+def _runs(runs: Mapping[str, RunResult]) -> Dataset:
+    """What the runs of designs show: the motion of the first probe, and the force of the stop that is hit hardest."""
+    times = [run["histories"]["time"].values for run in runs.values()]
+    motions = [next(iter(run["histories"].by_label("displacement").items())) for run in runs.values()]
+    hit = [_hit_hardest(run["histories"].by_label("snubber_force")) for run in runs.values()]
+    forces = [
+        np.full(x.size, np.nan) if force is None else force.values for x, (_, force) in zip(times, hit, strict=True)
+    ]
+    units = dict.fromkeys(force.unit for _, force in hit if force is not None)
+    values = {
+        "design": list(runs),
+        "probe": [name for name, _ in motions],
+        "snubber": [name for name, _ in hit],
+        "sample": 1 + np.arange(sum(x.size for x in times)),
+        "sample_design": np.repeat(np.arange(len(runs)), [x.size for x in times]),
+        "time": np.concatenate(times),
+        "displacement": np.concatenate([motion.values for _, motion in motions]),
+        "force": np.concatenate(forces) if units else None,
+    }
+    return RUNS.dataset(values, force_unit=" | ".join(units))
+
+
+def _hit_hardest(forces: Mapping[str, LabelledArray]) -> tuple[str, LabelledArray | None]:
+    """The snubber with the largest force, and its force; an empty name and None without one."""
+    return max(forces.items(), key=lambda item: float(np.max(np.abs(item[1].values))), default=("", None))
+
+
 def _concerning(result: DesignsResult, doubts: Iterable[str]) -> list[str]:
     """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
     asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
-    asked |= {limited(name)[0].entry for name in result.limits}
+    asked |= {limited(name)[0].entry for name in result["cases"].labels("limit")}
     return [key for key in doubts if key.partition(".")[0] in asked]

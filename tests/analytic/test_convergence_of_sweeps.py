@@ -152,7 +152,7 @@ def test_a_value_that_the_finer_model_does_not_have_does_not_say_that_it_stays()
     assert finer.summary["margins"]["peak_force"]["verdict"] == "not reliable"
     vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["2 g"]}]}
     study = beamsim.design_study(case(1, limits=limits, sweep=PATH | {"convergence": "on"}, vary=vary))
-    assert study.passing.tolist() == [False]
+    assert study["cases"]["passing"].values.tolist() == [False]
     assert study.summary["margins"]["peak_force"]["verdict"] == "not reliable"
 
 
@@ -163,16 +163,17 @@ def test_a_study_judges_its_cases_as_their_runs_are_judged():
     limit = 0.5 * (alone["peak_acceleration"]["value"] + alone["peak_acceleration"]["highest"])
     vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["0.1 g", "2 g"]}]}
     study = beamsim.design_study(case(1, sweep=None, run=run, vary=vary, limits={"peak_acceleration": limit}))
-    assert study.passing.tolist() == [True, False]
+    assert study["cases"]["passing"].values.tolist() == [True, False]
     margin = study.summary["margins"]["peak_acceleration"]
     assert margin["value"] < limit < margin["highest"] == pytest.approx(alone["peak_acceleration"]["highest"])
     assert margin["verdict"] == "not reliable"
     assert margin["cases_exceeding"] == 0
     chosen = case(1, sweep=None, run={"duration": 0.1}, vary=vary, limits={"peak_acceleration": limit})
-    assert beamsim.design_study(chosen).passing.tolist() == [True, False]  # the worst case of a limit is compared
+    judged = beamsim.design_study(chosen)["cases"]["passing"].values.tolist()
+    assert judged == [True, False]  # the worst case of a limit is compared
     run = {"duration": 0.1, "convergence": "off"}
     unchecked = case(1, sweep=None, run=run, vary=vary, limits={"peak_acceleration": limit})
-    assert beamsim.design_study(unchecked).passing.tolist() == [True, True]
+    assert beamsim.design_study(unchecked)["cases"]["passing"].values.tolist() == [True, True]
 
 
 def test_a_normal_mode_where_it_is_asked_for():

@@ -68,6 +68,6 @@ def test_of_a_study():
     }  # fmt: skip
     scenario = load_scenario(MASS, {"run": {"duration": 1.0}, "vary": vary, "limits": {"outputs": {"wall": 10.0}}})
     result = beamsim.design_study(scenario)
-    margin, peak = result.margins["outputs.wall"].values, result.responses["outputs/wall/peak_output"].values
+    margin, peak = result["cases"]["margin"].sel(limit="outputs.wall").values, result.table["outputs/wall/peak_output"]
     assert margin == pytest.approx(10.0 / peak - 1.0, rel=1e-14)
     assert result.summary["margins"]["outputs.wall"]["case"] == 1

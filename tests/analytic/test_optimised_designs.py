@@ -45,7 +45,7 @@ def test_a_limit_that_binds_gives_the_stiffness_in_closed_form():
     stiffness = MASS * SPEED**2 / limit**2 - HELD
     result = searched({"minimise": FORCE, "parameters": [STIFFNESS]}, limits={"peak_displacement": limit})
     assert result.complete
-    assert result.cases <= 160
+    assert result.count <= 160
     assert best(result)["parameters"][WHERE] == pytest.approx(stiffness, rel=2e-3 * np.log(100.0))
     assert best(result)["value"] == pytest.approx(closed(stiffness)[0], rel=5e-3)
     assert 0.0 <= best(result)["margin"] < 5e-3
@@ -119,16 +119,17 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
     dashpot = [stop | {"damping": {"kind": "viscous", "coefficient": "5 N s/m"}} for stop in CASE["snubbers"]]
     optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS], "most_cases": 120}
     result = searched(optimise)
-    force, depth = (response.values for response in result.objectives.values())
+    force, depth = result["cases"]["objective_value"].values
     np.testing.assert_allclose(force * depth, MASS * SPEED**2, rtol=2e-2)
-    assert result.front.sum() > 0.9 * result.cases
+    assert result["cases"]["front"].values.sum() > 0.9 * result.count
     both = searched(optimise | {"parameters": [STIFFNESS, damping], "most_cases": 120}, snubbers=dashpot)
-    force, depth = (response.values for response in both.objectives.values())
+    force, depth = both["cases"]["objective_value"].values
     better = (
         (force[:, None] <= force) & (depth[:, None] <= depth) & ((force[:, None] < force) | (depth[:, None] < depth))
     )
-    np.testing.assert_array_equal(both.front, ~better.any(axis=0))
-    assert 0 < both.front.sum() < both.cases
+    front = both["cases"]["front"].values
+    np.testing.assert_array_equal(front, ~better.any(axis=0))
+    assert 0 < front.sum() < both.count
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -148,7 +149,7 @@ def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
     product = {"choices": {name: {"run.duration": "0.1 s"} for name in "abcd"}}
     optimise = {"minimise": [FORCE, DEPTH], "parameters": [*gaps, product], "most_cases": 1000, "seed": seed}
     result = design_study(beamsim.load_scenario(CASE | {"optimise": optimise}))
-    force, depth = (response.values[result.front] for response in result.objectives.values())
+    force, depth = result["cases"]["objective_value"].values[:, result["cases"]["front"].values]
     assert force.min() < 0.1
     assert depth.min() < 0.3  # 0.9 elsewhere, 0.1 where it is best
 
@@ -166,9 +167,9 @@ def test_the_best_of_a_catalogue_sets_all_that_the_choice_sets():
     result = searched(optimise, limits={"peak_displacement": "9 mm"})
     assert best(result)["parameters"] == {"product": "table"}  # the soft one is pressed beyond the limit
     assert best(result)["value"] == pytest.approx(closed(8e3)[0], rel=1e-6)
-    assert result.cases == 5  # each once, and the scenario as it is
+    assert result.count == 5  # each once, and the scenario as it is
     assert result.summary["as_it_is"]["value"] == pytest.approx(closed(2e4)[0], rel=1e-6)
-    alone = design(result, result.summary["best"][0])
+    alone = design(result.scenario, result.summary["best"][0])
     assert alone.snubbers[0].force_deflection == ((0.0, 0.0), (0.1, 800.0))
     assert beamsim.run(beamsim.load_scenario(alone.to_yaml())).summary["peak_force_n"]["above"] == pytest.approx(
         best(result)["value"], rel=1e-9

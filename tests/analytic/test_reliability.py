@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import norm
 
 from beamsim.analyses.designs import sampling
-from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import load_scenario
@@ -79,7 +79,7 @@ def test_first_order_reliability_is_exact_where_the_limit_is_linear(solved_by, l
     assert of["reliability_index"] == pytest.approx(limit, abs=1e-6)
     assert of["distance"] == pytest.approx(abs(limit), abs=1e-6)
     assert list(of["design_point"].values()) == pytest.approx([1e3 + limit * 100.0 / math.sqrt(TEN)] * TEN, rel=1e-6)
-    assert [n.importance for n in result.random_numbers] == pytest.approx([1.0 / TEN] * TEN, rel=1e-4)
+    assert result["random_numbers"]["importance"].values.tolist() == pytest.approx([1.0 / TEN] * TEN, rel=1e-4)
     assert result.outcome.code == "first_order"
     assert of["histories"] < 120
 
@@ -177,15 +177,16 @@ def test_a_subset_simulation_is_repeated_until_it_is_sure(solved_by):
     assert of["histories"] > 1.9 * alone["histories"]
     assert of["coefficient_of_variation"] <= 0.3 < alone["coefficient_of_variation"]
     assert of["low"] < norm.sf(3.5) < of["high"]
-    ends = [each for each in result.rounds if each.level == 0.0]
-    assert ends[0].probability == alone["probability"]
-    assert ends[-1].probability == of["probability"]
+    ends = result["rounds"]["probability"].values[result["rounds"]["level"].values == 0.0]
+    assert ends[0] == alone["probability"]
+    assert ends[-1] == of["probability"]
 
 
 def test_monte_carlo_has_the_interval_of_clopper_and_pearson(solved_by):
     solved_by(lambda *springs: sum(springs))
     result, of = found(of_springs(1.5, method="monte_carlo"))
-    share, count = of["probability"], result.rounds[-1].histories  # without those that found the design point
+    share = of["probability"]
+    count = int(result["rounds"]["histories"].values[-1])  # without those that found the design point
     assert result.complete
     assert abs(share - norm.sf(1.5)) < 3.5 * math.sqrt(norm.sf(1.5) / count)
     assert of["coefficient_of_variation"] == pytest.approx(math.sqrt((1.0 - share) / share / count), rel=1e-9)
@@ -236,7 +237,7 @@ def test_lognormal_numbers_that_go_together(solved_by):
         assert of["reliability_index"] == pytest.approx(3.0, abs=1e-4)
         gap = math.log(of["design_point"][GAP])
         assert gap == pytest.approx(math.log(1e-3) - 0.5 * s1**2 + 3.0 * s1 * (s1 + r * s2) / size, abs=2e-3)
-        assert sum(n.importance for n in result.random_numbers) == pytest.approx(1.0)
+        assert result["random_numbers"]["importance"].values.sum() == pytest.approx(1.0)
 
 
 def test_uniform_logarithmic_and_truncated_numbers(solved_by):
@@ -265,9 +266,9 @@ def test_measured_numbers_have_the_smooth_distribution_through_them(solved_by, t
     (tmp_path / "gaps.csv").write_text("unit,gap (mm)\n" + "\n".join(f"{k},{x}" for k, x in enumerate(data)))
     for given in ("[" + ", ".join(f"{x} mm" for x in data) + "]", f"{tmp_path / 'gaps.csv'}, column: gap"):
         result, of = found(scenario([f"{{path: {GAP}, data: {given}}}"], "{peak_force: 1.35 N}", method="form"))
-        (number,) = result.random_numbers
-        assert number.mean == pytest.approx(1e-3 * data.mean())
-        width = math.sqrt((1e3 * number.deviation) ** 2 - data.var())
+        number = result["random_numbers"]
+        assert number["mean"].values == pytest.approx([1e-3 * data.mean()])
+        width = math.sqrt((1e3 * number["deviation"].values.item()) ** 2 - data.var())
         assert 0.02 < width < 0.08
         assert of["probability"] == pytest.approx(np.mean(norm.sf((1.35 - data) / width)), rel=1e-3)
         assert any("beyond what was measured" in warning for warning in result.warnings)
@@ -353,8 +354,8 @@ def test_derivatives_of_the_probability(solved_by, rank, method, allowed):
     by_mean, by_width = exact_derivatives(38.0, (2e4, 1e-4), np.array([1e-4, 1e4]), rank)
     study = {"correlations": f"[{{between: [{GAP}, {STIFFNESS}], coefficient: {rank}}}]", "samples": 2000}
     result, _ = found(scenario(PAIR, "{peak_force: 38 N}", method=method, **study))
-    assert [n.by_mean for n in result.random_numbers] == pytest.approx(by_mean, rel=allowed)
-    assert [n.by_deviation for n in result.random_numbers] == pytest.approx(by_width, rel=3.0 * allowed)
+    assert result["random_numbers"]["by_mean"].values.tolist() == pytest.approx(by_mean, rel=allowed)
+    assert result["random_numbers"]["by_deviation"].values.tolist() == pytest.approx(by_width, rel=3.0 * allowed)
 
 
 # --- random inputs ----------------------------------------------------------------------------------------------------
@@ -397,7 +398,7 @@ def test_random_forces_are_independent_of_each_other_and_drawn_anew(solved_by, m
         10.0 + 2.0 * math.sqrt(2.0), RANDOM % 1, RANDOM % 2, method=method, samples=500, coefficient_of_variation=0.3
     )
     result, of = found(case)
-    assert [c.path for c in result.coordinates] == ["excitation.forces[0].seed", "excitation.forces[1].seed"]
+    assert result["cases"].labels("parameter") == ["excitation.forces[0].seed", "excitation.forces[1].seed"]
     assert of["low"] < norm.sf(2.0) < of["high"]
     assert of["high"] < norm.sf(math.sqrt(2.0))
     one, other = zip(*drawn[:500], strict=True)
@@ -438,7 +439,7 @@ def test_a_study_goes_on_where_it_ended(solved_by):
     assert sum(outcome.compared for outcome in kept + asked) == 1  # the history nearest the limit
     again, resumed = found(case, known=kept + asked, each=lambda outcome: pytest.fail(f"{outcome} is solved twice"))
     assert resumed == whole
-    assert again.compared.sum() == 1
+    assert again["cases"]["compared"].values.sum() == 1
 
 
 def test_without_openturns_the_command_to_install_it_is_said(monkeypatch):

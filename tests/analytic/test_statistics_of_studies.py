@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import beta, spearmanr
 
 import beamsim
-from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.analyses.designs.plan import latin_hypercube, one_at_a_time, plan_designs
-from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import populations, probability, rank_correlations, statistics, swings
+from beamsim.analyses.designs.summary import result_of
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
@@ -198,7 +198,7 @@ def sampled(kind, samples, force, failed=()):
         for case in plan.cases
     }
     lost = Outcome.of(OutcomeKind.FAILED, "failed", "lost")
-    return gather(plan, outcomes | {k: CaseOutcome(k, {}, lost) for k in failed})
+    return result_of(plan, outcomes | {k: CaseOutcome(k, {}, lost) for k in failed})
 
 
 def test_the_probability_that_a_limit_is_met():

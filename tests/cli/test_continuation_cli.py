@@ -176,4 +176,4 @@ def test_a_study_of_continuations(tmp_path):
     single = continuation(load_scenario(CHAIN))
     assert peak[0] == max(float(b.displacement["first"].peak[b.stable].max()) for b in single.branches)
     assert peak[1] > peak[0]
-    assert set(stored.margins) == {"peak_force"}
+    assert set(stored.limits) == {"peak_force"}

@@ -29,15 +29,16 @@ def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_ma
     """Proposition 1.3.1 of the thesis: the frequency moves with the square of the mode shape at the spring."""
     scenario = shortened(CONFIGS / "spring_position.yaml", 7)
     result = design_study(scenario, workers=1)
-    closed = result.responses["closed_frequencies_hz"].values[:, 0, :2]
-    opened = result.responses["open_frequencies_hz"].values[:, 0, :2]
+    grid = {name: of.values.reshape(*result.shape, -1) for name, of in result.responses.items()}
+    closed = grid["closed_frequencies_hz"][:, 0, :2]
+    opened = grid["open_frequencies_hz"][:, 0, :2]
     assert np.all(closed[:, 0] > opened[:, 0])
     assert closed[:, 0].argmax() not in (0, 6)
     assert np.all(np.diff(closed[:4, 0]) > 0)
     node = 0.783 * 0.27  # of the second mode of a cantilever
-    nearest = np.abs(result.coordinates[0].values - node).argmin()
+    nearest = np.abs(np.unique(result.table["snubbers.tip.position"]) - node).argmin()
     assert (closed[:, 1] - opened[:, 1]).argmin() in (nearest - 1, nearest, nearest + 1)
-    np.testing.assert_allclose(result.responses["closed_frequencies_hz"].values.std(axis=1)[..., 0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(grid["closed_frequencies_hz"].std(axis=1)[..., 0], 0.0, atol=1e-9)
 
 
 def test_homogeneity_in_the_tolerance_study_of_zero_gap():
@@ -72,7 +73,7 @@ def test_both_populations_of_the_sample_are_motions_of_one_part():
         result.table["snubbers.tip.gap"], result.table["snubbers.tip.stiffness"]
     ).statistic == pytest.approx(0.6, abs=0.05)
     case = int(np.flatnonzero(force == low["largest"])[0])
-    part = {c.path: float(c.values[case]) for c in result.coordinates}
+    part = {p.path: float(p.values[case]) for p in result.parameters}
     late = {}
     for name, start in {"at rest": "static_equilibrium", "far away": {"mode": 1, "amplitude": "2.5 mm"}}.items():
         changes = {"vary": None, **part, "run.start": start, "run.duration": "2.5 s"}
@@ -101,7 +102,7 @@ def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_a
     of = result.summary["reliability"]
     assert result.complete
     assert 3e-5 < of["low"] < of["probability"] < of["high"] < 3e-4
-    assert beamsim.run(design(result, {"parameters": of["design_point"]})).summary["peak_force_n"][
+    assert beamsim.run(design(result.scenario, {"parameters": of["design_point"]})).summary["peak_force_n"][
         "tip"
     ] == pytest.approx(28.0, rel=1e-3)
     changes = {"vary.method": "form"}
@@ -120,7 +121,7 @@ def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
     best, first = result.summary["best"][0], result.summary["as_it_is"]
     assert best["value"] < 0.75 * first["value"]
     assert best["parameters"]["pad"] == "damping rubber"
-    alone = beamsim.run(design(result, result.summary["best"][0])).summary
+    alone = beamsim.run(design(result.scenario, result.summary["best"][0])).summary
     assert alone["peak_force_n"]["tip"] == pytest.approx(best["value"], rel=1e-9)
     assert alone["peak_displacement_m"]["tip"] < 0.8e-3
     assert [item["verdict"] for item in result.summary["margins"].values()] == ["ok", "ok"]
@@ -149,7 +150,7 @@ def test_a_search_finds_in_600_cases_what_a_grid_of_10000_finds():
     best = result.summary["best"][0]
     gap, stiffness = best["parameters"].values()
     assert result.complete
-    assert result.cases <= 600
+    assert result.count <= 600
     assert best["value"] <= sums[among]
     assert best["value"] == pytest.approx(sums[among], rel=0.02)
     assert abs(gap - grid[0][among]) <= 1.01 * (gaps[1] - gaps[0])

@@ -73,10 +73,10 @@ def test_the_best_of_the_cases_that_meet_every_limit(here):
     done = invoke(*arguments, "--set", "limits.peak_force=17 N", "--set", "vary.minimise=peak_displacement")
     summary = json.loads(done.stdout)
     result = load("case.h5")
-    displacement = result.responses["probes/tip/peak_displacement"].values.ravel()
-    passing = result.responses["snubbers/tip/peak_force"].values.ravel() <= 17.0
+    displacement = result.table["probes/tip/peak_displacement"]
+    passing = result.table["snubbers/tip/peak_force"] <= 17.0
     assert 0 < summary["passing"] == passing.sum() < 6
-    np.testing.assert_array_equal(result.passing.ravel(), passing)
+    np.testing.assert_array_equal(result["cases"]["passing"].values, passing)
     order = np.flatnonzero(passing)[np.argsort(displacement[passing], kind="stable")]
     assert [case["case"] for case in summary["best"]] == order.tolist()
     assert summary["best"][0]["value"] == displacement[order[0]]
@@ -211,8 +211,9 @@ def test_failed_cases_are_saved_around_and_end_with_3(here):
     assert done.exit_code == 3
     assert "6 of 12 cases failed; the first is case 1:" in done.stderr
     result = load("case.h5")
-    assert result.solved.sum() == 6
-    assert not result.solved[..., 0].any()
+    solved = result["cases"]["solved"].values.reshape(result.shape)
+    assert solved.sum() == 6
+    assert not solved[..., 0].any()
 
 
 # --- going on ---------------------------------------------------------------------------------------------------------
@@ -229,8 +230,8 @@ def test_resume_of_a_complete_study_computes_nothing(here, monkeypatch):
 
 
 def test_beginning_anew_moves_the_journal_aside(here, monkeypatch):
+    from beamsim.analyses.designs.cases import CaseOutcome
     from beamsim.analyses.designs.plan import plan_designs
-    from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
     from beamsim.store.studies import opened_journal
 

@@ -58,8 +58,9 @@ def test_the_best_design_is_written_as_a_scenario_and_drawn():
     assert force / 60.0 + displacement / 10e-3 == pytest.approx(best["value"], rel=1e-6)
     assert alone["margins"]["peak_force"]["verdict"] == summary["margins"]["peak_force"]["verdict"] == "ok"
     stored = beamsim.load("case.h5")
-    assert stored.runs.keys() == {"best", "as_it_is"}
-    assert stored.runs["best"].force.max() == pytest.approx(force, rel=1e-2)  # between samples
+    runs = stored["runs"].groups("sample_design")
+    assert runs.keys() == {"best", "as_it_is"}
+    assert runs["best"]["force"].values.max() == pytest.approx(force, rel=1e-2)  # between samples
     shown = invoke("info", "case.h5").stdout
     for text in ("as it is", "within 1 %", "convergence", "search of"):
         assert text in shown
@@ -71,12 +72,12 @@ def test_two_workers_find_what_one_finds():
     same_tables("one.h5", "two.h5")
     other = invoke("sweep", "case.yaml", "--workers", 1, "--set", "optimise.seed=1", "--no-plots", "-o", "other.h5")
     assert other.exit_code == 0
-    assert not np.array_equal(*(beamsim.load(f"{name}.h5").coordinates[0].values[:20] for name in ("one", "other")))
+    assert not np.array_equal(*(beamsim.load(f"{name}.h5").parameters[0].values[:20] for name in ("one", "other")))
 
 
 def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
-    solved, whole = [], beamsim.load("whole.h5").cases
+    solved, whole = [], beamsim.load("whole.h5").count
 
     def solve(self, case, real=CaseSolver.__call__):
         if not case.compared:

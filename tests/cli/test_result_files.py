@@ -44,7 +44,7 @@ def stored_datasets(path, *, named=False):
     def note(name, item):
         if isinstance(item, h5py.Dataset) and not item.is_scale:
             words = h5py.check_string_dtype(item.dtype) is not None
-            found[name] = np.asarray(item.asstr()[()] if words else item[()])
+            found[name] = np.asarray(item.asstr()[()], dtype=object) if words else np.asarray(item[()])
             if named and "names" in item.attrs and item.dims[0][0].attrs["long_name"] != "number of the row":
                 labels = file[item.attrs["names"]]
                 words = h5py.check_string_dtype(labels.dtype) is not None

@@ -56,7 +56,7 @@ def alone_and_in_a_study(scenario):
     study = design_study(plan_draws(scenario, {path: [value]}), each=outcomes.append)
     (case,) = outcomes
     assert case.compared == (section.convergence == "on")
-    assert study.compared.tolist() == [case.compared]
+    assert study["cases"]["compared"].values.tolist() == [case.compared]
     return result, case, study
 
 
@@ -82,8 +82,8 @@ def demand_same(result, case, study):
     assert {name.rpartition("/")[2] for name in left_out} <= {"gapping"}  # which is computed on request
     assert case.values.keys() <= whole.keys()
     assert [name for name, x in case.values.items() if not same(whole[name], x)] == []
-    assert study.case_outcomes.tolist() == [result.outcome.text]
-    assert study.case_warnings.tolist() == ["\n".join(result.warnings)]
+    assert study["cases"]["outcome"].values.tolist() == [result.outcome.text]
+    assert study["cases"]["warnings"].values.tolist() == ["\n".join(result.warnings)]
     assert study.outcome.usable == result.outcome.usable
     assert study.outcome.complete == result.outcome.complete
 
@@ -147,15 +147,14 @@ def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_p
     study = beamsim.design_study(case, workers=workers)
     assert study.outcome.gravest == "untrusted"
     assert study.summary["not_reliable"] == 2
-    assert study.passing.tolist() == [False, False]
+    assert study["cases"]["passing"].values.tolist() == [False, False]
     assert {of["verdict"] for of in study.summary["margins"].values()} == {"not reliable"}
-    assert {*study.verdicts["peak_force"].values.tolist()} == {"not reliable"}
+    assert {*study["cases"]["verdict"].sel(limit="peak_force").values.tolist()} == {"not reliable"}
     assert "best" not in study.summary
     path = beamsim.write_result(study, tmp_path / "study.h5")
     stored = beamsim.load(path)
-    for name in ("case_outcomes", "case_warnings", "compared"):
-        assert getattr(stored, name).tolist() == getattr(study, name).tolist()
-    assert stored.verdicts["gap"].values.tolist() == study.verdicts["gap"].values.tolist()
+    for name in ("outcome", "warnings", "compared", "verdict"):
+        assert stored["cases"][name].values.tolist() == study["cases"][name].values.tolist()
 
 
 def near_limit(**more):
@@ -170,24 +169,26 @@ def near_limit(**more):
 def test_cases_that_decide_are_compared_unless_that_is_switched_off():
     case = near_limit(minimise="peak_force")
     study = beamsim.design_study(case)
-    assert study.compared.tolist() == [True, False, False, True, True]  # the best, a near one, and the worst
+    compared = study["cases"]["compared"].values.tolist()
+    assert compared == [True, False, False, True, True]  # the best, a near one, and the worst
     assert study.summary["compared"] == 3
     worst = study.summary["margins"]["peak_force"]
     alone = beamsim.run(beamsim.load_scenario(case, {"vary": None, "excitation.level": 20.0}))
     assert worst["case"] in (3, 4)
     assert worst["lowest"] < worst["value"] < worst["highest"]
-    assert study.verdicts["peak_force"].values[4] == alone.summary["margins"]["peak_force"]["verdict"]
-    assert study.case_outcomes[4] == alone.status
+    verdict = study["cases"]["verdict"].sel(limit="peak_force").values[4]
+    assert verdict == alone.summary["margins"]["peak_force"]["verdict"]
+    assert study["cases"]["outcome"].values[4] == alone.status
     none = beamsim.design_study(beamsim.load_scenario(case, {"run.convergence": "off"}))
-    assert not none.compared.any()
+    assert not none["cases"]["compared"].values.any()
     every = beamsim.design_study(beamsim.load_scenario(case, {"run.convergence": "on"}))
-    assert every.compared.all()
+    assert every["cases"]["compared"].values.all()
 
 
 def demand_same_studies(one, other):
     """Compare the outcomes of two studies."""
-    assert one.compared.tolist() == other.compared.tolist()
-    assert one.case_outcomes.tolist() == other.case_outcomes.tolist()
+    for name in ("compared", "outcome"):
+        assert one["cases"][name].values.tolist() == other["cases"][name].values.tolist()
     assert one.summary["margins"] == other.summary["margins"]
     assert one.outcome == other.outcome
 
@@ -271,7 +272,7 @@ def test_seeds_of_a_matched_record_in_each_kind_of_study(vary):
     study = beamsim.design_study(beamsim.load_scenario(MATCHED, {"vary": vary}))
     force = study.responses["snubbers/stop/peak_force"].values
     assert force[0] != force[1]
-    seed = int(next(c for c in study.coordinates if c.path == "excitation.seed").values[0])
+    seed = int(study.table["excitation.seed"][0])
     if vary["kind"] != "zip":
         alone = beamsim.run(beamsim.load_scenario(MATCHED, {"excitation.seed": seed})).summary
         assert force[0] == pytest.approx(alone["peak_force_n"]["stop"], rel=1e-9)

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import kstest, truncnorm
 
 from beamsim.analyses.designs.plan import check_cases, plan_designs
+from beamsim.analyses.designs.responses import place_of, quantity_of
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
@@ -43,7 +44,7 @@ def assert_same(one, other):
     assert list(table(one)) == list(table(other))
     for name, values in table(one).items():
         np.testing.assert_array_equal(values, table(other)[name], err_msg=name)
-    np.testing.assert_array_equal(one.solved, other.solved)
+    np.testing.assert_array_equal(one["cases"]["solved"].values, other["cases"]["solved"].values)
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +54,14 @@ def grid():
 
 def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
     result = design_study(load_scenario(BASE + GRID, {"vary.responses": ["contacts"]}), workers=2)
-    quantities = {response.quantity for response in result.responses.values()}
+    quantities = {quantity_of(name) for name in result.responses}
     assert quantities == {
         "contacts", "peak_force", "bending_stress", "largest_gap", "peak_displacement", "peak_acceleration"
     }  # fmt: skip
     for name, response in result.responses.items():
         np.testing.assert_allclose(response.values, grid.responses[name].values, rtol=1e-10)
-    np.testing.assert_allclose(result.margins["peak_force"].values, grid.margins["peak_force"].values, rtol=1e-9)
+    margins = [study["cases"]["margin"].sel(limit="peak_force").values for study in (result, grid)]
+    np.testing.assert_allclose(*margins, rtol=1e-9)
     with pytest.raises(
         ScenarioError, match=r"vary.responses\[1\] = peak_forse is not a response; did you mean peak_force"
     ):
@@ -68,12 +70,13 @@ def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
 
 def test_margins_are_limit_over_value_less_one(grid):
     force = grid.responses["snubbers/tip/peak_force"].values
-    np.testing.assert_allclose(grid.margins["peak_force"].values, 20.0 / force - 1.0, rtol=1e-14)
+    margin = grid["cases"]["margin"].sel(limit="peak_force").values
+    np.testing.assert_allclose(margin, 20.0 / force - 1.0, rtol=1e-14)
     worst = grid.summary["margins"]["peak_force"]
     assert worst["value"] == force.max()
     assert worst["exceeded"] == bool(force.max() > 20.0)
     assert worst["cases_exceeding"] == int((force > 20.0).sum())
-    where = np.unravel_index(force.argmax(), force.shape)
+    where = np.unravel_index(force.argmax(), grid.shape)
     assert worst["parameters"]["snubbers.tip.stiffness"] == (50e3, 200e3)[where[0]]
     assert {path: grid.table[path][worst["case"]] for path in worst["parameters"]} == worst["parameters"]
 
@@ -165,9 +168,9 @@ def test_words_and_whole_numbers_are_varied_too():
     check_cases(plan)
     result = design_study(plan, workers=1)
     assert result.complete
-    f = result.responses["open_frequencies_hz"].values[..., 0]
+    f = result.responses["open_frequencies_hz"].values[:, 0].reshape(result.shape)
     assert np.all(f[1] > f[0])  # a guided end stiffens
-    assert result.coordinates[0].values.tolist() == ["free", "guided"]
+    assert result.parameters[0].values.tolist() == ["free"] * 3 + ["guided"] * 3
     assert np.ptp(f[0]) < 1e-3 * f[0, 0]
 
 
@@ -180,7 +183,7 @@ def test_zipped_values_go_together():
     result = design_study(load_scenario(text, {"snubbers[0].position": "250 mm"}), workers=1)
     assert result.complete
     assert result.shape == (2,)
-    assert [c.values[1] for c in result.coordinates] == [0.29, 0.29]
+    assert [p.values[1] for p in result.parameters] == [0.29, 0.29]
 
 
 def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():
@@ -193,7 +196,7 @@ def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():
         "    - {path: beam.elements, from: 3, to: 6}\n"
     )
     scenario = load_scenario(text)
-    stiffness, thickness, gap, elements = (c.values for c in plan_designs(scenario).coordinates)
+    stiffness, thickness, gap, elements = (p.values for p in plan_designs(scenario).parameters)
 
     def parts(u):
         return sorted(np.floor(u * n).astype(int))
@@ -206,18 +209,18 @@ def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():
     assert set(elements) == {3.0, 4.0, 5.0, 6.0}
     again = plan_designs(load_scenario(text))
     other = plan_designs(load_scenario(text.replace("seed: 5", "seed: 6")))
-    np.testing.assert_array_equal(again.coordinates[0].values, stiffness)
+    np.testing.assert_array_equal(again.parameters[0].values, stiffness)
     assert again.fingerprint == plan_designs(scenario).fingerprint != other.fingerprint
-    assert np.any(other.coordinates[0].values != stiffness)
+    assert np.any(other.parameters[0].values != stiffness)
 
 
 def test_a_case_that_cannot_be_solved_is_part_of_the_result():
     text = BASE + "vary: {kind: grid, parameters: [{path: run.max_events, values: [2, 1000000]}]}\n"
     result = design_study(load_scenario(text), workers=1)
     assert not result.complete
-    assert result.solved.tolist() == [False, True]
+    assert result["cases"]["solved"].values.tolist() == [False, True]
     assert "1 of 2 cases failed; the first is case 1:" in result.status
-    assert result.failures[0].values == (2,)
+    assert result["cases"]["failure"].values.astype(bool).tolist() == [True, False]
     force = result.responses["snubbers/tip/peak_force"].values
     assert np.isnan(force[0])
     assert force[1] > 0.0
@@ -259,10 +262,10 @@ def test_a_study_of_sweeps():
     scenario = load_scenario(text)
     result = design_study(scenario, workers=1)
     assert result.complete, result.status
-    assert result.analysis == "swept_sine"
+    assert result.summary["analysis"] == "swept_sine"
     resonance = result.responses["up_0/probes/tip/resonance_frequency"].values
     assert resonance[1] > resonance[0]  # a stiffer snubber
-    assert result.responses["down_0/snubbers/tip/peak_force"].place == "tip down_0"
+    assert place_of("down_0/snubbers/tip/peak_force") == "tip down_0"
     from beamsim.analyses.sweep.analysis import sweep
 
     alone = sweep(load_scenario(text, {"snubbers[0].stiffness": 200e3}))
@@ -292,8 +295,9 @@ def test_a_case_that_raises_is_recorded_and_the_others_go_on(grid, monkeypatch):
 
     monkeypatch.setattr(studies, "run", fail)
     result = design_study(load_scenario(BASE + GRID), workers=1)
-    assert result.solved.tolist() == [[False, True, True]] * 2
+    assert result["cases"]["solved"].values.tolist() == [False, True, True] * 2
     text = "internal error (TypeError: no such operation) in 2 attempts"
-    assert [failure.outcome.text for failure in result.failures] == [text] * 2
+    assert result["cases"]["failure"].values.tolist() == [text, "", ""] * 2
     force = grid.responses["snubbers/tip/peak_force"].values
-    np.testing.assert_array_equal(result.responses["snubbers/tip/peak_force"].values[:, 1:], force[:, 1:])
+    known = result["cases"]["solved"].values
+    np.testing.assert_array_equal(result.responses["snubbers/tip/peak_force"].values[known], force[known])

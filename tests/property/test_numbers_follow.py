@@ -142,7 +142,7 @@ DEFAULTS = [
 def test_defaults_follow(excitation, path, value):
     text = re.sub(r"excitation: .*\n", excitation + "\n", text_of("beam", "percent"))
     scenario = load_scenario(text)
-    unit = plan_draws(scenario, {path: [value]}).coordinates[0].unit
+    unit = plan_draws(scenario, {path: [value]}).parameters[0].unit
     edited = load_scenario(text, {path: f"{value!r} {unit}"})
     assert plan_draws(scenario, {path: [value]}).study.scenario(Case(0, (value,))).excitation == edited.excitation
     assert plan_draws(scenario, {path: [value]}).study.scenario(Case(0, (value,))).sample_rate == edited.sample_rate

@@ -241,7 +241,7 @@ def test_a_listed_share_follows_the_length_in_every_case():
     text = text_of("folds", "percent").replace("sweep:", "unused:").partition("unused")[0] + "run: {duration: 0.02 s}\n"
     scenario = load_scenario(text)
     plan = plan_draws(scenario, {"snubbers.tip.position": ["40 %", "0.2"], "beam.length": [0.3, 0.5]})
-    assert (plan.coordinates[0].values.tolist(), plan.coordinates[0].unit) == (["40 %", "0.2 m"], "1")
+    assert (plan.parameters[0].values.tolist(), plan.parameters[0].unit) == (["40 %", "0.2 m"], "1")
     for case, expected in zip(plan.cases, (0.12, 0.2), strict=True):
         assert value_at(plan.study.scenario(case), ("snubbers", 0, "position")) == pytest.approx(expected)
     ranged = text + "vary: {kind: grid, parameters: [{path: snubbers.tip.position, from: 40 %, to: 60 %, points: 3}]}\n"
@@ -254,10 +254,10 @@ def test_a_number_of_a_pair_is_read_as_its_own_field():
     text = text_of("folds", "percent").replace("stiffness: 50 kN/m", "force_deflection: [[0 mm, 0 N], [1 mm, 9 N]]")
     scenario = load_scenario(text)
     plan = plan_draws(scenario, {"snubbers.tip.force_deflection[1][1]": ["0.01 kN", "12 N"]})
-    assert plan.coordinates[0].unit == "N"
+    assert plan.parameters[0].unit == "N"
     assert [case.values for case in plan.cases] == [(10.0,), (12.0,)]
     length = plan_draws(scenario, {"snubbers.tip.force_deflection[1][0]": ["2 mm"]})
-    assert (length.coordinates[0].unit, length.cases[0].values) == ("m", (0.002,))
+    assert (length.parameters[0].unit, length.cases[0].values) == ("m", (0.002,))
 
 
 @pytest.mark.parametrize("section", ["identify_stiffness.shapes_without.positions[0]", "nnm.mode"])

@@ -1,5 +1,6 @@
 """Result file, journal, tables and pictures of design studies, from outcomes that no solver made."""
 
+import json
 import subprocess
 import sys
 
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 from sampling import slow_after
 
-from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.summary import result_of
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.outcomes import Outcome, OutcomeKind
@@ -76,7 +77,7 @@ def fabricated(name, failed=(), missing=()):
     rng = np.random.default_rng(1)
     outcomes = {case.number: outcome(limits_of(plan), case.number, rng) for case in plan.cases}
     outcomes |= {k: failure(k, "more than max_events events") for k in failed}
-    return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
+    return result_of(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
 
 
 @pytest.mark.filterwarnings("default")
@@ -91,17 +92,18 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
         )
         assert stress.dims == gap.dims == ("case",)
         np.testing.assert_array_equal(np.unique(gap), [0.0, 1e-4, 3e-4])
-        assert data["value_by_mode"].dims == ("response", "case", "mode")
-        assert data["unit"].sel(response="bending_stress") == "Pa"
+        assert data["modal_value"].dims == ("modal_response", "case", "mode")
+        assert json.loads(data["value"].units_of_each)[list(data["response"]).index("bending_stress")] == "Pa"
         picked = stress.values[gap.values == 1e-4]
-    np.testing.assert_array_equal(picked, result.responses["bending_stress"].values[:, 1])
+    expected = result.responses["bending_stress"].values.reshape(result.shape)[:, 1]
+    np.testing.assert_array_equal(picked, expected)
     sample = fabricated("sample")
     path = write_result(sample, tmp_path / "sample.h5")
     with xarray.open_dataset(path, group="cases", engine="h5netcdf") as data:
         assert {"beam.thickness", "snubbers.tip.gap"} <= set(data["parameter"].values)
-        for coordinate in sample.coordinates:
-            values = data["parameter_value"].sel(parameter=coordinate.path)
-            np.testing.assert_array_equal(values, coordinate.values)
+        for parameter in sample.parameters:
+            values = data["parameter_value"].sel(parameter=parameter.path)
+            np.testing.assert_array_equal(values, parameter.values)
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------
@@ -146,7 +148,7 @@ def test_a_search_is_drawn_over_its_range_and_the_case_as_it_is_is_no_design():
         )
         for k, (gap, force) in enumerate(zip(gaps, forces, strict=True))
     }  # fmt: skip
-    figures = gather(plan, tried, 1.0).plot()
+    figures = result_of(plan, tried, 1.0).plot()
     assert {ax.get_xscale() for ax in figures["curves"].axes} == {"linear"}
     best = next(line for line in figures["search"].axes[0].lines if line.get_drawstyle() == "steps-post")
     np.testing.assert_array_equal(best.get_ydata(), [np.nan, *forces[1:]])
@@ -185,8 +187,8 @@ def test_a_limit_is_judged_with_the_change_of_its_value_also_after_a_study_was_r
             journal.add(solved_case({"peak_force": 30.0}, k, {"snubbers/tip/peak_force": 29.0}, {"peak_force": ends}))
     with opened_journal(tmp_path / "x.partial", "print", resume=True) as journal:
         case = load_scenario(f"{BASE}{STUDIES['curve']}\n", ["limits.gap=null", "limits.bending_stress=null"])
-        result = gather(plan_designs(case), journal.outcomes)
-    assert result.passing.tolist() == [True, True, False, False, False]
+        result = result_of(plan_designs(case), journal.outcomes)
+    assert result["cases"]["passing"].values.tolist() == [True, True, False, False, False]
     assert result.summary["best"][0]["case"] in (0, 1)
 
 

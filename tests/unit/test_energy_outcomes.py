@@ -109,8 +109,8 @@ def test_a_case_of_a_study_whose_energy_is_lost_is_not_reliable(monkeypatch, sha
     monkeypatch.setattr(transient, "motion_of", tampered(share, 0.05, motion_of))
     result = beamsim.ensemble(load_scenario(CASE, SHORT), {"snubbers.tip.gap": [0.0]}, ["contacts"], workers=1)
     assert result.complete is trusted
-    assert not result.failures  # its values are kept, as those of the run are
+    assert not any(result["cases"]["failure"].values)  # its values are kept, as those of the run are
     alone = beamsim.run(load_scenario(CASE, SHORT)).outcome
     assert (alone.code == "energy_not_balanced") is not trusted
-    assert result.case_outcomes.tolist() == [alone.text]
+    assert result["cases"]["outcome"].values.tolist() == [alone.text]
     assert exit_code(result.outcome) == exit_code(alone)

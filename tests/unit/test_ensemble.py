@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.store.studies import journal_path, opened_journal
 from beamsim.trust.studies import CaseSolver
 
@@ -136,7 +136,7 @@ def test_failed_draws_are_counted_and_the_others_kept(scenario, monkeypatch):
     result = beamsim.ensemble(scenario, {"chain.snubbers.stop.stiffness": stiffness}, ["contacts"])
     assert not result.complete
     assert result.summary["failed"] == 1
-    assert "chain.snubbers[0].stiffness" in result.failures[0].outcome.text
+    assert "chain.snubbers[0].stiffness" in result["cases"]["failure"].values[1]
     assert np.isnan(result.table["snubbers/stop/contacts"][1])
     assert np.isfinite(np.delete(result.table["snubbers/stop/contacts"], 1)).all()
 

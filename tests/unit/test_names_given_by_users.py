@@ -48,9 +48,9 @@ def test_any_other_choice_is_stored_as_it_was_given(name, tmp_path):
     found = beamsim.design_study(study(name))
     beamsim.write_result(found, tmp_path / "study.h5")
     read = beamsim.load(tmp_path / "study.h5")
-    assert read.coordinates[0].path == name
-    assert read.coordinates[0].values.tolist() == ["hard", "soft"]
-    assert read.solved.tolist() == [True, True]
+    assert read["cases"].labels("parameter") == [name]
+    assert read["cases"]["parameter_text"].sel(parameter=name).values.tolist() == ["hard", "soft"]
+    assert read["cases"]["solved"].values.tolist() == [True, True]
     assert list(read.table[name]) == ["hard", "soft"]
     assert read.responses.keys() == found.responses.keys()
     for key, response in found.responses.items():

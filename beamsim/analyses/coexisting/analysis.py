@@ -20,9 +20,8 @@ import numpy as np
 
 from beamsim.analyses.coexisting.result import CoexistingMotion, CoexistingResult, SmallestDisturbance
 from beamsim.analyses.continuation.analysis import largest_values, response
-from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case
+from beamsim.analyses.designs.cases import CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.analyses.designs.plan import Case
-from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time

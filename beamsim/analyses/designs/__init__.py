@@ -1,5 +1,5 @@
 """``beamsim sweep`` with ``vary``: many cases of one scenario.
 
 Never here: files and pictures.
-Begin with `analysis`; `result` is what it returns.
+Begin with `table`, the cases of a study as one table; `summary` makes the result of it.
 """

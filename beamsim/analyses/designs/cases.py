@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
 from beamsim.analyses.designs.plan import Case
-from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.results.values import Margins
 from beamsim.scenario.studies import Value
+
+
+@dataclass(frozen=True)
+class CaseOutcome:
+    """One case, as a command has it that solves the case alone: responses, outcome, warnings and margins."""
+
+    index: int  # in the order of the cases
+    values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode; none where it failed
+    outcome: Outcome = COMPLETE
+    processor_time_s: float = 0.0
+    margins: Margins = field(default_factory=dict)
+    given: tuple[Value, ...] = ()  # values of the varied parameters
+    warnings: tuple[str, ...] = ()
+    compared: bool = False  # whether its values were compared with those of a finer model
+
+    @property
+    def failed(self) -> bool:
+        """Whether it did not come to its end, so that it has no responses."""
+        return self.outcome.ended_early
 
 
 def unsettled(tried: int) -> Outcome:

@@ -7,16 +7,17 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.responses import begins_response
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Tolerance, limited_response, objectives
+from beamsim.analyses.designs.objectives import objectives
+from beamsim.analyses.designs.responses import begins_response, limited_response
 from beamsim.errors import Problem, ScenarioError
-from beamsim.results.values import BY_NAME
+from beamsim.results.values import BY_NAME, parameter_label
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.parameters import replaced, value_at, with_values
@@ -80,19 +81,6 @@ class Realisations:
             values |= dict.fromkeys(parameter.number.places, value)
         return values
 
-    def tolerances(self) -> tuple[Tolerance, ...]:
-        """What is stored of the tolerances."""
-        return tuple(
-            Tolerance(
-                path=p.number.path,
-                deviations=self.deviations[:, k],
-                tolerance=0.5 * (p.number.high - p.number.low) if p.share is None else p.share,
-                unit=p.number.unit if p.share is None else "1",
-                relative=p.share is not None,
-            )
-            for k, p in enumerate(self.parameters)
-        )
-
     def as_data(self) -> list[Any]:
         """Plain data of all that the cases depend on; empty without tolerances."""
         deviations = [] if self.count == 1 else self.deviations.tolist()
@@ -100,6 +88,24 @@ class Realisations:
             *([p.number.path, p.share, p.number.low, p.number.high, p.number.places] for p in self.parameters),
             *deviations,
         ]
+
+
+class ParameterColumn(NamedTuple):
+    """A varied parameter in every case."""
+
+    path: str  # in the scenario
+    values: NDArray[Any]  # (cases,) SI numbers or words
+    unit: str  # "1" of words
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers."""
+        return self.values.dtype.kind == "f"
+
+    @property
+    def label(self) -> str:
+        """The parameter in words: ``tip gap`` for ``snubbers.tip.gap``."""
+        return parameter_label(self.path)
 
 
 @dataclass(frozen=True)
@@ -147,18 +153,15 @@ def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], value
     return with_values(scenario, given)
 
 
-def design(result: DesignsResult, case: Mapping[str, Any]) -> Scenario:
+def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
     """The scenario of a case, as ``best`` and ``as_it_is`` of the summary have it, or of numbers, without the study.
 
     Its paths of files begin at the root.
     """
-    called, varied = (
-        f"design {case['case'] + 1}" if "case" in case else "design point",
-        varied_parameters(result.scenario),
-    )
-    title = f"{result.title}, {called}".removeprefix(", ")
-    alone = result.scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
-    alone = replaced(alone, result.scenario.whole_paths(alone))  # it has no folder that they could be relative to
+    called, varied = f"design {case['case'] + 1}" if "case" in case else "design point", varied_parameters(scenario)
+    title = f"{scenario.title}, {called}".removeprefix(", ")
+    alone = scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
+    alone = replaced(alone, scenario.whole_paths(alone))  # it has no folder that they could be relative to
     alone = with_random_amplitudes(alone, varied)
     return with_parameters(alone, varied, case["parameters"].values()).rechecked()
 
@@ -169,8 +172,7 @@ class DesignPlan:
 
     scenario: Scenario
     kind: str
-    coordinates: tuple[Coordinate, ...]
-    shape: tuple[int, ...]
+    points: tuple[int, ...]  # of a grid the number of values of each parameter; else none
     study: Study
     cases: tuple[Case, ...]  # of a search only the first one, the scenario as it is
     most: int  # number of cases that are solved at most, each with its realisations
@@ -183,10 +185,18 @@ class DesignPlan:
     def of(self, rows: Sequence[tuple[Value, ...]]) -> DesignPlan:
         """The same plan for cases with these values of the varied parameters."""
         each = product(rows, range(self.study.realisations.count))
-        cases = tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each))
-        columns = ([row[k] for row in rows] for k in range(len(self.study.varied)))
-        coordinates = tuple(map(_coordinate, self.study.varied, columns))
-        return replace(self, cases=cases, shape=(len(rows),), coordinates=coordinates)
+        return replace(self, cases=tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each)))
+
+    @cached_property
+    def parameters(self) -> tuple[ParameterColumn, ...]:
+        """The varied parameters with their values in every case."""
+        rows = [case.values for case in self.cases if not case.realisation]
+        return tuple(_column(parameter, [row[k] for row in rows]) for k, parameter in enumerate(self.study.varied))
+
+    def values_in(self, case: int) -> dict[str, Value]:
+        """The values of the varied parameters in a case by path."""
+        values = self.cases[case * self.study.realisations.count].values
+        return dict(zip((parameter.path for parameter in self.study.varied), values, strict=True))
 
     @property
     def fingerprint(self) -> str:
@@ -306,7 +316,7 @@ def check_cases(plan: DesignPlan) -> None:
         try:
             plan.study.scenario(case)
         except ScenarioError as error:
-            named = ", ".join(_assigned(c, value) for c, value in zip(plan.coordinates, case.values, strict=True))
+            named = ", ".join(_assigned(c, value) for c, value in zip(plan.parameters, case.values, strict=True))
             within = " and within tolerances" if case.realisation else ""
             problems += [
                 Problem("vary", f"with {named}{within}: {p.path} {p.message}", p.remedy or "leave out such cases")
@@ -378,11 +388,8 @@ def _plan(
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
     study = Study(analysis, replaced(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
-    plan = DesignPlan(scenario, kind, (), (), study, (), most).of(rows)
-    if kind != "grid":
-        return plan
-    grid = tuple(map(_coordinate, varied, columns))
-    return replace(plan, coordinates=grid, shape=tuple(len(c) for c in columns))
+    points = tuple(map(len, columns)) if kind == "grid" else ()
+    return DesignPlan(scenario, kind, points, study, (), most).of(rows)
 
 
 def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
@@ -444,18 +451,18 @@ def varied_seeds(varied: Iterable[VariedParameter]) -> list[Path]:
     ]
 
 
-def _coordinate(parameter: VariedParameter, column: list[Value]) -> Coordinate:
+def _column(parameter: VariedParameter, values: list[Value]) -> ParameterColumn:
     """The values of a parameter; words, shares of a length among them, say their unit themselves."""
-    if not any(isinstance(value, str) for value in column):
-        return Coordinate(parameter.path, np.array(column, dtype=float), parameter.unit)
+    if not any(isinstance(value, str) for value in values):
+        return ParameterColumn(parameter.path, np.array(values, dtype=float), parameter.unit)
     unit = parameter.unit.removeprefix("1")
-    texts = [value if isinstance(value, str) else f"{value:g} {unit}".rstrip() for value in column]
-    return Coordinate(parameter.path, np.array(texts), "1")
+    texts = [value if isinstance(value, str) else f"{value:g} {unit}".rstrip() for value in values]
+    return ParameterColumn(parameter.path, np.array(texts), "1")
 
 
-def _assigned(coordinate: Coordinate, value: Value) -> str:
-    shown, unit = value if isinstance(value, str) else f"{value:.6g}", coordinate.unit
-    return f"{coordinate.path} = {shown} {unit if unit != '1' else ''}".rstrip()
+def _assigned(column: ParameterColumn, value: Value) -> str:
+    shown, unit = value if isinstance(value, str) else f"{value:.6g}", column.unit
+    return f"{column.path} = {shown} {unit if unit != '1' else ''}".rstrip()
 
 
 def listed_values(parameter: VariedParameter) -> list[Value]:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.designs import sampling
 from beamsim.analyses.designs.cases import Ended, Evaluator
-from beamsim.analyses.designs.gathering import costs
+from beamsim.analyses.designs.layouts import RANDOM_NUMBERS, ROUNDS
 from beamsim.analyses.designs.plan import DesignPlan, mixing
-from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
+from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.designs.statistics import probability
+from beamsim.analyses.designs.table import costs
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import reading
+from beamsim.labelled import Dataset
 from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
@@ -126,6 +128,15 @@ def _seed_of(item: RandomInput | MatchedInput, k: int, blend: sampling.Blend) ->
     if isinstance(item, MatchedInput):
         return blend[0][0][k]
     return " + ".join(f"{share:.6g}*{seeds[k]}" for seeds, share in blend)
+
+
+class Round(NamedTuple):
+    """What is known of the probability after some histories."""
+
+    histories: int
+    level: float  # 1 - value / limit that is counted as exceeded; 0 is the limit itself
+    probability: float
+    variation: float  # its coefficient; infinite or not a number where there is none
 
 
 class Exceedance:
@@ -297,20 +308,22 @@ def concluded(result: DesignsResult, histories: Exceedance) -> DesignsResult:
         "high": high, "coefficient_of_variation": estimate.variation, "target": histories.target,
         "reliability_index": float(-ndtri(estimate.probability)), "histories": histories.asked,
     }  # fmt: skip
-    numbers: tuple[RandomNumber, ...] = ()
-    warnings = result.warnings
+    datasets, warnings = dict(result.datasets), result.warnings
     if critical is not None:
         row = histories.rows(critical)[0]
-        if histories.scatter.numbers:
-            numbers = _numbers(result, histories, critical, said["reliability_index"])
-        said |= {"design_point": dict(zip((c.path for c in result.coordinates), row, strict=True))}
+        said |= {"design_point": dict(zip(result["cases"].labels("parameter"), row, strict=True))}
         said |= {"distance": float(np.linalg.norm(critical.u))} if not histories.noise else {}
-        warnings += tuple(
-            f"{number.path} at the design point is beyond what was measured, in the tail of the fit"
-            for number, data in zip(numbers, histories.scatter.data, strict=True)
-            if data and not min(data) <= number.design <= max(data)
-        )
-    found = replace(result, random_numbers=numbers, rounds=tuple(histories.rounds), warnings=warnings)
+        if histories.scatter.numbers:
+            numbers = _numbers(histories, critical, said["reliability_index"])
+            datasets["random_numbers"] = numbers
+            warnings += tuple(
+                f"{path} at the design point is beyond what was measured, in the tail of the fit"
+                for (path, at), data in zip(numbers.by_label("design").items(), histories.scatter.data, strict=True)
+                if data and not min(data) <= at.item() <= max(data)
+            )
+    if histories.rounds:
+        datasets["rounds"] = ROUNDS.table(histories.rounds)
+    found = replace(result, datasets=datasets, warnings=warnings)
     return replace(found, summary=result.summary | {"reliability": said}).ended(_ended(histories))
 
 
@@ -350,9 +363,7 @@ def _interval(histories: Exceedance) -> tuple[float, float]:
     return 0.0 if unreached else estimate.probability / factor, min(1.0, estimate.probability * factor)
 
 
-def _numbers(
-    result: DesignsResult, histories: Exceedance, critical: sampling.Points, index: float
-) -> tuple[RandomNumber, ...]:
+def _numbers(histories: Exceedance, critical: sampling.Points, index: float) -> Dataset:
     """What each number has to do with the probability.
 
     Its derivatives follow from the mean of the variables beyond the limits: as the normal distribution of a variable is
@@ -368,7 +379,9 @@ def _numbers(
     shifted, widened = scatter.derivatives(mean if histories.noise else u)
     by_mean, by_width = -shifted @ mean, -widened @ mean
     importance = by_mean**2 / max(float(by_mean @ by_mean), 1e-300)
-    x = scatter.values(u[None])[0]
-    columns = zip(scatter.means, scatter.deviations, x, importance, by_mean, by_width, strict=True)
-    paths = [(c.path, c.unit) for c in result.coordinates]
-    return tuple(RandomNumber(*of, *map(float, row)) for of, row in zip(paths, columns, strict=False))
+    numbers = histories.plan.study.varied[: len(scatter.numbers)]
+    values = {
+        "number": [number.path for number in numbers], "mean": scatter.means, "deviation": scatter.deviations,
+        "design": scatter.values(u[None])[0], "importance": importance, "by_mean": by_mean, "by_deviation": by_width,
+    }  # fmt: skip
+    return RANDOM_NUMBERS.dataset(values, {"number": [{"unit": number.unit} for number in numbers]})

@@ -67,6 +67,36 @@ def means(asked: str, name: str) -> bool:
     return name.split("/")[-len(parts) :] == parts
 
 
+def limited_response(limit: str) -> str:
+    """The end of the names of the responses that a limit is compared with.
+
+    >>> limited_response("gap"), limited_response("outputs.clamp")
+    ('largest_gap', 'outputs/clamp/peak_output')
+    """
+    value, place = limited(limit)
+    return f"{value.section}/{place}/{value.name}" if place else value.name
+
+
+def quantity_of(name: str) -> str:
+    """The quantity of a response.
+
+    >>> quantity_of("up_0/snubbers/tip/peak_force")
+    'peak_force'
+    """
+    return name.rpartition("/")[2]
+
+
+def place_of(name: str) -> str:
+    """Probe or snubber of a response, and curve; empty for the structure as a whole.
+
+    >>> place_of("snubbers/tip/peak_force"), place_of("up_0/snubbers/tip/peak_force"), place_of("bending_stress")
+    ('tip', 'tip up_0', '')
+    """
+    *path, _ = name.split("/")  # [curve,] [probes or snubbers, name]
+    *curve, _, place = path if len(path) > 1 else (*path, "", "")
+    return " ".join([place, *curve]).strip()
+
+
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
     """All responses of a case that was computed as a whole."""
     if isinstance(result, RunResult):

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.designs.cases import Evaluator, unsettled
-from beamsim.analyses.designs.gathering import costs
+from beamsim.analyses.designs.objectives import objectives
 from beamsim.analyses.designs.plan import DesignPlan, distributed
 from beamsim.analyses.designs.responses import means
-from beamsim.analyses.designs.result import objectives
+from beamsim.analyses.designs.table import costs
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise, Value

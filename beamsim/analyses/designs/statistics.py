@@ -97,3 +97,56 @@ def swings(values: Floats, numbers: Mapping[str, NDArray[Any]]) -> dict[str, dic
                 "largest": float(values[high]), "largest_at": x[high].item(),
             }  # fmt: skip
     return ranges
+
+
+def varies(values: Floats) -> bool:
+    """Whether values differ by more than round-off; those that are not known do not count."""
+    known = values[np.isfinite(values)]
+    return bool(known.size) and bool(np.ptp(known) > 1e-9 * np.max(np.abs(known)))
+
+
+def sensitivities(responses: Mapping[str, Floats], count: int) -> tuple[dict[str, dict[str, Floats]], list[str]]:
+    """The Sobol' indices of every response that varies and is known in all cases, and the names of those with gaps.
+
+    Parameters
+    ----------
+    responses : (cases,) of the cases of `beamsim.analyses.designs.plan.sobol`, in their order.
+    count : number of parameters.
+
+    Returns
+    -------
+    dict
+        By response ``first_order`` and ``total_order``, (parameters,), and the same with ``_low`` and ``_high``, the
+        ends of their 95 % intervals.
+    list of str
+    """
+    indices, gaps = {}, []
+    for name, values in responses.items():
+        if not np.all(np.isfinite(values)):
+            gaps.append(name)
+        elif varies(values):
+            indices[name] = _indices(values.reshape(count + 2, -1))
+    return indices, gaps
+
+
+def _indices(parts: Floats) -> dict[str, Floats]:
+    """First and total indices from the responses (k + 2, n) of A, B and the k mixed samples."""
+    from scipy.stats import bootstrap, sobol_indices
+
+    count, samples = parts.shape[0] - 2, parts.shape[1]
+
+    def of_rows(rows: NDArray[np.int64]) -> Floats:
+        chosen = parts[:, rows]
+        given: Any = {"f_A": chosen[:1], "f_B": chosen[1:2], "f_AB": chosen[2:, None]}
+        indices = sobol_indices(func=given, n=samples)
+        return np.stack([np.reshape(indices.first_order, count), np.reshape(indices.total_order, count)])
+
+    first, total = of_rows(np.arange(samples))
+    spread: Any = bootstrap(
+        [np.arange(samples)], of_rows, vectorized=False, n_resamples=200, confidence_level=0.95,
+        method="percentile", rng=np.random.default_rng(0),
+    ).confidence_interval  # fmt: skip
+    return {
+        "first_order": first, "first_order_low": spread.low[0], "first_order_high": spread.high[0],
+        "total_order": total, "total_order_low": spread.low[1], "total_order_high": spread.high[1],
+    }  # fmt: skip

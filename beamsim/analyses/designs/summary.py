@@ -1,0 +1,413 @@
+"""The result of a study from the table of its cases: datasets, summary, warnings, and how it ended."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.designs.cases import CaseOutcome
+from beamsim.analyses.designs.layouts import CASES, REALISATIONS, SOBOL
+from beamsim.analyses.designs.plan import DesignPlan, varied_seeds
+from beamsim.analyses.designs.responses import describe
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.designs.statistics import (
+    probability,
+    rank_correlations,
+    sensitivities,
+    statistics,
+    swings,
+    varies,
+)
+from beamsim.analyses.designs.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
+from beamsim.labelled import Dataset
+from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
+from beamsim.results.values import limit_unit, margins_of
+from beamsim.scenario.parameters import value_at
+from beamsim.scenario.studies import ToleratedParameter
+from beamsim.typing import Floats
+
+_NUMBERS = re.compile(r"[-+]?\d[\d.,]*(?:e[-+]?\d+)?")
+_NEAR = 0.01  # relative distance of designs that are nearly as good as the best one
+Indices = Mapping[str, Mapping[str, Floats]]
+"""By response and order the Sobol' indices of the parameters, see `sensitivities`."""
+
+
+def result_of(
+    plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
+) -> DesignsResult:
+    """The result of the cases that are solved.
+
+    Parameters
+    ----------
+    plan : of the study.
+    outcomes : by index; may be those of some cases only.
+    wall_time_s : of the study, s.
+    ended : how a search ended; None while it goes on.
+
+    Returns
+    -------
+    DesignsResult
+    """
+    table = table_of(plan, outcomes)
+    plan, scenario = table.plan, plan.scenario
+    indices, gaps = sensitivities(table.nominal, len(plan.parameters)) if plan.kind == "sobol" else ({}, [])
+    if plan.searches:
+        ended = _search_ended(table, ended)
+    datasets = {"cases": _cases(table)}
+    if table.shape[1] > 1:
+        datasets["realisations"] = _realisations(table)
+    if indices:
+        orders = next(iter(indices.values()))
+        values = {order: np.stack([of[order] for of in indices.values()]) for order in orders}
+        parameters = [parameter.path for parameter in plan.parameters]
+        datasets["sobol"] = SOBOL.dataset({"response": list(indices), "parameter": parameters, **values})
+    return DesignsResult(
+        scenario=scenario,
+        outcome=_outcome(table) if ended is None else ended,
+        datasets=datasets,
+        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_warnings_of_cases(table)),
+        wall_time_s=wall_time_s,
+    ).with_summary(
+        cases=table.shape[0],
+        varied={parameter.path: _varied(parameter.values, parameter.unit) for parameter in plan.parameters},
+        solved=int(table.solved.sum()),
+        failed=len(table.failures),
+        not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest),
+        compared=int(table.compared.sum()),
+        responses=_extremes(table),
+        **_about_best(table),
+        tolerances=_tolerances(plan),
+        scatter=_scatter(table),
+        sensitivity=_sensitivity(table, indices) or None,
+        processor_time_s=sum(outcome.processor_time_s for outcome in table.outcomes.values()),
+    )  # fmt: skip
+
+
+# --- Datasets --------------------------------------------------------------------------------------------------------
+
+
+def _cases(table: StudyTable) -> Dataset:
+    """The dataset of the cases."""
+    plan, units = table.plan, table.plan.scenario.output_units
+    cases, columns, aims = table.shape[0], plan.parameters, [aim for aim, values in table.aims if values is not None]
+    words = [parameter for parameter in columns if not parameter.numeric]
+    modal = {name: column[:, 0] for name, column in table.every_response.items() if column.ndim > 2}
+    modes = max((column.shape[1] for column in modal.values()), default=0)
+    values: dict[str, Any] = {
+        "analysis": plan.study.analysis,
+        "kind": plan.kind,
+        "fingerprint": plan.fingerprint,
+        "case": 1 + np.arange(cases),
+        "solved": table.solved,
+        "outcome": ["" if of is None else of.outcome.text for of in table.gravest],
+        "failure": [table.failures[k].outcome.text if k in table.failures else "" for k in range(cases)],
+        "warnings": ["" if of is None else "\n".join(of.warnings) for of in table.gravest],
+        "compared": table.compared,
+        "parameter": [parameter.path for parameter in columns],
+        "parameter_points": plan.points or None,
+        "parameter_value": np.array([p.values if p.numeric else np.full(cases, np.nan) for p in columns]),
+        "parameter_text": [[""] * cases if p.numeric else p.values.tolist() for p in columns] if words else None,
+        "response": list(table.responses),
+        "value": np.array(list(table.nominal.values())),
+        "modal_response": list(modal),
+        "limit": list(table.limits),
+        "limit_value": [of.limit for of in table.limits.values()],
+        "margin": np.array(list(table.margins.values())),
+        "verdict": np.array([of.of_cases(of.verdict) for of in table.limits.values()]),
+        "passing": table.passing if table.limits else None,
+        "passing_share": table.passing_shares,
+        "objective": list(table.objectives),
+        "objective_value": np.array(list(table.objectives.values())),
+        "front": table.front if plan.kind == "optimise" else None,
+    }
+    if modal:
+        padded = np.full((len(modal), cases, modes), np.nan)
+        for whole, column in zip(padded, modal.values(), strict=True):
+            whole[:, : column.shape[1]] = column
+        values |= {"mode": 1 + np.arange(modes), "modal_value": padded}
+    return CASES.dataset(values, {
+        "parameter": [{"unit": parameter.unit} for parameter in columns],
+        "response": _words(table.responses, units),
+        "modal_response": _words(modal, units),
+        "limit": [{"unit": limit_unit(plan.scenario, name)} for name in table.limits],
+        "objective": [{"unit": aim.unit(table.responses, units)} for aim in {aim.name: aim for aim in aims}.values()],
+    })  # fmt: skip
+
+
+def _words(names: Mapping[str, Any], output_units: Mapping[str, str]) -> list[dict[str, str]]:
+    """Unit and meaning of responses."""
+    return [dict(zip(("unit", "long_name"), describe(name, output_units), strict=True)) for name in names]
+
+
+def _realisations(table: StudyTable) -> Dataset:
+    """The dataset of the realisations within tolerances."""
+    realisations, (cases, count) = table.plan.study.realisations, table.shape
+    tolerances = [_tolerance(parameter) for parameter in realisations.parameters]
+    values = {
+        "case": 1 + np.arange(cases),
+        "realisation": np.arange(count),
+        "response": list(table.responses),
+        "value": np.array(list(table.responses.values())),
+        "number": [parameter.number.path for parameter in realisations.parameters],
+        "deviation": realisations.deviations.T,
+        **{name: [of[name] for of in tolerances] for name in ("tolerance", "relative")},
+    }
+    words = {"response": _words(table.responses, table.plan.scenario.output_units), "number": tolerances}
+    return REALISATIONS.dataset(values, words)
+
+
+def _tolerance(parameter: ToleratedParameter) -> dict[str, Any]:
+    number, share = parameter.number, parameter.share
+    if share is None:
+        return {"tolerance": 0.5 * (number.high - number.low), "unit": number.unit, "relative": False}
+    return {"tolerance": share, "unit": "1", "relative": True}
+
+
+# --- Summary ---------------------------------------------------------------------------------------------------------
+
+
+def _varied(values: Any, unit: str) -> dict[str, Any]:
+    """How many different values a parameter has, and their ends, or the words."""
+    different = list(dict.fromkeys(values.tolist()))
+    if different and isinstance(different[0], str):
+        return {"values": len(different), "unit": "", "chosen_from": different}
+    ends = {"smallest": min(different), "largest": max(different)} if different else {}
+    return {"values": len(different), "unit": unit, **ends}
+
+
+def _about_best(table: StudyTable) -> dict[str, Any]:
+    """What the summary says of limits and objectives."""
+    plan, values, best = table.plan, table.aims[0][1], table.best
+    worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
+    first: list[dict[str, Any]] = []
+    if plan.kind == "optimise":
+        nearest = best or table.best_of(None, table.solved) or [{"case": 0}]
+        worst = _margins_of_one(table, nearest[0]["case"])
+        first = table.best_of(values, np.arange(table.shape[0]) == 0)
+
+    def described(item: Mapping[str, Any]) -> dict[str, Any]:
+        case, more = item["case"], dict[str, Any]()
+        if table.front is not None:
+            more["values"] = {name: float(aim[case]) for name, aim in table.objectives.items()}
+        if table.passing_shares is not None:
+            more["passing_share"] = float(table.passing_shares[case])
+        return {**item, **more, "parameters": plan.values_in(case)}
+
+    sampled = table.limits and table.drawn.any()
+    return {
+        "passing": int(table.passing.sum()) if table.limits else None,
+        "objective": " and ".join(aim.text for aim, _ in table.aims) if best else None,
+        "as_it_is": described(first[0]) if first else None,
+        "near_best": _near_best(table) if plan.searches and table.front is None else None,
+        "best": [described(item) for item in best] or None,
+        "margins": worst if table.limits and plan.kind != "reliability" else None,
+        "probability": probability(table.passing[table.drawn]) if sampled else None,
+    }
+
+
+def _near_best(table: StudyTable) -> dict[str, Any] | None:
+    """By number its range in the designs that are nearly as good as the best one."""
+    values = table.aims[0][1]
+    if values is None or not table.best:
+        return None
+    case, best = table.best[0]["case"], table.best[0]["value"]
+    near = table.eligible & (np.abs(values - best) <= _NEAR * abs(best))
+    ends = {p.path: (p.low, p.high) for p in table.plan.study.varied}
+    said = {}
+    for parameter in (parameter for parameter in table.plan.parameters if parameter.numeric):
+        within, reach = parameter.values[near], ends[parameter.path]
+        at_end = np.isclose(parameter.values[case], reach, rtol=1e-9, atol=1e-9 * (reach[1] - reach[0])).any()
+        said[parameter.path] = {
+            "smallest": float(within.min()), "largest": float(within.max()), "at_end": bool(at_end)
+        }  # fmt: skip
+    return said
+
+
+def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
+    """The margins of one case alone."""
+    count = table.shape[1]
+    if case * count not in table.outcomes:
+        return {}
+    own = {r: table.outcomes[case * count + r] for r in range(count)}
+    alone = StudyTable(table.plan.of([own[0].given]), own)
+    if not alone.every_response:
+        return {}
+    return {name: _worst_of_limit(alone, name, of) | {"case": case} for name, of in alone.limits.items()}
+
+
+def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str, Any]:
+    """What the summary says of a limit: the verdict on all cases, and the case with the smallest margin that has it.
+
+    Parameters
+    ----------
+    table, name, of : of the limit.
+    """
+    verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
+    exceeding, unsure = (known & (verdict == each) for each in (OnLimit.EXCEEDED, OnLimit.NOT_RELIABLE))
+    judged = OnLimit.EXCEEDED if exceeding.any() else OnLimit.NOT_RELIABLE if unsure.any() else OnLimit.MET
+    if judged is OnLimit.MET and not known.all():  # what is missing may exceed it
+        judged = OnLimit.NOT_RELIABLE
+    counts: dict[str, Any] = {"cases_exceeding": int(exceeding.sum()), "cases_not_reliable": int(unsure.sum())}
+    if table.drawn.any():
+        counts["probability"] = probability((verdict == OnLimit.MET)[table.drawn])
+    about = {"verdict": judged.value, "exceeded": judged is OnLimit.EXCEEDED, **counts}
+    among = next((each for each in (exceeding, unsure) if each.any()), known)
+    computed = of.of_cases(table.holds(lambda outcome: not outcome.failed))
+    shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
+    sizes = np.where(shown, margin, np.nan)
+    if np.isnan(sizes).all():  # of which no case has a value
+        return {**margins_of(table.plan.scenario.limits, {})[name], **about}
+    case = int(np.nanargmin(sizes))
+    outcome = table.outcomes[case * table.shape[1] + int(of.deciding[case])]
+    found = {**UNKNOWN, **outcome.margins.get(name, {})}
+    return {**found, "case": case, "parameters": table.plan.values_in(case), **about}
+
+
+def _extremes(table: StudyTable) -> dict[str, Any]:
+    """Extremes of every response with their cases; for a sample also mean, standard deviation and quantiles."""
+    summary: dict[str, Any] = {}
+    for name, values in table.nominal.items():
+        known = values[np.isfinite(values)]
+        if not known.size:
+            continue
+        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+        summary[name] = {
+            "smallest": float(values[low]),
+            "smallest_at": table.plan.values_in(low),
+            "largest": float(values[high]),
+            "largest_at": table.plan.values_in(high),
+        }
+        if table.plan.kind in SAMPLES:
+            summary[name] |= statistics(known)
+    return summary
+
+
+def _tolerances(plan: DesignPlan) -> dict[str, Any] | None:
+    realisations = plan.study.realisations
+    if realisations.count == 1:
+        return None
+    parameters = {parameter.number.path: _tolerance(parameter) for parameter in realisations.parameters}
+    return {"realisations": realisations.count, "quantile": realisations.quantile, "parameters": parameters}
+
+
+def _scatter(table: StudyTable) -> dict[str, Any] | None:
+    """What the best case ranges over within its tolerances, or the only one; known realisations only."""
+    cases, count = table.shape
+    if count == 1 or not table.responses or not (table.best or cases == 1):
+        return None
+    case = int(table.best[0]["case"]) if table.best else 0
+    rows = {name: column[case] for name, column in table.responses.items()}
+    known = {name: values[np.isfinite(values)] for name, values in rows.items()}
+    ranges = {
+        name: {"nominal": float(rows[name][0]), "smallest": float(values.min()), "largest": float(values.max()),
+               **statistics(values)}
+        for name, values in known.items() if values.size
+    }  # fmt: skip
+    met = {"probability": probability(table.meets[case, 1:])} if table.limits else {}
+    return {"case": case, "responses": ranges, **met}
+
+
+def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dict[str, Any]]]:
+    """By response and parameter: Sobol' indices, the range over its values alone, or the rank correlation."""
+    kind, parameters = table.plan.kind, table.plan.parameters
+    if kind == "sobol":
+        return {
+            name: {p.path: {order: float(of[order][k]) for order in of} for k, p in enumerate(parameters)}
+            for name, of in indices.items()
+        }
+    if kind not in (*SAMPLES, "one_at_a_time"):
+        return {}
+    numbers = {p.path: p.values for p in parameters if p.numeric or kind not in SAMPLES}
+    measure = rank_correlations if kind in SAMPLES else swings
+    return {name: measure(values, numbers) for name, values in table.nominal.items() if varies(values)}
+
+
+# --- Warnings and outcome --------------------------------------------------------------------------------------------
+
+
+def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
+    """What the choice of a case and the indices lack."""
+    objective = table.aims[0][0]
+    if table.unknown_aim and table.every_response:
+        key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
+        yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(table.responses)}"
+    for name in table.limits if table.every_response else ():
+        if np.isnan(table.margins[name]).all():
+            yield f"limits.{name}: no case has a value that is compared with it, so no case meets every limit"
+    if gaps:
+        yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
+
+
+def _about_seeds(plan: DesignPlan) -> list[str]:
+    """What the scatter between the seeds of a random input means."""
+    inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
+    amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # of random inputs alone
+    if not amplitudes:
+        return []
+    if amplitudes == {"random"}:
+        return [
+            "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
+            "of this duration do"
+        ]
+    return [
+        "excitation.amplitudes = fixed: the seeds scatter less than records of a Gaussian process of this duration; "
+        "leave it out if the scatter matters"
+    ]
+
+
+def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
+    """The warnings of the cases, those that differ by numbers alone as one: the first, and in how many cases."""
+    total, count = table.shape
+    found: dict[str, tuple[str, set[int]]] = {}
+    for index in sorted(table.outcomes):
+        for text in table.outcomes[index].warnings:
+            if text not in table.plan.scenario.warnings:
+                found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(index // count)
+    for text, numbers in found.values():
+        first = "" if total == 1 else f"case {min(numbers) + 1}: "
+        more = f" (and in {len(numbers) - 1} more of {total} cases)" if len(numbers) > 1 else ""
+        yield f"{first}{text}{more}"
+
+
+def _search_ended(table: StudyTable, ended: Outcome | None) -> Outcome:
+    """How a search ended, with what it did not find."""
+    done, most, failures = table.shape[0], table.plan.most, list(table.failures.values())
+    if ended is None:
+        sentence = f"the search has tried {done} of at most {most} designs"
+        return Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=most)
+    if table.best or not done:
+        return ended
+    reason = f"; the first of {len(failures)} that failed: {failures[0].outcome.text}" if failures else ""
+    return Outcome.of(
+        OutcomeKind.INCOMPLETE, "no_feasible_design", f"none of {done} designs meets every limit{reason}", ended,
+        remedy="give wider ranges, other limits, or more most_cases", done=done,
+    )  # fmt: skip
+
+
+def _outcome(table: StudyTable) -> Outcome:
+    """How a study ended: what is missing, and what is wrong with cases."""
+    total, parts = table.shape[0], list[Outcome]()
+    done = int(table.known.all(axis=1).sum())
+    if done < total:
+        sentence = f"{done} of {total} cases computed"
+        parts.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=total))
+    known = [(k, of) for k, of in enumerate(table.gravest) if of is not None]
+    for kind, code, what, holds in _KINDS_OF_CASES:
+        these = [(k, of) for k, of in known if holds(of)]
+        known = [(k, of) for k, of in known if not holds(of)]
+        if these:
+            case, first = these[0]
+            sentence = f"{len(these)} of {total} cases {what}; the first is case {case + 1}: {first.outcome.text}"
+            parts.append(Outcome.of(kind, code, sentence, count=len(these), cases=total, case=case + 1))
+    return together(parts)
+
+
+_KINDS_OF_CASES: tuple[tuple[OutcomeKind, str, str, Callable[[CaseOutcome], bool]], ...] = (
+    (OutcomeKind.INCOMPLETE, "cases_failed", "failed", lambda of: of.failed),
+    (OutcomeKind.UNTRUSTED, "cases_not_reliable", "are not reliable", lambda of: not of.outcome.trusted),
+    (OutcomeKind.INCOMPLETE, "cases_incomplete", "are incomplete", lambda of: of.outcome.cut_short),
+    (OutcomeKind.DOUBTFUL, "cases_doubtful", "are not converged", lambda of: not of.outcome.complete),
+)  # fmt: skip
