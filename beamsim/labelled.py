@@ -249,6 +249,15 @@ class Dataset(Mapping[str, LabelledArray]):
             items[f"/{self.name}/{name}"] = Item(dict(part.attributes), part.array, axes, scale)
         return Dataset(self.name, items)
 
+    def isel(self, **rows: slice) -> Dataset:
+        """The dataset at some numbers along dimensions; what is not along them stays as it is."""
+        items = dict(self.items_by_path)
+        for name, array in self.items():
+            if rows.keys() & set(array.dims):
+                path, index = f"/{self.name}/{name}", tuple(rows.get(dim, slice(None)) for dim in array.dims)
+                items[path] = replace(items[path], array=part_of(array.array, index))
+        return Dataset(self.name, items)
+
     def by_label(self, name: str) -> dict[Any, LabelledArray]:
         """The parts of a variable by label along its first dimension; none where the dataset lacks it."""
         return self[name].by_label() if f"/{self.name}/{name}" in self.items_by_path else {}

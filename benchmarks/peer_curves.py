@@ -41,8 +41,11 @@ def rows() -> Iterator[str]:
     results: list[Any] = []
     own = _second(lambda: results.append(beamsim.continuation(scenario)))
     branch = results[-1].branches[0]
-    states = (part @ _shapes(build_system(scenario)).T for part in (branch.coordinates, branch.coordinate_velocities))
-    points = Points(2.0 * np.pi * branch.frequency_hz, *states)
+    states = (
+        part @ _shapes(build_system(scenario)).T
+        for part in (branch["coordinates"].values, branch["coordinate_velocities"].values)
+    )
+    points = Points(2.0 * np.pi * branch["frequency_hz"].values, *states)
     yield _row("beamsim: branches, multipliers, special points", own, own, points)
     try:
         curve = _pyharm()

@@ -67,7 +67,8 @@ def coexisting() -> Callable[[int], Solved]:
 
     def solve(workers: int) -> Solved:
         result = checked.coexisting(scenario, workers=workers)
-        return result.cycles.size, {"destination": result.destination, "cycles": result.cycles}
+        found = {name: result["starts"][name].values for name in ("destination", "cycles")}
+        return found["cycles"].size, found
 
     return solve
 

@@ -25,7 +25,8 @@ LARGEST_DRIFT = 1e-6  # relative; over some fifty periods the round-off of a sta
 def continuation_screen(result: ContinuationResult) -> Screen:
     """By level the largest displacement and where, special points and how much is stable; the largest forces."""
     s, changes = result.summary, Changes(result)
-    levels = list(dict.fromkeys((branch.level, branch.period_multiple) for branch in result.branches))
+    of_branches = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
+    levels = list({repr(key): key for key in zip(*of_branches, strict=True)}.values())  # nan is not equal to itself
     rows = [_followed(result, changes, *key) for key in levels[: 2 * SHOWN]]
     lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
     for entry, unit, what in (("peak_force_n", "N", "force"), ("peak_moment_n_m", "N m", "moment")):
@@ -41,7 +42,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     for curve in s.get("fold_curves", ()):
         low, high = curve["smallest_parameter"], curve["largest_parameter"]
         where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
-        lines.append(f"folds in {result.second_parameter}: {extent(low, high, result.second_unit)}, at {where}")
+        lines.append(f"folds in {s['second_parameter']}: {extent(low, high, result.second_unit)}, at {where}")
     for of in s.get("multiple_scales", ()):
         lines.append(f"multiple scales: differences from the exact motions {_vanishing(of['observed_orders'])}")
     lines += limit_lines(result)
@@ -62,13 +63,15 @@ def _followed(result: ContinuationResult, changes: Changes, level: float, period
         same = item["level"] == level or not is_known(item["level"])
         return same and item.get("period_multiple", 1) == period
 
-    branches = [b for b in result.branches if (b.level == level or np.isnan(level)) and b.period_multiple == period]
-    points, stable = sum(b.parameter.size for b in branches), sum(int(b.stable.sum()) for b in branches)
-    ends = [float(pick(b.parameter)) for b in branches for pick in (np.min, np.max)]
+    rows, whose = result["branches"], result["points"]["branch"].values
+    of_branch = (rows["level"].values == level) | np.isnan(level)
+    own = (of_branch & (rows["period_multiple"].values == period))[whose]
+    points, stable = int(own.sum()), int(result["points"]["stable"].values[own].sum())
+    ends = result["points"]["parameter"].values[own]
     peak = max((p for p in result.summary["peaks"] if here(p)), key=lambda p: p["value_m"], default=None)
     row = {
         "": f"{_level(result, level)['level']}{f', period {period}' if period > 1 else ''}".removeprefix(", "),
-        result.parameter: extent(min(ends), max(ends), result.unit),
+        result.parameter: extent(float(ends.min()), float(ends.max()), result.unit),
         "largest displacement": "",
     }
     if peak is not None:
@@ -84,13 +87,13 @@ def _several(result: ContinuationResult) -> Iterator[str]:
     ranges = sorted(result.coexisting(), key=lambda several: several.low - several.high)
     for several in ranges[:1]:
         where = extent(several.low, several.high, result.unit)
-        level = f" at {_level(result, several.level)['level']}" if len({b.level for b in result.branches}) > 1 else ""
+        several_levels = len(set(map(repr, result["branches"]["level"].values.tolist()))) > 1
+        level = f" at {_level(result, several.level)['level']}" if several_levels else ""
         peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
         at, more = _parameter(several.at, result.unit, 4), counted(len(ranges) - 1, "more range")
         likely = " (kind: coexisting says how likely)"
-        probe = next(
-            (f": {of.name} reaches {peaks} at {at}, by the start{likely}" for of in result.branches[0].probes), ""
-        )
+        probes = result["points"].labels("probe")
+        probe = f": {probes[0]} reaches {peaks} at {at}, by the start{likely}" if probes else ""
         yield f"{len(several.peaks)} stable motions from {where}{level}{probe}{f'; {more}' if ranges[1:] else ''}"
 
 
@@ -173,7 +176,7 @@ def nnm_screen(result: NormalModeResult) -> Screen:
     s, changes = result.summary, Changes(result)
     first, last = s["start"], s["end"]
     stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
-    followed = f"mode {result.mode}: {s['points']} points, {stable}, in {result.parameter.replace('_', ' ')}"
+    followed = f"mode {s['mode']}: {s['points']} points, {stable}, in {result.parameter.replace('_', ' ')}"
     if "phase_resonance" in s:
         rows = [_held(s["phase_resonance"], level) for level in s["phase_resonance"]["levels"]]
         span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")

@@ -177,11 +177,9 @@ def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool,
             return None
         model, frames = model or build_system(result.scenario), of_sweep
     else:
-        branches = getattr(result, "branches", ())
-        motion = next((b.motion for b in branches if getattr(b, "motion", None) is not None), None)
-        if motion is None:
+        if "motion" not in result.datasets:
             return None
         model = model or build_system(result.scenario)
-        frames = frames_of_orbit(model, Stations.of_modes(result["modes"]), motion)
+        frames = frames_of_orbit(model, Stations.of_modes(result["modes"]), result["motion"])
     sketch = sketched(result, model)
     return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

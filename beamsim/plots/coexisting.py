@@ -6,7 +6,7 @@ import numpy as np
 
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, marked
-from beamsim.results.values import Value
+from beamsim.results.values import Value, peaks_in
 
 _MARKS = "os^Dvx"
 _LABELS = ("stable, marks by share of the starts", "not periodic", "unstable")
@@ -18,11 +18,16 @@ def basins(result: CoexistingResult, at: int) -> Chart:
 
     Of one coordinate the number of the motion is drawn over it.
     """
-    hz, ends, known = float(result.frequency_hz[at]), result.destination[at], result.cycles[at] > 0
-    every = zip(result.coordinate_names, result.coordinate_units, result.start.T, strict=True)
+    starts, motions = result["starts"], result["motions"]
+    hz = float(starts["frequency_hz"].values[at])
+    ends, known = starts["destination"].values[at], starts["cycles"].values[at] > 0
+    names, units = (starts[f"coordinate_{of}"].values.tolist() for of in ("name", "unit"))
+    every = zip(names, units, starts["start"].values.T, strict=True)
     drawn = [(name.capitalize(), unit, x) for name, unit, x in every if np.ptp(x) > 0.0]
     across, up = [*drawn, ("Number of the motion", "", ends.astype(float))][:2]
-    labels = {m.number: f"motion {m.number}, {100 * m.share:.3g} %" for m in result.motions if m.frequency_hz == hz}
+    there = motions["frequency_hz"].values == hz
+    shares = zip(*(motions[name].values[there].tolist() for name in ("number", "share")), strict=True)
+    labels = {number: f"motion {number}, {100 * share:.3g} %" for number, share in shares}
     curves = []
     for number, label in (labels | {0: "not settled"}).items():
         places = np.column_stack([across[2], up[2]])[known & (ends == number)]
@@ -36,24 +41,25 @@ def basins(result: CoexistingResult, at: int) -> Chart:
 def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
     """The largest values of all motions over frequency: full marks of stable ones, as large as their shares."""
     curves: list[Curve] = []
-    for motion, branch in zip(result.motions, result.branches, strict=True):
-        which = (0 if motion.period_cycles else 1) if motion.stable else 2
+    of_value, motions = dict(peaks_in(result["points"]))[value][name], result["motions"]
+    columns = (motions[of].values.tolist() for of in ("frequency_hz", "period_cycles", "stable", "share"))
+    for hz, period, stable, share, peak in zip(*columns, of_value.tolist(), strict=True):
+        which = (0 if period else 1) if stable else 2
         label, colour = _LABELS[which], curve_style(which)["color"]
-        size = max(SMALLEST_MARK, LARGEST_MARK * float(np.sqrt(np.nan_to_num(motion.share))))
-        face = {"markerfacecolor": colour if motion.stable else "white", "markersize": size, "alpha": 0.8}
-        place = (motion.frequency_hz, dict(branch.peaks())[value][name][0])
+        size = max(SMALLEST_MARK, LARGEST_MARK * float(np.sqrt(np.nan_to_num(share))))
+        face = {"markerfacecolor": colour if stable else "white", "markersize": size, "alpha": 0.8}
         known = any(curve.label == label for curve in curves)
-        curves.append(marked("" if known else label, place, marker="o", color=colour, **face))
+        curves.append(marked("" if known else label, (hz, peak), marker="o", color=colour, **face))
     up = (f"{value.label.capitalize()} of {name}", value.unit)
     return Chart(("Excitation frequency", HERTZ), up, curves, of="", y_ends=(0.0, None))
 
 
 def coexisting_figures(result: CoexistingResult) -> dict[str, Picture]:
     """What is followed of each motion, by probe and snubber, and the basins at each frequency."""
-    followed = [(value, list(of)[:MOST_CURVES]) for value, of in result.branches[0].peaks() if value.followed]
+    followed = [(value, list(of)[:MOST_CURVES]) for value, of in peaks_in(result["points"]) if value.followed]
     of_value = {
         (value.name.removeprefix("peak_"), name): peaks(result, value, name) for value, of in followed for name in of
     }
     charts = {"_".join(key): chart for key, chart in of_value.items()}
-    charts |= {f"basins_{hz:g}Hz": basins(result, k) for k, hz in enumerate(result.frequency_hz.tolist())}
+    charts |= {f"basins_{hz:g}Hz": basins(result, k) for k, hz in enumerate(result["starts"].labels("frequency_hz"))}
     return {name: Picture(result.title, [chart]) for name, chart in charts.items()}

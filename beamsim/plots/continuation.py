@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.labelled import Dataset
 from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import (
     HERTZ,
@@ -25,13 +26,13 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
-from beamsim.results.branch import ResponseBranch
-from beamsim.results.values import DISPLACEMENT, OUTPUT, Value
+from beamsim.results.branch import harmonics_of
+from beamsim.results.values import DISPLACEMENT, OUTPUT, Value, peaks_in
 from beamsim.typing import Floats
 
 _OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves above them
 _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
-Values = Callable[[ResponseBranch], Floats]
+Values = Callable[[Dataset], Floats]
 
 
 def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
@@ -50,10 +51,10 @@ def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
     swept = [(curve, dict(curve.peaks()).get(value, {})) for curve in result.overlay.values()]
     what, unit = f"{value.label.capitalize()} of {name}", value.unit
     if value is OUTPUT:
-        what, unit = f"Peak of {name}", result.branches[0].outputs[name].unit
+        what, unit = f"Peak of {name}", result["points"]["output_maximum"].sel(output=name).unit
     limits = limit_levels(result.scenario.limits, value.limit, name)
     overlaid = [(curve, of[name]) for curve, of in swept if name in of]
-    return _chart(result, (what, unit), lambda branch: dict(branch.peaks())[value][name], overlaid, limits)
+    return _chart(result, (what, unit), lambda branch: dict(peaks_in(branch))[value][name], overlaid, limits)
 
 
 def _chart(
@@ -67,7 +68,7 @@ def _chart(
     drawn = []
     for k, (curve, peak) in enumerate(overlaid):
         label = f"{'swept' if curve.steady is None else 'stepped'} {curve.direction}"
-        if _levels(result) or len(overlaid) > 2:
+        if _several_levels(result) or len(overlaid) > 2:
             label += f", {level_text(curve.level, result.level_unit)}"
         style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 4}
         if curve.steady is None:  # told apart without colour, too
@@ -75,7 +76,7 @@ def _chart(
         style |= {"color": _OVERLAID[k % len(_OVERLAID)], "zorder": 1}
         drawn.append(Curve(label, *highest_in_bins(curve.frequency_hz, peak), style))
     curves = [*drawn, *branch_curves(_lines(result, values))]
-    at = np.concatenate([b.parameter for b in result.branches])
+    at = result["points"]["parameter"].values
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
     log = logarithmic("y", known)
     chart = Chart(_parameter(result), up, curves, limits, log, of="", y_ends=(None if log else 0.0, None))
@@ -84,38 +85,43 @@ def _chart(
 
 def _lines(result: ContinuationResult, values: Values) -> list[BranchLine]:
     """All branches, a colour a level; those of longer periods in the next colour, thinner, without special points."""
-    levels = list(dict.fromkeys(repr(b.level) for b in result.branches))
-    doubled, lines = any(b.period_multiple > 1 for b in result.branches), []
-    for branch in result.branches:
-        aside, k, y = branch.period_multiple > 1, levels.index(repr(branch.level)), values(branch)
-        words = [level_text(branch.level, result.level_unit)] if len(levels) > 1 else []
+    levels = list(dict.fromkeys(map(repr, _levels(result))))
+    periods, special = result["branches"]["period_multiple"].values.tolist(), result["special_points"]
+    columns = (special[name].values.tolist() for name in ("branch", "kind", "parameter"))
+    events, doubled, lines = list(zip(*columns, strict=True)), max(periods) > 1, []
+    for number, (branch, level) in enumerate(zip(result.branches, _levels(result), strict=True)):
+        x, y = branch["parameter"].values, values(branch)
+        aside, k = periods[number] > 1, levels.index(repr(level))
+        words = [level_text(level, result.level_unit)] if len(levels) > 1 else []
         if aside or (doubled and len(levels) == 1):
-            words.append(f"period {branch.period_multiple}")
+            words.append(f"period {periods[number]}")
         style = {"color": curve_style(len(levels) + k if aside else k)["color"], "linewidth": 1.0 if aside else 1.4}
-        special = [
-            (event.kind, event.parameter, float(y[np.argmin(np.abs(branch.parameter - event.parameter))]))
-            for event in branch.special
-            if not aside
+        marks = [
+            (kind, at, float(y[np.argmin(np.abs(x - at))]))
+            for whose, kind, at in events
+            if whose == number and not aside
         ]
         label = ", ".join(words) or ("continuation" if result.overlay else "")
-        lines.append(BranchLine(label, branch.parameter, y, branch.stable, {**style, "zorder": 3}, special))
+        lines.append(BranchLine(label, x, y, branch["stable"].values, {**style, "zorder": 3}, marks))
     return lines
 
 
 def harmonics(result: ContinuationResult, probe: str) -> Chart:
     """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean."""
-    first = result.branches[0]
-    alike = [b for b in result.branches if b.period_multiple == 1 and repr(b.level) == repr(first.level)]
+    first = _levels(result)[0]
+    alike = [b for b in result.branches if b["period_multiple"].item() == 1 and repr(b["level"].item()) == repr(first)]
+    of_branches = [(b["parameter"].values, harmonics_of(b)[probe], b["stable"].values) for b in alike]
+    orders = len(result["points"].labels("harmonic"))
     lines = [
         BranchLine(
-            f"order {order}" if order else "mean", b.parameter, np.abs(b.harmonics[probe][:, order]), b.stable,
+            f"order {order}" if order else "mean", x, np.abs(amplitude[:, order]), stable,
             {"color": curve_style(order)["color"], "linewidth": 1.3, "marker": "os^Dvx"[order], "markersize": 3.5,
-             "markerfacecolor": "white", "markevery": max(1, b.parameter.size // 8)},
+             "markerfacecolor": "white", "markevery": max(1, x.size // 8)},
         )
-        for order in range(min(first.harmonics[probe].shape[1], MOST_CURVES))
-        for b in alike
+        for order in range(min(orders, MOST_CURVES))
+        for x, amplitude, stable in of_branches
     ]  # fmt: skip
-    level = f", {level_text(first.level, result.level_unit)}" if _levels(result) else ""
+    level = f", {level_text(first, result.level_unit)}" if _several_levels(result) else ""
     top = max(float(line.y.max()) for line in lines)
     ends = (1e-4 * top, 2.0 * top) if top > 0.0 else (None, None)
     up = (f"Amplitude of {probe}{level}", "m")
@@ -124,44 +130,53 @@ def harmonics(result: ContinuationResult, probe: str) -> Chart:
 
 def fold_curves(result: ContinuationResult) -> Chart:
     """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
-    folds = [c for c in result.fold_curves if c.parameter.size]
-    drawn = [Curve(f"fold at {c.start_hz:.5g} Hz", c.frequency_hz, c.parameter, {"linewidth": 1.4}) for c in folds]
-    starts = [int(np.argmin(np.abs(c.frequency_hz - c.start_hz))) for c in folds]
-    places = [(c.frequency_hz[k], c.parameter[k]) for c, k in zip(folds, starts, strict=True)]
+    folds, drawn, places = [c for c in result.fold_curves if c["parameter"].values.size], list[Curve](), []
+    for curve in folds:
+        x, y, start = curve["frequency_hz"].values, curve["parameter"].values, curve["start_hz"].item()
+        drawn.append(Curve(f"fold at {start:.5g} Hz", x, y, {"linewidth": 1.4}))
+        begin = int(np.argmin(np.abs(x - start)))
+        places.append((x[begin], y[begin]))
     begun = marked("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
-    of = f" of {result.second_snubber}" if result.second_snubber else ""
-    up = (f"{_WORDS[result.second_parameter]}{of}", result.second_unit)
+    snubber = folds[0]["followed_snubber"].item()
+    up = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
     return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], of="")
 
 
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
     """The response of every probe, what else sweeps follow, outputs, harmonics of the first probe, folds, by name."""
     names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
-    followed = [(value, of) for value, of in result.branches[0].peaks() if value.followed or value is OUTPUT]
+    followed = [(value, of) for value, of in peaks_in(result["points"]) if value.followed or value is OUTPUT]
     charts = {
         f"{names.get(value.key, value.name.removeprefix('peak_'))}_{name}": peaks(result, value, name)
         for value, of in sorted(followed, key=lambda each: each[0].key != DISPLACEMENT)
         for name in list(of)[:MOST_CURVES]
     }
     charts = {name: chart for name, chart in charts.items() if any(np.any(curve.y) for curve in chart.curves)}
-    for name in list(result.branches[0].harmonics)[:1]:
+    for name in result["points"].labels("probe")[:1]:
         charts[f"harmonics_{name}"] = harmonics(result, name)
-    if any(c.parameter.size for c in result.fold_curves):
+    if any(c["parameter"].values.size for c in result.fold_curves):
         charts["folds"] = fold_curves(result)
-    if result.expansion:
+    if "multiple_scales" in result.datasets:
         from beamsim.plots.multiple_scales import forced_expansion
 
         charts |= forced_expansion(result)
     return {name: Picture(result.title, [chart]) for name, chart in charts.items()}
 
 
-def _levels(result: ContinuationResult) -> bool:
-    return len({repr(b.level) for b in result.branches}) > 1
+def _levels(result: ContinuationResult) -> list[float]:
+    """That of each branch."""
+    levels: list[float] = result["branches"]["level"].values.tolist()
+    return levels
+
+
+def _several_levels(result: ContinuationResult) -> bool:
+    return len(set(map(repr, _levels(result)))) > 1
 
 
 def _parameter(result: ContinuationResult) -> Axis:
     """Words and scale of what is continued."""
-    scale = scale_for(result.unit, *(b.parameter for b in result.branches))
+    scale = scale_for(result.unit, result["points"]["parameter"].values)
     if result.parameter == "frequency":
         return "Excitation frequency", scale
-    return f"{_WORDS[result.parameter]}{f' of {result.snubber}' if result.snubber else ''}", scale
+    snubber = result["branches"]["followed_snubber"].item()
+    return f"{_WORDS[result.parameter]}{f' of {snubber}' if snubber else ''}", scale

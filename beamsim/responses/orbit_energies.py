@@ -6,7 +6,7 @@ integrated in closed form; of cubic springs by Gauss-Legendre rules on panels th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,12 @@ from beamsim.contacts.laws import RATE
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, HarmonicMotion
 from beamsim.orbits.period import gauss_panels
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.responses.energies import LARGEST_ERROR, power_factors, stored_energy
-from beamsim.results.branch import MotionBranch
 from beamsim.typing import Floats, Ints
 
 SAMPLES_A_HARMONIC = 8  # of the stored energy
@@ -69,14 +69,13 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
     return _relative(abs(work - lost), max(float(stored.max()), abs(lost)))
 
 
-def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> Outcome:
+def balanced(outcome: Outcome, points: Dataset) -> Outcome:
     """The outcome of branches, whose points are not to be trusted where the balance is lost.
 
     Parameters
     ----------
     outcome : of following them.
-    branches : those without errors of the balance are left out.
-    unit : of their parameter.
+    points : of all branches.
 
     Returns
     -------
@@ -84,17 +83,13 @@ def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> O
         The given one where no balance is lost; else one that tells the largest error, with the given one as a part
         unless that is complete.
     """
-    checked = [b for b in branches if b.energy_error is not None]
-    if not checked:
-        return outcome
-    error = np.concatenate([b.energy_error for b in checked if b.energy_error is not None])
-    parameter = np.concatenate([b.parameter for b in checked])
+    error, parameter = points["energy_error"].values, points["parameter"]
     bad = ~(error <= LARGEST_ERROR)
     if not np.any(bad):
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-    lost = unbalanced(float(error[worst]), int(bad.sum()), Where(float(parameter[worst]), unit))
-    return lost.but(*outcome.unless_complete)
+    at = Where(float(parameter.values[worst]), parameter.unit)
+    return unbalanced(float(error[worst]), int(bad.sum()), at).but(*outcome.unless_complete)
 
 
 def unbalanced(error: float, points: int, at: Where) -> Outcome:
@@ -116,12 +111,6 @@ def unbalanced(error: float, points: int, at: Where) -> Outcome:
         f"at {points} points",
         at=at, remedy="follow a smaller range around it", error=error, points=points,
     )  # fmt: skip
-
-
-def largest_error(branches: Sequence[MotionBranch]) -> float | None:
-    """Of all points; None where none was looked at."""
-    errors = [float(b.energy_error.max()) for b in branches if b.energy_error is not None and b.energy_error.size]
-    return max(errors, default=None)
 
 
 def _relative(difference: float, scale: float) -> float:

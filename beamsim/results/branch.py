@@ -1,53 +1,109 @@
-"""Branches of periodic motions in SI units, with the quantities at probes and snubbers: a class for each kind."""
+"""The labelled datasets of branches of periodic motions, in SI units.
+
+One table has a row for each branch, another a row for each point of all branches, one branch after the other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import (
-    Counter,
-    attribute,
-    axis,
-    dataset,
-    declared,
-    ending,
-    group,
-    key,
-    members,
-    per_probe,
-    per_snubber,
-    stored,
-    table,
-)
+from beamsim.fields import OUTCOME
+from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.orbits.branch import SpecialPoint
 from beamsim.outcomes import Outcome
-from beamsim.results.values import AlongCurve
-from beamsim.typing import Bools, Complexes, Floats
+from beamsim.typing import Floats
 
-_POINT = (Counter("point", "number of the point along the branch"),)
-STATION = Counter("station", "number of the station of the mode shapes", shared=True)
 LARGEST_EVEN = 1e-7  # share of even harmonics of motions that are symmetric but for round-off
-_COORDINATES = (*_POINT, Counter("coordinate", "number of the coordinate"))
+_BRANCH, _POINT, _PROBE, _SNUBBER, _OUTPUT = ("branch",), ("point",), ("probe",), ("snubber",), ("output",)
+_COORDINATES, _MULTIPLIERS = (*_POINT, "coordinate"), (*_POINT, "multiplier")
+FLAGS = ("unstable", "stable")
+ENDED = {
+    "status": "complete, or why it stopped early and what to try",
+    "outcome": "code of how it ended",
+    "outcome_numbers": "numbers that belong to how it ended, JSON object",
+}
+"""Columns that say how each row ended, with their meanings."""
 
 
-@declared
-class SpecialPointResult:
-    """A special point of a branch."""
-
-    kind: str = dataset("1", "kind of special point")  # fold, nonsmooth_fold, period_doubling, branch_point, grazing, …
-    parameter: float = dataset("{unit}", "parameter of the branch")
-    frequency_hz: float = dataset("Hz", "frequency")
-    snubber: str = dataset("1", "snubber that grazes", default="")
-    time_s: float = dataset("s", "time in the period of a grazing", default=np.nan)
+def ended(dims: tuple[str, ...]) -> dict[str, Variable]:
+    """The variables of how each row of a table along dimensions ended."""
+    return {name: Variable(dims, "", meaning, str) for name, meaning in ENDED.items()}
 
 
-def special_result(
-    special: SpecialPoint, value: float, frequency_hz: float, contact_names: Sequence[str]
-) -> SpecialPointResult:
-    """A special point in SI numbers.
+def endings(outcomes: Iterable[Outcome]) -> dict[str, list[str]]:
+    """The values of these variables."""
+    texts = [OUTCOME.write("status", outcome) for outcome in outcomes]
+    return {name: [of[name] for of in texts] for name in ENDED}
+
+
+# --- What every kind of branch has -----------------------------------------------------------------------------------
+
+OF_BRANCHES = {
+    "branch": Variable(_BRANCH, "1", "number of the branch, from 0", int),
+    "kind": Variable(_BRANCH, "", "response, backbone, tongue or non_brake", str),
+    **ended(_BRANCH),
+}
+_OF_POINTS = {
+    "point": Variable(_POINT, "1", "number of the point", int),
+    "point_number": Variable(_POINT, "1", "number of the point along its branch, from 1", int),
+    "frequency_hz": Variable(_POINT, "Hz", "frequency of the excitation, or of a free motion"),
+    "parameter": Variable(_POINT, "{unit}", "{parameter}"),
+    "residual": Variable(_POINT, "1", "largest periodicity error, relative to the size of the motion"),
+    "coordinate": Variable(("coordinate",), "1", "number of the coordinate", int),
+    "coordinates": Variable(
+        _COORDINATES, "kg^0.5 m",
+        "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
+    ),
+    "coordinate_velocities": Variable(_COORDINATES, "kg^0.5 m/s", "their velocities then; of a brake orbit zero"),
+    "internal_state": Variable(("internal_state",), "1", "number of the internal state", int),
+    "internal_states": Variable((*_POINT, "internal_state"), "m", "internal states of the contacts then"),
+}  # fmt: skip
+OF_MOTIONS = {
+    **_OF_POINTS,
+    "branch": Variable(_POINT, "1", "number of the branch, from 0", int, names="branches/branch"),
+    "stable": Variable(_POINT, "1", "whether the motion is stable", bool, flags=FLAGS),
+    "multiplier": Variable(("multiplier",), "1", "number of the Floquet multiplier", int),
+    "floquet_multipliers_real": Variable(_MULTIPLIERS, "1", "Floquet multipliers, real part"),
+    "floquet_multipliers_imag": Variable(_MULTIPLIERS, "1", "Floquet multipliers, imaginary part"),
+    "energy_error": Variable(
+        _POINT, "1",
+        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
+    ),
+}  # fmt: skip
+_EVENT = ("event",)
+SPECIAL_POINTS = Layout(
+    "special_points",
+    "Folds, bifurcations and grazings of all branches, one branch after the other.",
+    {
+        "event": Variable(_EVENT, "1", "number of the special point", int),
+        "branch": Variable(_EVENT, "1", "number of the branch, from 0", int, names="branches/branch"),
+        "kind": Variable(
+            _EVENT, "", "fold, nonsmooth_fold, period_doubling, neimark_sacker, branch_point, grazing, …", str
+        ),
+        "parameter": Variable(_EVENT, "{unit}", "parameter of the branch"),
+        "frequency_hz": Variable(_EVENT, "Hz", "frequency"),
+        "snubber": Variable(_EVENT, "", "snubber that grazes; empty where none does", str),
+        "time_s": Variable(_EVENT, "s", "time in the period of a grazing; NaN of other points"),
+    },
+)
+
+
+class SpecialRow(NamedTuple):
+    """A special point in SI units."""
+
+    kind: str
+    parameter: float
+    frequency_hz: float
+    snubber: str = ""
+    time_s: float = np.nan
+
+
+def special_row(special: SpecialPoint, value: float, frequency_hz: float, contact_names: Sequence[str]) -> SpecialRow:
+    """A special point in SI units.
 
     Parameters
     ----------
@@ -58,215 +114,190 @@ def special_result(
 
     Returns
     -------
-    SpecialPointResult
+    SpecialRow
         With the name of the contact that grazes, empty where none does.
     """
     name = contact_names[special.contact] if special.contact >= 0 else ""
-    return SpecialPointResult(special.kind, value, frequency_hz, name, special.time)
+    return SpecialRow(special.kind, value, frequency_hz, name, special.time)
 
 
-def of_states(states: Floats, n: int) -> dict[str, Any]:
-    """The fields of a branch that hold states (np, N) of n coordinates."""
+def special_points_table(rows: Sequence[Sequence[SpecialRow]], unit: str) -> Dataset:
+    """The dataset of the special points of branches whose parameter has a unit."""
+    branch = np.repeat(np.arange(len(rows)), np.array([len(of) for of in rows], dtype=np.int64))
+    flat = [row for of in rows for row in of]
+    columns = {name: [getattr(row, name) for row in flat] for name in SpecialRow._fields}
+    return SPECIAL_POINTS.dataset({"event": np.arange(1, len(flat) + 1), "branch": branch, **columns}, unit=unit)
+
+
+def numbered(sizes: Sequence[int], column: str = "branch") -> dict[str, Any]:
+    """Numbers of the rows of a table of points, of their owners in a column, and within these, from their sizes."""
+    numbers = [np.arange(1, size + 1) for size in sizes]
     return {
-        "coordinates": states[:, :n],
-        "coordinate_velocities": states[:, n : 2 * n],
-        "internal_states": states[:, 2 * n :] if states.shape[1] > 2 * n else None,
+        "point": np.arange(1, sum(sizes) + 1),
+        column: np.repeat(np.arange(len(sizes)), np.array(sizes, dtype=np.int64)),
+        "point_number": np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64),
     }
 
 
-@declared(along=("time",))
-class OrbitMotion:
-    """One period of one motion, from the instant of smallest kinetic energy, and its spectrum."""
-
-    time: Floats = axis("s", "time")  # (nt,) both ends included
-    displacement: dict[str, Floats] = per_probe("m", "displacement")
-    velocity: dict[str, Floats] = per_probe("m/s", "velocity")
-    force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes")
-    stations: Floats = dataset("m", "deflection at the stations", along=("time", STATION), name="deflection")
-    harmonics: dict[str, Complexes] = per_probe(  # (21,) amplitude of e^{i k omega t}, zero to peak
-        "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
-        imaginary="minus the amplitude of sin(order x phase)",
-    )  # fmt: skip
-    periods: int = attribute("1", "periods of the time history of the spectrum")
-    spectrum_frequency_hz: Floats = axis("Hz", "frequency")  # (nf,) a step of 1 / (periods x period)
-    spectrum: dict[str, Floats] = per_probe(
-        "m", "single-sided amplitude, zero to peak", along=("spectrum_frequency_hz",)
-    )
-    drift: float = attribute("1", "relative difference of the states at the end and at the start of these periods")
-
-    @property
-    @stored(
-        dataset(
-            "m", "deflection at the slowest instant and half a period later", along=("instant", STATION),
-            name="extreme_shapes",
-        )
-    )  # fmt: skip
-    def at_rest(self) -> Floats:
-        """(2, nx) m, deflection at the slowest instant and half a period later: the extremes of a brake orbit."""
-        return self.stations[[0, (self.time.size - 1) // 2]]
-
-    @property
-    @stored(axis("1", "share of the period"))
-    def instant(self) -> Floats:
-        """(2,) instants of `at_rest`."""
-        return np.array([0.0, 0.5])
-
-    @property
-    def underway(self) -> Floats:
-        """(2, nx) m, deflection an eighth and three eighths of a period later."""
-        return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
+def of_states(states: Floats, n: int) -> dict[str, Any]:
+    """The values of states (np, N) with n coordinates."""
+    internal = states[:, 2 * n :]
+    values = {
+        "coordinate": np.arange(1, n + 1),
+        "coordinates": states[:, :n],
+        "coordinate_velocities": states[:, n : 2 * n],
+    }
+    if not internal.shape[1]:
+        return values
+    return values | {"internal_state": np.arange(1, internal.shape[1] + 1), "internal_states": internal}
 
 
-@declared(along=_POINT)
-class ChannelExtremes:
-    """One channel of a probe or snubber, motion by motion of a branch."""
-
-    name: str = key("name of the probe or snubber")
-    quantity: str  # "displacement", "absolute_acceleration", "force", ...
-    unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity} of a cycle or period", name="max")
-    minimum: Floats = dataset("{unit}", "smallest {quantity} of a cycle or period", name="min")
-
-    @property
-    @stored(dataset("{unit}", "largest magnitude of the {quantity} in a cycle or period", name="peak"))
-    def peak(self) -> Floats:
-        """(np,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+def of_multipliers(multipliers: Sequence[Any]) -> dict[str, Any]:
+    """The values of Floquet multipliers (np, m) of each branch; NaN where another branch has more."""
+    count = max((of.shape[1] for of in multipliers), default=0)
+    whole = np.full((sum(len(of) for of in multipliers), count), complex(np.nan, np.nan))
+    begin = 0
+    for of in multipliers:
+        whole[begin : begin + len(of), : of.shape[1]] = of
+        begin += len(of)
+    return {
+        "multiplier": np.arange(1, count + 1),
+        "floquet_multipliers_real": whole.real,
+        "floquet_multipliers_imag": whole.imag,
+    }
 
 
-@declared(along=_POINT)
-class OutputExtremes:
-    """One of the `outputs`, motion by motion of a branch."""
+def each_of(owners: Dataset, rows: Dataset, column: str) -> tuple[Dataset, ...]:
+    """The rows of a table by the owners that a column numbers.
 
-    name: str = key("name of the output")
-    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
-    unit: str = attribute("", "unit of the quantity")
-    at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a cycle or period")
-    minimum: Floats = dataset("{unit}", "smallest value of a cycle or period")
+    Parameters
+    ----------
+    owners : a row for each, along the dimension that is called as the column.
+    rows : those of one owner after those of another.
+    column : of these.
 
-    @property
-    def peak(self) -> Floats:
-        """(np,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
-
-
-@declared(kw_only=True, along=_POINT)
-class BranchResult:
-    """A branch of periodic motions: what every kind has."""
-
-    kind: str = attribute("", "response, fold, backbone, tongue or non_brake")
-    outcome: Outcome = ending("how the branch ended")
-    frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion")
-    parameter: Floats = dataset("{unit}", "{parameter_meaning}")
-    unit: str = attribute("", "unit of the parameter", name="parameter_unit")
-    parameter_meaning: str = attribute("", "what the parameter is", name="parameter_meaning")
-    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
-    coordinates: Floats = dataset(
-        "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
-        along=_COORDINATES,
-    )  # fmt: skip
-    coordinate_velocities: Floats = dataset(
-        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES
-    )
-    internal_states: Floats | None = dataset(
-        "m", "internal states of the contacts then", default=None,
-        along=(*_POINT, Counter("internal_state", "number of the internal state")),
-    )  # fmt: skip
-
-
-@declared(kw_only=True)
-class FoldBranch(BranchResult):
-    """Folds, or grazings, of a branch of forced motions, in frequency and a second parameter."""
-
-    kind: str = attribute("", "fold", default="fold")
-    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
-    branch: int = attribute("1", "number of the branch with the fold")
-    start_hz: float = attribute("Hz", "frequency of that fold")
-    touching: str = attribute("", "contact that grazes along the whole branch; empty for a fold", default="")
-    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period", along=_POINT)
-
-
-@declared(kw_only=True, along=_POINT)
-class MotionBranch(BranchResult):
-    """A branch of motions in one parameter, with their stability and its special points."""
-
-    stable: Bools = dataset("1", "whether the motion is stable", flags=("unstable", "stable"))
-    floquet_multipliers: Complexes = dataset(
-        "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier"))
-    )
-    special: tuple[SpecialPointResult, ...] = table(
-        "/special_points", SpecialPointResult, Counter("event", "number of the special point")
-    )
-    energy_error: Floats | None = dataset(
-        "1",
-        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
-        default=None,
-    )
-
-
-@declared(kw_only=True, along=_POINT)
-class ResponseBranch(MotionBranch, AlongCurve):
-    """A branch of forced motions at one level."""
-
-    kind: str = attribute("", "response", default="response")
-    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
-    period_multiple: int = attribute("1", "periods of the excitation in one of the motion")
-    probes: tuple[ChannelExtremes, ...] = members(
-        "", ChannelExtremes, "probe", by=("name", "quantity", "unit"), split="quantity"
-    )
-    snubbers: tuple[ChannelExtremes, ...] = members(
-        "", ChannelExtremes, "snubber", by=("name", "quantity", "unit"), split="quantity"
-    )
-    harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
-        "m", "amplitude of cos(order x phase)", along=(*_POINT, Counter("harmonic", "order times period_multiple", 0)),
-        name="harmonic_displacement",
-        imaginary="minus that of sin(order x phase)",
-    )  # fmt: skip
-    outputs: dict[str, OutputExtremes] = members("", OutputExtremes, "output", prefix="output_", default_factory=dict)
-    neglected_harmonics: Floats | None = dataset(
-        "1", "size of the neglected harmonics relative to the motion", default=None
-    )
-
-    @property
-    def cycles_at(self) -> tuple[Floats, Bools]:
-        """(np,) the parameter, and which motions are stable."""
-        return self.parameter, self.stable
-
-    @property
-    def order(self) -> Floats | None:
-        """Orders of `harmonics`."""
-        if not self.harmonics:
-            return None
-        return np.arange(next(iter(self.harmonics.values())).shape[1]) / self.period_multiple
-
-    @property
-    def symmetric(self) -> bool | None:
-        """Whether every motion repeats with the other sign after half its period: no even harmonics.
-
-        None where harmonics are missing, and of a period that is an even multiple of the excitation's.
-        """
-        if not self.harmonics or self.period_multiple % 2 == 0:
-            return None
-        amplitude = np.abs(np.stack(list(self.harmonics.values())))
-        return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())
-
-
-@declared(kw_only=True, along=_POINT)
-class ModeBranch(MotionBranch):
-    """A branch of free motions, given at the instant of smallest kinetic energy: at rest, of a brake orbit.
-
-    The backbone is that of the mode, a tongue one of an internal resonance, and non-brake orbits are never at rest.
+    Returns
+    -------
+    tuple of Dataset
+        For each owner its rows, with what its own row says besides as variables without dimensions.
     """
+    numbers, (dim,), labels = rows[column].values, rows[column].dims, owners.labels(column)
+    edges = np.searchsorted(numbers, np.arange(len(labels) + 1)).tolist()
+    found = []
+    for label, (first, end) in zip(labels, pairwise(edges), strict=True):
+        about, own = owners.sel(**{column: label}), rows.isel(**{dim: slice(first, end)})
+        of_owner = {f"/{rows.name}/{name}": about.items_by_path[f"/{owners.name}/{name}"] for name in about}
+        found.append(Dataset(rows.name, of_owner | own.items_by_path))
+    return tuple(found)
 
-    mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0")
-    ratio: int = attribute("1", "n of n:1, likewise")
-    energy: Floats = dataset("J", "energy from static equilibrium")
-    share: Floats = dataset("1", "share of the energy in the requested mode, at the slowest instant")
-    least_kinetic: Floats = dataset("1", "kinetic energy at the slowest instant, share of the energy; zero at rest")
-    initial_displacement: Floats = dataset("m", "deflection at the slowest instant", along=(*_POINT, STATION))
-    # None of half-period shooting itself
-    half_period_difference: Floats = dataset(
-        "1", "from half-period shooting: largest of period and state, relative", default=None
-    )
-    motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
+
+# --- Forced motions --------------------------------------------------------------------------------------------------
+
+BRANCHES = Layout(
+    "branches",
+    "The branches of forced periodic motions, a row for each.",
+    {
+        **OF_BRANCHES,
+        "level": Variable(_BRANCH, "{level_unit}", "level of the excitation; NaN if it is the parameter"),
+        "period_multiple": Variable(_BRANCH, "1", "periods of the excitation in one of the motion", int),
+        "followed": Variable((), "", "what is followed: frequency, level, gap, stiffness or position", str),
+        "followed_snubber": Variable((), "", "snubber whose number that is; else empty", str),
+    },
+)
+
+
+def _extremes(dims: tuple[str, ...], quantity: str, unit: str) -> dict[str, Variable]:
+    """The variables of the extremes of a quantity of every motion."""
+    name = quantity.replace("_", " ")
+    dims = (*dims, *_POINT)
+    return {
+        f"max_{quantity}": Variable(dims, unit, f"largest {name} of a cycle or period", optional=True),
+        f"min_{quantity}": Variable(dims, unit, f"smallest {name} of a cycle or period", optional=True),
+        f"peak_{quantity}": Variable(
+            dims, unit, f"largest magnitude of the {name} in a cycle or period", optional=True
+        ),
+    }
+
+
+_HARMONIC = (*_PROBE, *_POINT, "harmonic")
+POINTS = Layout(
+    "points",
+    "The points of all branches, one branch after the other.",
+    {
+        **OF_MOTIONS,
+        "probe": Variable(_PROBE, "1", "name of the probe", str),
+        **_extremes(_PROBE, "displacement", "m"),
+        **_extremes(_PROBE, "absolute_acceleration", "m/s^2"),
+        "harmonic": Variable(("harmonic",), "1", "order times period_multiple", int),
+        "harmonic_displacement_real": Variable(_HARMONIC, "m", "amplitude of cos(order x phase)", optional=True),
+        "harmonic_displacement_imag": Variable(
+            _HARMONIC, "m", "minus the amplitude of sin(order x phase)", optional=True
+        ),
+        "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
+        **_extremes(_SNUBBER, "force", "{force_unit}"),
+        "contact_share": Variable((*_SNUBBER, *_POINT), "1", "share of the time in contact"),
+        "peak_gap": Variable(
+            (*_SNUBBER, *_POINT), "m",
+            "largest opening of the contact in a cycle or period, where its gap is limited; NaN in a hinge",
+            optional=True,
+        ),
+        "peak_bending_stress": Variable(
+            _POINT, "Pa", "largest bending stress along the beam in a cycle or period, where it is limited",
+            optional=True,
+        ),
+        "output": Variable(_OUTPUT, "1", "name of the output", str),
+        "output_quantity": Variable(_OUTPUT, "", "what it is, such as bending_moment or reaction_force", str),
+        "output_unit": Variable(_OUTPUT, "", "unit of the quantity", str),
+        "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
+        "output_maximum": Variable((*_OUTPUT, *_POINT), "{unit}", "largest value of a cycle or period"),
+        "output_minimum": Variable((*_OUTPUT, *_POINT), "{unit}", "smallest value of a cycle or period"),
+        "neglected_harmonics": Variable(
+            _POINT, "1", "by harmonic balance, size of the neglected harmonics relative to the motion", optional=True
+        ),
+    },
+)  # fmt: skip
+_FOLD = ("fold_curve",)
+FOLD_CURVES = Layout(
+    "fold_curves",
+    "Curves of folds, or of grazings, of the branches in frequency and a second parameter, a row for each.",
+    {
+        "fold_curve": Variable(_FOLD, "1", "number of the curve, from 0", int),
+        "level": Variable(_FOLD, "{level_unit}", "level of the excitation; NaN if it is the parameter"),
+        "branch": Variable(_FOLD, "1", "number of the branch with the fold", int, names="branches/branch"),
+        "start_hz": Variable(_FOLD, "Hz", "frequency of that fold"),
+        "touching": Variable(_FOLD, "", "contact that grazes along the whole curve; empty for a fold", str),
+        **ended(_FOLD),
+        "followed": Variable((), "", "second parameter: level, gap, stiffness or position", str),
+        "followed_snubber": Variable((), "", "snubber whose number that is; else empty", str),
+    },
+    optional=True,
+)
+FOLD_POINTS = Layout(
+    "fold_points",
+    "The points of all curves of folds, one curve after the other.",
+    {
+        **_OF_POINTS,
+        "fold_curve": Variable(_POINT, "1", "number of the curve, from 0", int, names="fold_curves/fold_curve"),
+        "probe": Variable(_PROBE, "1", "name of the probe", str),
+        "peak_displacement": Variable((*_PROBE, *_POINT), "m", "largest absolute displacement of a period"),
+    },
+    optional=True,
+)
+
+
+def harmonics_of(branch: Dataset) -> dict[str, Any]:
+    """(np, H + 1) complex amplitudes of the displacements of a branch by probe; none where they are unknown."""
+    real, imaginary = (branch.by_label(f"harmonic_displacement_{part}") for part in ("real", "imag"))
+    return {name: real[name].values + 1j * imaginary[name].values for name in real}
+
+
+def is_symmetric(branch: Dataset) -> bool | None:
+    """Whether every motion repeats with the other sign after half its period: no even harmonics.
+
+    None where harmonics are missing, and of a period that is an even multiple of the excitation's.
+    """
+    harmonics = harmonics_of(branch)
+    if not harmonics or branch["period_multiple"].item() % 2 == 0:
+        return None
+    amplitude = np.abs(np.stack(list(harmonics.values())))
+    return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.fields import ByName, Entry, Number, dataset, declared, per_snubber
+from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
@@ -305,6 +306,57 @@ def largest_along(curves: Sequence[AlongCurve]) -> Iterator[tuple[Value, str, fl
             along = np.where(counts, np.concatenate([each[value][name] for each in peaks]), np.nan)
             best = int(np.argmax(np.where(np.isnan(along), -np.inf, along)))
             yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(at[best])
+
+
+def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:
+    """The values that have limits, and outputs, each with the largest of every point of a table by name."""
+    for value in LIMITED.values():
+        if value is OUTPUT:
+            low, high = (points.by_label(f"output_{end}") for end in ("minimum", "maximum"))
+            of = {name: np.maximum(np.abs(low[name].values), np.abs(high[name].values)) for name in low}
+        elif value is RESPONSE:
+            of = _over_limits(points)
+        elif value.key == OPENING:
+            gaps = {name: gap.values for name, gap in points.by_label("peak_gap").items()}
+            of = {name: gap for name, gap in gaps.items() if not np.isnan(gap).all()}
+        elif value.key == STRESS:
+            of = {"": points["peak_bending_stress"].values} if "peak_bending_stress" in points else {}
+        else:
+            followed = points.by_label(f"peak_{value.quantity}")
+            of = {name: peak.values for name, peak in followed.items() if peak.unit == value.unit}
+        if of and (value.of is not None or value is RESPONSE):
+            yield value, of
+
+
+def _over_limits(points: Dataset) -> dict[str, Floats]:
+    """By name of those that have a limit over frequency, the largest magnitudes over it."""
+    ratios = {}
+    for quantity in dict.fromkeys(value.quantity for value in VALUES if value.followed):
+        for name, limit in points.by_label(f"limit_{quantity}").items():
+            if not np.isnan(limit.values).all():
+                ratios[name] = points.by_label(f"peak_{quantity}")[name].values / limit.values
+    return ratios
+
+
+def largest_in(parts: Sequence[Dataset], at: str, counts: str = "") -> Iterator[tuple[Value, str, float, float]]:
+    """The values of `peaks_in`: by name the largest of all points that count, and where that is.
+
+    Both are NaN where it is known of none.
+
+    Parameters
+    ----------
+    parts : tables of points.
+    at : column that says where each point is.
+    counts : column that says whether its values count; by default all do.
+    """
+    where = np.concatenate([part[at].values for part in parts])
+    which = np.concatenate([part[counts].values for part in parts]) if counts else np.ones(where.size, dtype=bool)
+    peaks = [dict(peaks_in(part)) for part in parts]
+    for value in peaks[0]:
+        for name in peaks[0][value]:
+            along = np.where(which, np.concatenate([each[value][name] for each in peaks]), np.nan)
+            best = int(np.argmax(np.where(np.isnan(along), -np.inf, along)))
+            yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(where[best])
 
 
 def searched(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:

@@ -581,13 +581,15 @@ class StoredArray(LargeArray):
     state: FileState  # of the file
     within: tuple[Any, ...] = ()  # numbers and ranges along the axes of the dataset, of a part of it
 
-    def part(self, index: tuple[Any, ...]) -> StoredArray:
-        """A part of the whole array.
+    def part(self, index: tuple[Any, ...]) -> Any:
+        """A part of the array, which is read when it is used; a part of a part is read now.
 
         Parameters
         ----------
         index : a number or a range for each axis.
         """
+        if self.within:
+            return np.asarray(self)[index]
         ranges = ((each, size) for each, size in zip(index, self.shape, strict=True) if isinstance(each, slice))
         return replace(self, shape=tuple(len(range(*each.indices(size))) for each, size in ranges), within=index)
 

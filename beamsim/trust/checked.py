@@ -17,7 +17,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
-from beamsim.results.values import largest_along
+from beamsim.results.values import largest_along, largest_in
 from beamsim.trust.convergence import (
     COMPARISON,
     MORE_MODES,
@@ -258,7 +258,7 @@ def _of_continuation(result: ContinuationResult) -> Values:
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
     displacement = {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)}
     entries: dict[str, dict[str, float]] = {"peak_displacement_m": displacement}
-    for value, name, largest, _ in largest_along(result.branches):
+    for value, name, largest, _ in largest_in([result["points"]], "parameter", "stable"):
         entries.setdefault(value.entry, {})[name] = largest / value.scale
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
     return compared(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)

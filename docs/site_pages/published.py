@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import beamsim
+from beamsim.results.branch import harmonics_of
 from beamsim.system.build import build_system
 
 GRAVITY = 9.81
@@ -102,10 +103,10 @@ def vm319() -> dict[str, float]:
         }
         case = {"chain": chain, "probes": [{"name": "mass", "mass": 1}], "excitation": sine, "sweep": sweep}
         branch = beamsim.continuation(beamsim.load_scenario(case)).branches[0]
-        harmonics = np.abs(branch.harmonics["mass"])
+        harmonics = np.abs(harmonics_of(branch)["mass"])
         value = np.hypot(harmonics[:, 1], harmonics[:, 3])
         k = int(value.argmax())
-        found[f"resonance at {force:g} N, rad/s"] = 2.0 * np.pi * float(branch.frequency_hz[k])
+        found[f"resonance at {force:g} N, rad/s"] = 2.0 * np.pi * float(branch["frequency_hz"].values[k])
         found[f"sqrt(A1^2 + A3^2) at {force:g} N, mm"] = 1e3 * float(value[k])
     return found
 

@@ -17,6 +17,7 @@ from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
 from beamsim.responses.parameters import response_model
 from beamsim.scenario import load_scenario
+from tests.helpers.branches import events_of
 
 MIX = np.linalg.qr(np.random.default_rng(3).normal(size=(4, 4)))[0]
 
@@ -107,7 +108,7 @@ def test_where_a_duffing_oscillator_loses_its_symmetry():
             "seek_at": 0, "side_branches": "none",
         },
     }  # fmt: skip
-    (special,) = continuation(load_scenario(case)).branches[0].special
+    (special,) = events_of(continuation(load_scenario(case)))
     assert special.kind == "branch_point"
 
     def turned(state, level):
@@ -200,10 +201,10 @@ def test_two_equal_oscillators_that_nothing_joins_take_the_motions_of_their_bran
     for oscillators in (1, 2):
         looked_at[0] = 0
         result = continuation(uncoupled(oscillators))
-        motions[oscillators] = looked_at[0] / sum(branch.parameter.size for branch in result.branches)
+        motions[oscillators] = looked_at[0] / sum(branch["parameter"].values.size for branch in result.branches)
         assert "search failed" not in str(result.outcome)
     assert motions[2] < 1.5 * motions[1] + 1.0
-    kinds = [special.kind for branch in result.branches for special in branch.special]
+    kinds = [special.kind for special in events_of(result)]
     assert "branch_point" in kinds
 
 
@@ -213,7 +214,7 @@ def test_periods_double_at_once_in_equal_oscillators():
     found = []
     for oscillators in (1, 2):
         result = continuation(uncoupled(oscillators, 1.36, 1.42, side_branches="none"))
-        kinds = [e for branch in result.branches for e in branch.special if e.kind == "period_doubling"]
+        kinds = [e for e in events_of(result) if e.kind == "period_doubling"]
         found.append([e.frequency_hz for e in kinds])
     assert len(found[0]) == 1
     assert found[1] == pytest.approx(found[0], rel=1e-7)

@@ -202,14 +202,14 @@ def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
     going = {"mode": 2, "continue_in": {"kind": "energy", "from": 0.05, "to": 1.0}}
     result = nnm(chain([M1, M2], [0, 0], {"springs_between": [spring]}, nnm=going))
     backbone = result.branches[0]
-    assert backbone.outcome.complete
-    for index in (0, backbone.energy.size // 2, -1):
-        energy = backbone.energy[index]
+    assert backbone["status"].item().startswith("complete")
+    for index in (0, backbone["energy"].values.size // 2, -1):
+        energy = backbone["energy"].values[index]
         from scipy.optimize import brentq
 
         amplitude = brentq(lambda x, e=energy: potential(breakpoints, slopes, x) - e, 0, 20, xtol=1e-15)
         period = exact_period(breakpoints, slopes, amplitude, REDUCED)
-        assert 1 / backbone.frequency_hz[index] == pytest.approx(period, rel=1e-9)
+        assert 1 / backbone["frequency_hz"].values[index] == pytest.approx(period, rel=1e-9)
 
 
 # -- cubic springs between masses ------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def test_duffing_motion_of_two_free_masses():
     assert result.summary["energy_error"] < 1e-8
     energy = 0.5 * SPRING * a**2 + 0.25 * g * a**4
     mode = nnm(chain([M1, M2], [0, SPRING], more, nnm={"mode": 2, "energy": energy})).branches[0]
-    assert 1 / mode.frequency_hz[-1] == pytest.approx(4 * ellipk(m) / w, rel=1e-10)
+    assert 1 / mode["frequency_hz"].values[-1] == pytest.approx(4 * ellipk(m) / w, rel=1e-10)
 
 
 # -- everything at once against an independent integration -------------------------------------------------------------

@@ -8,6 +8,7 @@ import beamsim
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.flow.extrema import NODES, polynomials, search_extrema
 from beamsim.scenario import Scenario
+from tests.helpers.branches import peaks_of
 
 MASS, SPRING, CUBIC, DASHPOT = 1.0, 40.0, 300.0, 0.3
 STOP, STOP_DASHPOT, GAP = 60_000.0, 5.0, 0.07
@@ -77,15 +78,17 @@ def test_continuation_with_a_cubic_spring_and_a_stop():
     result = continuation(case(45.0, run=None, sweep=sweep))
     assert not any("without certificate" in warning for warning in result.warnings)
     branch = result.branches[0]
-    point = int(np.argmax(branch.contact_share["stop"] > 0))
-    start = tuple(x[point, 0] / np.sqrt(MASS) for x in (branch.coordinates, branch.coordinate_velocities))
-    hz = branch.frequency_hz[point]
+    point = int(np.argmax(branch["contact_share"].sel(snubber="stop").values > 0))
+    start = tuple(
+        x[point, 0] / np.sqrt(MASS) for x in (branch["coordinates"].values, branch["coordinate_velocities"].values)
+    )
+    hz = branch["frequency_hz"].values[point]
     low, high, force, acceleration, share = independent(start, hz)
-    assert branch.displacement["m"].minimum[point] == pytest.approx(low, rel=1e-6)
-    assert branch.displacement["m"].maximum[point] == pytest.approx(high, rel=1e-6)
-    assert branch.force["stop"].peak[point] == pytest.approx(force, rel=1e-3)
-    assert branch.acceleration["m"].peak[point] == pytest.approx(acceleration, rel=1e-3)
-    assert branch.contact_share["stop"][point] == pytest.approx(share, rel=1e-6)
+    assert peaks_of(branch, "m", end="min")[point] == pytest.approx(low, rel=1e-6)
+    assert peaks_of(branch, "m", end="max")[point] == pytest.approx(high, rel=1e-6)
+    assert peaks_of(branch, "stop", "force")[point] == pytest.approx(force, rel=1e-3)
+    assert peaks_of(branch, "m", "absolute_acceleration")[point] == pytest.approx(acceleration, rel=1e-3)
+    assert branch["contact_share"].sel(snubber="stop").values[point] == pytest.approx(share, rel=1e-6)
 
 
 def test_low_passed_acceleration_of_a_time_stepped_run_is_that_of_the_exact_one():

@@ -6,6 +6,7 @@ import pytest
 import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.branches import peaks_of
 
 L, ABOUT = 0.9, 0.3
 BEAM = {
@@ -83,9 +84,9 @@ def test_periodic_motions_are_those_of_a_run(method):
     sweep = {"kind": "continuation", "from": 16.9, "to": 17.0, "seek_at": 0, "method": solver}
     followed = beamsim.continuation(turning(**more, sweep=sweep))
     branch = followed.branches[0]
-    at = int(np.argmax(branch.frequency_hz))
-    assert branch.frequency_hz[at] == pytest.approx(17.0, rel=1e-9)
-    assert branch.displacement["p"].peak[at] == pytest.approx(last, rel=3e-3)
+    at = int(np.argmax(branch["frequency_hz"].values))
+    assert branch["frequency_hz"].values[at] == pytest.approx(17.0, rel=1e-9)
+    assert peaks_of(branch, "p")[at] == pytest.approx(last, rel=3e-3)
 
 
 def test_a_cubic_spring_feels_the_base_at_its_place():

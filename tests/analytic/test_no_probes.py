@@ -153,7 +153,7 @@ def test_a_cubic_spring_without_probes(tmp_path):
     sweep = {"kind": "continuation", "from": 20.0, "to": 22.0}
     result = beamsim.continuation(craig_bampton(tmp_path, False, **sections, sweep=sweep))
     assert result.complete
-    peak = result.branches[0].outputs["foot"].peak
+    peak = np.max([np.abs(result["points"][f"output_{of}imum"].sel(output="foot").values) for of in ("max", "min")], 0)
     begin = {"duration": 5.0, "sample_rate": 1000, "convergence": "off"}
     run = beamsim.run(craig_bampton(tmp_path, False, **(sections | {"run": begin})))
     assert np.abs(run["histories"]["output_value"].sel(output="foot").values[-1000:]).max() == pytest.approx(

@@ -17,6 +17,7 @@ from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.outcomes import asked_by
 from beamsim.scenario import load_scenario
+from tests.helpers.branches import events_of, of_kind
 
 CUBIC = {
     "title": "Two masses on cubic springs",
@@ -48,7 +49,7 @@ def test_where_they_leave_in_closed_form(cubic):
     The kick that reaches the same place after half a period is its solution sn cn, of eigenvalue 4 + k^2: with
     W^2 = 1 + a^2 / 2 and k^2 W^2 = a^2 / 4 this is 4.4 = 4 + 0.75 a^2, so a^2 = 8/15, E = a^2 + a^4 / 4 = 136/225.
     """
-    breaking = [e for e in cubic.backbone.special if e.kind == "symmetry_breaking"]
+    breaking = [e for e in events_of(cubic) if e.kind == "symmetry_breaking"]
     assert len(breaking) == 1
     assert breaking[0].parameter == pytest.approx(136 / 225, rel=1e-10)
 
@@ -81,7 +82,7 @@ def test_a_branch_point_in_closed_form():
         },
         "nnm": {"mode": 2, "continue_in": {"kind": "energy", "from": 0.01, "to": 1}},
     }
-    (point,) = nnm(load_scenario(case)).backbone.special
+    (point,) = events_of(nnm(load_scenario(case)))
     assert point.kind == "branch_point"
     assert point.parameter == pytest.approx(38 / 225, rel=1e-10)
 
@@ -99,7 +100,7 @@ def test_a_fold_in_frequency():
     chain = {"masses": [1], "springs": [1], "snubbers": stops}
     path = {"kind": "frequency", "from": 0.31, "to": 0.2}
     result = nnm(load_scenario({"chain": chain, "nnm": {"mode": 1, "continue_in": path}}))
-    (fold,) = (e for e in result.backbone.special if e.kind == "fold")
+    (fold,) = (e for e in events_of(result) if e.kind == "fold")
 
     def frequency(v):
         below, reach = np.sqrt(v**2 + 3), np.sqrt(v**2 + 4)
@@ -114,7 +115,7 @@ def test_a_fold_in_frequency():
 def integrated(result, branch, k, kick=0.0):
     """State of the masses after a period by an eighth-order Runge-Kutta method, from a point of a branch."""
     shapes = result["modes"]["shapes"].values.T
-    y0 = np.concatenate([shapes @ branch.coordinates[k], shapes @ branch.coordinate_velocities[k]])
+    y0 = np.concatenate([shapes @ branch["coordinates"].values[k], shapes @ branch["coordinate_velocities"].values[k]])
     y0[-1] += kick
 
     def slope(t, y):
@@ -122,31 +123,31 @@ def integrated(result, branch, k, kick=0.0):
         stop = np.maximum(np.abs(x) - 1.0, 0.0) * np.sign(x)
         return [*v, -x[0] - 1.7 * (x[0] - x[1]) - stop[0], -x[1] - 1.7 * (x[1] - x[0]) - stop[1]]
 
-    period = 1.0 / branch.frequency_hz[k]
+    period = 1.0 / branch["frequency_hz"].values[k]
     done = solve_ivp(slope, (0, period), y0, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.01, dense_output=True)
     return y0, done.y[:, -1], done
 
 
 def test_two_masses_between_stops_are_never_at_rest(stops):
     """Closed after a period, and moving all along, for an integrator that knows nothing of contacts."""
-    assert len(stops.non_brake) >= 1
-    for branch in stops.non_brake:
-        assert (branch.mode, branch.ratio) == (2, 2)
-        assert branch.residual.max() < 1e-10
-        k = int(np.argmax(branch.least_kinetic))
+    assert len(of_kind(stops, "non_brake")) >= 1
+    for branch in of_kind(stops, "non_brake"):
+        assert (branch["mode"].item(), branch["ratio"].item()) == (2, 2)
+        assert branch["residual"].values.max() < 1e-10
+        k = int(np.argmax(branch["least_kinetic"].values))
         y0, end, done = integrated(stops, branch, k)
         np.testing.assert_allclose(end, y0, atol=1e-8)
         y = done.sol(np.linspace(0, done.t[-1], 4001))
-        kinetic = 0.5 * (y[2:] ** 2).sum(axis=0) / branch.energy[k]
-        assert kinetic.min() == pytest.approx(branch.least_kinetic[k], abs=1e-6)
+        kinetic = 0.5 * (y[2:] ** 2).sum(axis=0) / branch["energy"].values[k]
+        assert kinetic.min() == pytest.approx(branch["least_kinetic"].values[k], abs=1e-6)
         assert kinetic.min() > 0.2
-        assert branch.least_kinetic.min() < 0.02  # it leaves, and comes back to, motions at rest
-        assert branch.outcome.code == "back_to_brake_orbits"
+        assert branch["least_kinetic"].values.min() < 0.02  # it leaves, and comes back to, motions at rest
+        assert branch["outcome"].item() == "back_to_brake_orbits"
 
 
 def test_the_integrator_would_see_a_motion_that_is_not_periodic(stops):
-    branch = stops.non_brake[0]
-    y0, end, _ = integrated(stops, branch, int(np.argmax(branch.least_kinetic)), kick=1e-3)
+    branch = of_kind(stops, "non_brake")[0]
+    y0, end, _ = integrated(stops, branch, int(np.argmax(branch["least_kinetic"].values)), kick=1e-3)
     assert np.abs(end - y0).max() > 1e-4
 
 

@@ -34,6 +34,7 @@ from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.errors import ScenarioError
+from beamsim.results.values import peaks_in
 from beamsim.scenario.base import path_text, plain
 from beamsim.scenario.parameters import field_type_at
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelType, Quantity
@@ -647,16 +648,21 @@ def followed(scenario):
 
 def of_curves(result):
     """Values of a sweep cycle by cycle, or those of periodic motions at the frequencies that were asked for."""
-    found, stepwise = {}, result.scenario.sweep.kind != "continuation"
-    for label, curve in result.curves.items() if stepwise else enumerate(result.branches):
-        asked = () if stepwise else result.scenario.sweep.points_at
-        there = np.flatnonzero([any(math.isclose(f, at, rel_tol=1e-12) for at in asked) for f in curve.frequency_hz])
+    found = {}
+    if result.scenario.sweep.kind == "continuation":
+        asked = result.scenario.sweep.points_at
+        for label, branch in enumerate(result.branches):
+            frequencies = branch["frequency_hz"].values
+            there = np.flatnonzero([any(math.isclose(f, at, rel_tol=1e-12) for at in asked) for f in frequencies])
+            for value, of in peaks_in(branch):
+                found |= {f"{label} peak of {value.name} of {name}": peak[there] for name, peak in of.items()}
+        return found
+    for label, curve in result.curves.items():
         of_outputs = [("output", output) for output in curve.outputs.values()]
         for kind, values in [*((each.quantity, each) for each in (*curve.probes, *curve.snubbers)), *of_outputs]:
-            for name in ("peak", "rms", "mean", "harmonics") if stepwise else ("peak",):
-                whole = np.abs(getattr(values, name))
-                found[f"{label} {name} of {kind} of {values.name}"] = whole if stepwise else whole[there]
-        for name, impacts in curve.impacts.items() if stepwise else ():
+            for name in ("peak", "rms", "mean", "harmonics"):
+                found[f"{label} {name} of {kind} of {values.name}"] = np.abs(getattr(values, name))
+        for name, impacts in curve.impacts.items():
             for key in ("per_cycle", "impulse", "energy_lost"):
                 found[f"{label} {key} of force of {name}"] = np.asarray(getattr(impacts, key), dtype=float)
     return found

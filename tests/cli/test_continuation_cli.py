@@ -10,6 +10,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
+from tests.helpers.branches import events_of, peaks_of
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -34,27 +35,28 @@ def results():
 def test_level_with_backlash_is_linear_until_it_touches(results):
     """Touching at level = gap over the linear response per unit of level; folds enclose three motions."""
     (branch,) = results["continuation_level"].branches
-    grazing = next(e for e in branch.special if e.kind == "grazing")
-    before = branch.parameter < grazing.parameter * (1 - 1e-9)
-    linear = before & (branch.force["tip"].peak == 0)
-    ratio = branch.displacement["tip"].peak[linear] / branch.parameter[linear]
+    events = events_of(results["continuation_level"])
+    grazing = next(e for e in events if e.kind == "grazing")
+    before = branch["parameter"].values < grazing.parameter * (1 - 1e-9)
+    linear = before & (peaks_of(branch, "tip", "force") == 0)
+    ratio = peaks_of(branch, "tip")[linear] / branch["parameter"].values[linear]
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert grazing.parameter * ratio[0] == pytest.approx(0.4e-3, rel=1e-5)
-    folds = [e.parameter for e in branch.special if e.kind == "fold"]
+    folds = [e.parameter for e in events if e.kind == "fold"]
     assert len(folds) == 2
-    assert branch.stable.sum() < branch.stable.size
+    assert branch["stable"].values.sum() < branch["stable"].values.size
 
 
 @pytest.mark.slow
 def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(results):
     result = results["continuation_folds"]
-    first, second = sorted(result.fold_curves, key=lambda c: c.start_hz)
-    assert (first.touching, second.touching) == ("stop", "")
+    first, second = sorted(result.fold_curves, key=lambda c: c["start_hz"].item())
+    assert (first["touching"].item(), second["touching"].item()) == ("stop", "")
     for curve in (first, second):
-        np.testing.assert_allclose(np.sort(curve.parameter)[[0, -1]], [0.03, 0.3], rtol=1e-9)
-        assert curve.residual.max() < 1e-8
+        np.testing.assert_allclose(np.sort(curve["parameter"].values)[[0, -1]], [0.03, 0.3], rtol=1e-9)
+        assert curve["residual"].values.max() < 1e-8
     K = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    for hz, level in zip(first.frequency_hz, first.parameter, strict=True):
+    for hz, level in zip(first["frequency_hz"].values, first["parameter"].values, strict=True):
         w = 2 * np.pi * hz
         q = np.linalg.solve(K - w**2 * np.eye(2) + 0.03j * w * K, [0.0, 1.0])
         assert abs(q[0]) * level == pytest.approx(1.0, rel=1e-8)
@@ -62,11 +64,12 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     # a curve at another level turns at the second
     alone = ["sweep.longest_period=1", "sweep.seek_at=0"]
     other = continuation(load_scenario(CHAIN, ["excitation.level=0.2 N", *alone]))
-    folds = [e.frequency_hz for b in other.branches for e in b.special if e.kind == "fold"]
-    order = np.argsort(second.parameter)
+    folds = [e.frequency_hz for e in events_of(other) if e.kind == "fold"]
+    parameter, frequency = second["parameter"].values, second["frequency_hz"].values
+    order = np.argsort(parameter)
     from scipy.interpolate import CubicSpline
 
-    at = CubicSpline(second.parameter[order], second.frequency_hz[order])(0.2)
+    at = CubicSpline(parameter[order], frequency[order])(0.2)
     assert min(abs(f - at) for f in folds) < 1e-5 * at
 
 
@@ -75,11 +78,13 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     """A motion of period 2 goes further than those of period 1: 1.961 m against 1.884 m at the first mass."""
     result = results["continuation_folds"]
     for peak in result.summary["peaks"]:
+        periods = {b["period_multiple"].item() for b in result.branches}
         largest = {
-            b.period_multiple: max(other.displacement[peak["probe"]].peak.max() for other in result.branches
-                                   if other.period_multiple == b.period_multiple)
-            for b in result.branches
-        }  # fmt: skip
+            period: max(
+                peaks_of(b, peak["probe"]).max() for b in result.branches if b["period_multiple"].item() == period
+            )
+            for period in periods
+        }
         assert largest[2] > largest[1]
         assert peak["value_m"] == largest[2]
         assert peak["period_multiple"] == 2
@@ -91,12 +96,12 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
 def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]
-    (main,) = [b for b in result.branches if b.period_multiple == 1]
+    (main,) = [b for b in result.branches if b["period_multiple"].item() == 1]
     tops = {name: o.displacement["tip"].peak.max() for name, o in result.overlay.items()}
     for top in tops.values():
-        assert top == pytest.approx(main.displacement["tip"].peak.max(), rel=0.02)
+        assert top == pytest.approx(peaks_of(main, "tip").max(), rel=0.02)
     up = result.overlay["up_0"]
-    assert up.level == main.level
+    assert up.level == main["level"].item()
     assert up.frequency_hz.min() > 75.0
     assert up.frequency_hz.max() < 95.0
 
@@ -108,11 +113,11 @@ def test_too_few_harmonics_are_not_trusted(tmp_path):
     assert done.exit_code == 3
     assert "raise sweep.method.harmonics above " in done.stderr
     stored = load(tmp_path / "chain_two_dof.h5")
-    assert stored.summary["neglected_harmonics"] == stored.branches[0].neglected_harmonics.max() > 0.01
+    assert stored.summary["neglected_harmonics"] == stored.branches[0]["neglected_harmonics"].values.max() > 0.01
     assert not stored.complete
     many = continuation(load_scenario(CHAIN, ["sweep.method={kind: harmonic_balance, harmonics: 21}"]))
     assert many.complete
-    kinds = [e.kind for e in many.branches[0].special]
+    kinds = [e.kind for e in events_of(many, 0)]
     assert kinds.count("fold") == 2
     assert kinds.count("period_doubling") == 2
 
@@ -136,7 +141,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
     steady = stored.overlay["up_1"]
     main = stored.branches[0]
-    expected = np.interp(steady.frequency_hz, main.frequency_hz, main.displacement["tip"].peak)
+    expected = np.interp(steady.frequency_hz, main["frequency_hz"].values, peaks_of(main, "tip"))
     np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)
     assert (tmp_path / "curve_response_tip.png").is_file()
     # nothing in common
@@ -174,6 +179,6 @@ def test_a_study_of_continuations(tmp_path):
     stored = load(tmp_path / "study.h5")
     peak = stored.responses["stable_0/probes/first/peak_displacement"].values
     single = continuation(load_scenario(CHAIN))
-    assert peak[0] == max(float(b.displacement["first"].peak[b.stable].max()) for b in single.branches)
+    assert peak[0] == max(float(peaks_of(b, "first")[b["stable"].values].max()) for b in single.branches)
     assert peak[1] > peak[0]
     assert set(stored.limits) == {"peak_force"}

@@ -55,11 +55,13 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     with asked_by(request.stop):
         part = nnm(load_scenario(MODE), request)
     assert mode.complete  # the twin that is not stopped
-    assert part.status == f"interrupted at stiffness factor {part.backbone.parameter[-1]:.6g}"
+    assert part.status == f"interrupted at stiffness factor {part.branches[0]['parameter'].values[-1]:.6g}"
     assert part.summary["status"] == part.status
-    assert part.backbone.parameter.size == points < mode.backbone.parameter.size
-    np.testing.assert_array_equal(part.backbone.initial_displacement, mode.backbone.initial_displacement[:points])
-    assert len([branch.motion for branch in part.branches if branch.motion is not None]) == 1
+    assert part.branches[0]["parameter"].values.size == points < mode.branches[0]["parameter"].values.size
+    np.testing.assert_array_equal(
+        part.branches[0]["initial_displacement"].values, mode.branches[0]["initial_displacement"].values[:points]
+    )
+    assert part["motion"]["branch_point"].item() == points
     part.plot()
 
 
@@ -191,7 +193,7 @@ def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_
     assert os.listdir(tmp_path) == ["case.h5"]
     kept = read(tmp_path / "case.h5")
     assert kept.status.startswith("interrupted")
-    assert POINTS <= kept.branches[0].parameter.size <= POINTS + 1  # the first need not be reported
+    assert POINTS <= kept.branches[0]["parameter"].values.size <= POINTS + 1  # the first need not be reported
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -12,6 +12,7 @@ from shipped import PATHS, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.scenario import load_scenario
+from tests.helpers.branches import rows_of
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -35,9 +36,9 @@ def test_every_mode_config(path):
     result = followed(path.stem)
     assert result.complete
     backbone = result.branches[0]
-    assert backbone.parameter.size >= 75
-    assert backbone.residual.max() < 1e-10
-    assert backbone.share.min() > 0.5
+    assert backbone["parameter"].values.size >= 75
+    assert backbone["residual"].values.max() < 1e-10
+    assert backbone["share"].values.min() > 0.5
     result.plot()
 
 
@@ -82,17 +83,17 @@ def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     """From 62 to 75 Hz tongues follow each other closely; the motions of the mode are found between them, too."""
     changes = {"nnm.continue_in.from": "80 uJ", "nnm.continue_in.to": "700 uJ"}
     result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
-    backbone = result.backbone
+    backbone = result.branches[0]
     assert result.complete
-    assert np.min(backbone.share) > 0.5
-    assert 5 in {jump.ratio for jump in result.jumps if jump.mode == 2}
-    assert np.max(np.diff(backbone.frequency_hz)) < 4.0
+    assert np.min(backbone["share"].values) > 0.5
+    assert 5 in {jump.ratio for jump in rows_of(result["jumps"]) if jump.mode == 2}
+    assert np.max(np.diff(backbone["frequency_hz"].values)) < 4.0
 
 
 def test_in_frequency():
     changes = {"nnm.continue_in": {"kind": "frequency", "from": "52.45 Hz", "to": "52.6 Hz"}}
     result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
-    assert result.branches[0].frequency_hz[0] == pytest.approx(52.45, rel=1e-9)
+    assert result.branches[0]["frequency_hz"].values[0] == pytest.approx(52.45, rel=1e-9)
     assert result.complete
-    assert result.branches[0].frequency_hz[-1] == pytest.approx(52.6, rel=1e-9)
-    assert np.all(np.diff(result.branches[0].energy) > 0)
+    assert result.branches[0]["frequency_hz"].values[-1] == pytest.approx(52.6, rel=1e-9)
+    assert np.all(np.diff(result.branches[0]["energy"].values) > 0)

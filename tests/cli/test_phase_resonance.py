@@ -14,6 +14,7 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.orbits.continuation import BranchStep
+from beamsim.results.branch import each_of
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
@@ -29,40 +30,46 @@ def held():
     return nnm(load_scenario(BACKBONE, SHORT | levels))
 
 
+def of_levels(result):
+    """What is known of each level, and its response about the resonance."""
+    return each_of(result["phase_resonance"], result["resonance_curves"], "level_index")
+
+
 def test_predicted_and_found(held):
-    result = held.phase_resonance
-    assert result.outcome.complete
+    result = held["phase_resonance"]
+    assert result["outcome"].item() == "complete"
     assert held.complete
-    assert result.unit == "m/s^2"
-    assert result.probe == "tip"
-    for m, level in zip(result.motions, (0.8, 1.4), strict=True):
-        assert m.level == pytest.approx(level * 9.80665)
-        assert m.found
-        assert m.residual < 1e-10
-        assert abs(m.quadrature) < 1e-7
-        assert m.frequency_hz == pytest.approx(m.predicted_frequency_hz, rel=2e-3)
-        assert m.amplitude["tip"] == pytest.approx(m.predicted_amplitude["tip"], rel=0.08)
-        assert m.level_for_amplitude == pytest.approx(m.level, rel=0.05)
-        assert m.stable
-    energy = result.predicted.energy
+    assert result["level"].unit == "m/s^2"
+    assert result["compared_probe"].item() == "tip"
+    assert result["level"].values == pytest.approx(np.array([0.8, 1.4]) * 9.80665)
+    for k in (0, 1):
+        m = result.sel(level_index=k)
+        predicted, found = (m[f"{of}amplitude"].sel(probe="tip").item() for of in ("predicted_", ""))
+        assert m["found"].item()
+        assert m["residual"].item() < 1e-10
+        assert abs(m["quadrature"].item()) < 1e-7
+        assert m["frequency_hz"].item() == pytest.approx(m["predicted_frequency_hz"].item(), rel=2e-3)
+        assert found == pytest.approx(predicted, rel=0.08)
+        assert m["level_for_amplitude"].item() == pytest.approx(m["level"].item(), rel=0.05)
+        assert m["stable"].item()
+    energy = held["predicted_levels"]["energy"].values
     assert np.all(np.diff(energy) > 0)
-    first, second = result.motions
-    assert energy[0] < first.predicted_energy < second.predicted_energy < energy[-1]
+    first, second = result["predicted_energy"].values
+    assert energy[0] < first < second < energy[-1]
 
 
 @pytest.mark.slow
 def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch):
-    for m in held.phase_resonance.motions:
-        assert 0.0 < m.energy_error < 1e-10
-        assert m.curve.energy_error.shape == m.curve.frequency_hz.shape
-        assert m.curve.energy_error.max() < 1e-10
+    assert np.all(held["phase_resonance"]["energy_error"].values > 0.0)
+    assert held["phase_resonance"]["energy_error"].values.max() < 1e-10
+    assert held["resonance_curves"]["energy_error"].values.max() < 1e-10
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
     monkeypatch.setattr(motion, "energy_error", lambda flow, flow_map: 3e-5)
     lost = nnm(load_scenario(BACKBONE, SHORT | levels))
-    assert lost.phase_resonance.outcome.code == "orbit_energy_not_balanced"
+    assert lost["phase_resonance"]["outcome"].item() == "orbit_energy_not_balanced"
     assert "at level 7.84532 m/s^2" in lost.status
     assert not lost.outcome.trusted
-    assert lost.phase_resonance.motions[0].found  # and kept
+    assert lost["phase_resonance"]["found"].values.all()  # and kept
 
 
 @pytest.mark.slow
@@ -77,8 +84,8 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
 
     monkeypatch.setattr(phase_resonance, "BranchStep", Blocked)
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
-    motion = nnm(load_scenario(BACKBONE, SHORT | levels)).phase_resonance.motions[0]
-    assert motion.predicted_energy == pytest.approx(held.phase_resonance.motions[0].predicted_energy, rel=1e-6)
+    one, other = (each["phase_resonance"] for each in (nnm(load_scenario(BACKBONE, SHORT | levels)), held))
+    assert one["predicted_energy"].values[0] == pytest.approx(other["predicted_energy"].values[0], rel=1e-6)
     np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
 
@@ -86,56 +93,57 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
 def test_a_level_is_found_beside_motions_on_which_the_force_does_no_work():
     """They are in tongues, through which the search for the level goes; it was refused."""
     asked = {"nnm.phase_resonance": {"levels": ["0.3 g"], "periods": 1, "span": "1 %"}}
-    (m,) = nnm(load_scenario(BACKBONE, asked)).phase_resonance.motions
-    assert m.found
-    assert m.level == pytest.approx(0.3 * 9.80665)
-    assert m.residual < 1e-10
-    assert abs(m.quadrature) < 1e-7
-    assert m.frequency_hz == pytest.approx(m.predicted_frequency_hz, rel=2e-3)
+    m = nnm(load_scenario(BACKBONE, asked))["phase_resonance"].sel(level_index=0)
+    assert m["found"].item()
+    assert m["level"].item() == pytest.approx(0.3 * 9.80665)
+    assert m["residual"].item() < 1e-10
+    assert abs(m["quadrature"].item()) < 1e-7
+    assert m["frequency_hz"].item() == pytest.approx(m["predicted_frequency_hz"].item(), rel=2e-3)
 
 
 def test_response_rides_the_backbone(held):
     """The largest response at each level lies on the backbone; the twin, the smaller level's curve, does not."""
-    ridge = held.phase_resonance.predicted
+    ridge = held["predicted_levels"]
 
     def beside(curve, amplitude):
-        return np.interp(amplitude, ridge.amplitude["tip"], ridge.frequency_hz) - curve
+        return np.interp(amplitude, ridge["amplitude"].sel(probe="tip").values, ridge["frequency_hz"].values) - curve
 
     peaks = []
-    for m in held.phase_resonance.motions:
-        k = int(np.argmax(m.curve.peak_displacement["tip"]))
-        peaks.append((m.curve.frequency_hz[k], m.curve.peak_displacement["tip"][k]))
-        assert m.curve.frequency_hz[0] == pytest.approx(0.94 * m.frequency_hz, rel=1e-9)
+    for m, resonance in zip(of_levels(held), held["phase_resonance"]["frequency_hz"].values, strict=True):
+        frequency, amplitude = m["frequency_hz"].values, m["amplitude"].sel(probe="tip").values
+        k = int(np.argmax(amplitude))
+        peaks.append((frequency[k], amplitude[k]))
+        assert frequency[0] == pytest.approx(0.94 * resonance, rel=1e-9)
         assert abs(beside(*peaks[-1])) < 2e-3 * peaks[-1][0]
     assert abs(beside(peaks[0][0], peaks[1][1])) > abs(beside(*peaks[1]))
 
 
 def test_a_transient_comes_to_the_same_motion(held):
     """The exact motion at phase resonance, by `beamsim run` from rest."""
-    m = held.phase_resonance.motions[0]
-    periods = 150
-    run = {"duration": periods / m.frequency_hz, "sample_rate": 256 * m.frequency_hz, "start": "rest"}
-    scenario = load_scenario(
-        BACKBONE, {"excitation.frequency": m.frequency_hz, "excitation.level": m.level, "run": run, "nnm": None}
-    )
+    m = held["phase_resonance"].sel(level_index=0)
+    hz, level, amplitude = m["frequency_hz"].item(), m["level"].item(), m["amplitude"].sel(probe="tip").item()
+    run = {"duration": 150 / hz, "sample_rate": 256 * hz, "start": "rest"}
+    scenario = load_scenario(BACKBONE, {"excitation.frequency": hz, "excitation.level": level, "run": run, "nnm": None})
     result = beamsim.run(scenario)
     x = result["histories"]["displacement"].sel(probe="tip").values[-257:-1]
-    if np.abs(x).max() < 0.5 * m.amplitude["tip"]:
+    if np.abs(x).max() < 0.5 * amplitude:
         pytest.fail("the transient fell to the other stable motion")
-    assert np.abs(x).max() == pytest.approx(m.amplitude["tip"], rel=1e-3)
+    assert np.abs(x).max() == pytest.approx(amplitude, rel=1e-3)
 
 
 def test_held_motion(held):
     """Carried from the mode itself it stays near, and its second instant is half a period after the first."""
-    for m in held.phase_resonance.motions:
-        h = m.held
-        assert h.departure.size == 12
-        assert h.departure.max() < 0.25
-        assert np.diff(h.instants) == pytest.approx(0.5 / m.predicted_frequency_hz)
-        assert np.abs(h.shapes - h.mode_shapes).max() < 0.25 * np.abs(h.mode_shapes).max()
-        line = int(np.argmax(h.amplitude["tip"][1:])) + 1
-        assert h.frequency_hz[line] == pytest.approx(m.predicted_frequency_hz, rel=1e-9)
-        assert h.time.size == h.displacement["tip"].size
+    of_all, spectra = held["phase_resonance"], each_of(held["phase_resonance"], held["held_spectra"], "level_index")
+    for k, spectrum in enumerate(spectra):
+        m = of_all.sel(level_index=k)
+        predicted, mode = m["predicted_frequency_hz"].item(), m["mode_shapes"].values
+        assert m["departure"].values.size == 12
+        assert m["departure"].values.max() < 0.25
+        assert np.diff(m["instants"].values) == pytest.approx(0.5 / predicted)
+        assert np.abs(m["shapes"].values - mode).max() < 0.25 * np.abs(mode).max()
+        line = int(np.argmax(spectrum["line"].sel(probe="tip").values[1:])) + 1
+        assert spectrum["frequency_hz"].values[line] == pytest.approx(predicted, rel=1e-9)
+    assert held["held"]["displacement"].sel(probe="tip").values.size == held["held"]["time"].values.size == 2 * 12 * 512
 
 
 @pytest.mark.slow
@@ -145,14 +153,17 @@ def test_scales_with_the_level():
         "nnm.continue_in": {"kind": "stiffness_factor", "from": 0, "to": 0.2},
         "nnm.phase_resonance": {"levels": ["1 g", "2 g"], "periods": 5},
     }
-    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes)).phase_resonance
-    one, two = result.motions
-    assert result.scales
-    assert two.frequency_hz == pytest.approx(one.frequency_hz, rel=1e-9)
-    assert two.amplitude["tip"] == pytest.approx(2 * one.amplitude["tip"], rel=1e-7)
-    assert two.predicted_energy == pytest.approx(4 * one.predicted_energy, rel=1e-10)
-    per_level = result.predicted.amplitude["tip"] / result.predicted.level
-    np.testing.assert_allclose(per_level, one.predicted_amplitude["tip"] / one.level, rtol=1e-9)
+    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes))
+    levels, predicted = result["phase_resonance"], result["predicted_levels"]
+    assert levels["scales"].item()
+    assert np.ptp(levels["frequency_hz"].values) < 1e-9 * levels["frequency_hz"].values[0]
+    one, two = levels["amplitude"].sel(probe="tip").values
+    assert two == pytest.approx(2 * one, rel=1e-7)
+    one, two = levels["predicted_energy"].values
+    assert two == pytest.approx(4 * one, rel=1e-10)
+    per_level = predicted["amplitude"].sel(probe="tip").values / predicted["level"].values
+    expected = levels["predicted_amplitude"].sel(probe="tip").values / levels["level"].values
+    np.testing.assert_allclose(per_level, expected[0], rtol=1e-9)
 
 
 def test_point_force_on_a_chain():
@@ -169,11 +180,10 @@ def test_point_force_on_a_chain():
             "phase_resonance": {"periods": 5},
         },
     }  # fmt: skip
-    result = nnm(load_scenario(case)).phase_resonance
-    assert result.unit == "N"
-    (m,) = result.motions
-    assert m.found
-    assert m.level_for_amplitude == pytest.approx(5e-3, rel=0.02)
+    result = nnm(load_scenario(case))["phase_resonance"]
+    assert result["level"].unit == "N"
+    assert result["found"].values.tolist() == [True]
+    assert result["level_for_amplitude"].item() == pytest.approx(5e-3, rel=0.02)
 
 
 @pytest.mark.slow
@@ -233,11 +243,11 @@ def test_command(tmp_path):
     assert level["found"]
     assert level["periods"] == 6
     with h5py.File(tmp_path / "nnm_forced_backbone.h5") as file:
-        predicted = file["phase_resonance_predicted"]
+        predicted = file["predicted_levels"]
         assert predicted["level"].attrs["units"] == "m/s^2"
         assert predicted["level"].dims[0][0] == predicted["point"]
-        assert (held := file["phase_resonance_levels_held_instants"])["shapes"].dims[1][0] == held["position"]
-    m = load(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
-    assert m.frequency_hz == level["frequency_hz"]
-    assert m.curve.stable.dtype == bool
-    assert m.held.displacement["tip"].size == m.held.time.size
+        assert (held := file["phase_resonance"])["shapes"].dims[2][0] == held["station"]
+    stored = load(tmp_path / "nnm_forced_backbone.h5")
+    assert stored["phase_resonance"]["frequency_hz"].item() == level["frequency_hz"]
+    assert stored["resonance_curves"]["stable"].values.dtype == bool
+    assert stored["held"]["displacement"].sel(probe="tip").values.size == 6 * 512

@@ -103,10 +103,11 @@ def test_command(tmp_path):
     names = {Path(f).name for f in summary["files"]}
     assert {"ms_forced_oscillator_multiple_scales_mass.png", "ms_forced_oscillator_multiple_scales_orders.png"} <= names
     with h5py.File(tmp_path / "ms_forced_oscillator.h5") as file:
-        assert file["multiple_scales_factor/difference"].dims[0][0] == file["multiple_scales_factor/sample"]
-    (stored,) = load(tmp_path / "ms_forced_oscillator.h5").expansion
-    assert stored.first["mass"].max() == level["largest_first_order_m"]["mass"]
-    assert stored.stability_agrees.all()
+        assert file["multiple_scales_factors/difference"].dims[0][0] == file["multiple_scales_factors/number"]
+    stored = load(tmp_path / "ms_forced_oscillator.h5")
+    first = stored["multiple_scales_points"]["first"].sel(probe="mass").values
+    assert first.max() == level["largest_first_order_m"]["mass"]
+    assert stored["multiple_scales_factors"]["stability_agrees"].values.all()
 
 
 def test_only_beside_a_continuation(tmp_path):

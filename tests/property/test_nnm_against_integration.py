@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.scenario import load_scenario
+from tests.helpers.branches import multipliers
 
 
 def random_chain(rng):
@@ -111,16 +112,16 @@ def test_motions_close_with_their_energy(seed):
     rng = np.random.default_rng(seed)
     case = random_chain(rng)
     result = nnm(load_scenario(case))
-    if result.backbone.share[-1] < 0.5:  # followed by continuity, and named
+    if result.branches[0]["share"].values[-1] < 0.5:  # followed by continuity, and named
         (shared,) = result.outcome.all_of("energy_shared")
-        assert shared.numbers["share"] == pytest.approx(result.backbone.share[-1], rel=1e-9)
+        assert shared.numbers["share"] == pytest.approx(result.branches[0]["share"].values[-1], rel=1e-9)
     for branch in result.branches:
-        k = int(rng.integers(branch.parameter.size))
-        chain = Chain(case["chain"], branch.parameter[k] if result.parameter == "stiffness_factor" else 1.0)
-        x, energy = branch.initial_displacement[k], branch.energy[k]
+        k = int(rng.integers(branch["parameter"].values.size))
+        chain = Chain(case["chain"], branch["parameter"].values[k] if result.parameter == "stiffness_factor" else 1.0)
+        x, energy = branch["initial_displacement"].values[k], branch["energy"].values[k]
         np.testing.assert_allclose(chain.potential(x) - chain.potential(chain.rest), energy, rtol=1e-7)
-        y = chain.after(x, 1 / branch.frequency_hz[k])
-        mu = branch.floquet_multipliers[k]
+        y = chain.after(x, 1 / branch["frequency_hz"].values[k])
+        mu = multipliers(branch)[k]
         largest = np.abs(mu).max()
         miss = np.hypot(
             np.linalg.norm(y[: chain.n] - x) / np.linalg.norm(x - chain.rest),
@@ -130,18 +131,18 @@ def test_motions_close_with_their_energy(seed):
         if largest < 100:
             np.testing.assert_allclose(np.prod(mu), 1.0, atol=1e-5)
             assert np.count_nonzero(np.abs(mu - 1) < 3e-3) >= 2
-            assert branch.stable[k] or largest > 1 + 1e-6
+            assert branch["stable"].values[k] or largest > 1 + 1e-6
 
 
 def test_the_check_can_fail():
     """A motion of another chain does not close."""
     case = {"masses": [1.0, 1.0], "springs": [1.0, 1.0, 1.0],
             "snubbers": [{"mass": 2, "side": "above", "stiffness": 3.0, "gap": 0.2}]}  # fmt: skip
-    branch = nnm(load_scenario({"chain": case, "nnm": {"mode": 1, "energy": 1.0}})).backbone
-    x = branch.initial_displacement[-1]
+    branch = nnm(load_scenario({"chain": case, "nnm": {"mode": 1, "energy": 1.0}})).branches[0]
+    x = branch["initial_displacement"].values[-1]
     misses = []
     for masses in (case["masses"], [1.0, 1.0001]):
-        y = Chain(case | {"masses": masses}, 1.0).after(x, 1 / branch.frequency_hz[-1])
+        y = Chain(case | {"masses": masses}, 1.0).after(x, 1 / branch["frequency_hz"].values[-1])
         misses.append(np.linalg.norm(y[:2] - x) / np.linalg.norm(x))
     assert misses[0] < 1e-8
     assert misses[1] > 1e-5

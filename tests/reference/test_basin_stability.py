@@ -7,14 +7,13 @@ of pyBasin, are 20.27 % for the small motion of period one, 49.50 % for the larg
 period two, 24.78 % for that of period three.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from independent import Stop, chain, integrate
 from scipy.stats import beta
 
 import beamsim
+from tests.helpers.branches import rows_of
 
 pytestmark = pytest.mark.slow
 
@@ -40,8 +39,10 @@ def oscillator(number):
 
 def states(result):
     """State at phase zero of every motion, by number, of one mass of 1 kg."""
-    pairs = zip(result.motions, result.branches, strict=True)
-    return {m.number: np.array([b.coordinates[0, 0], b.coordinate_velocities[0, 0]]) for m, b in pairs}
+    pairs = zip(rows_of(result["motions"]), result.branches, strict=True)
+    return {
+        m.number: np.array([b["coordinates"].values[0, 0], b["coordinate_velocities"].values[0, 0]]) for m, b in pairs
+    }
 
 
 def test_80_starts_end_where_dop853_with_events_takes_them():
@@ -50,7 +51,7 @@ def test_80_starts_end_where_dop853_with_events_takes_them():
     assert len(known) == 2
     stop, structure = Stop(np.ones(1), 4e4, gap=2e-3), chain([1.0], [4e3, 0.0], [4.0, 0.0])
     differ = []
-    for start, number in zip(result.start, result.destination[0], strict=True):
+    for start, number in zip(result["starts"]["start"].values, result["starts"]["destination"].values[0], strict=True):
         end = integrate(
             structure, [stop], lambda t: np.array([4.0 * np.sin(OMEGA * t)]), start, times, most_step=0.02, rtol=1e-9
         ).state[0]
@@ -63,9 +64,9 @@ def test_80_starts_end_where_dop853_with_events_takes_them():
 
 def test_the_result_does_not_depend_on_the_workers():
     one, two = (beamsim.coexisting(oscillator(60), workers=workers) for workers in (1, 2))
-    np.testing.assert_array_equal(one.destination, two.destination)
+    np.testing.assert_array_equal(*(each["starts"]["destination"].values for each in (one, two)))
     np.testing.assert_array_equal(one.cycles, two.cycles)
-    assert [replace(m) for m in one.motions] == [replace(m) for m in two.motions]
+    assert rows_of(one["motions"]) == rows_of(two["motions"])
 
 
 DUFFING = {"small": 0.2027, "large": 0.4950, "two": 0.0288, "other two": 0.0257, "three": 0.2478}
@@ -128,19 +129,19 @@ def told_apart(sections):
 
 
 def test_the_five_motions_of_the_duffing_oscillator_and_their_starts(duffing):
-    assert sorted(m.period_cycles for m in duffing.motions) == [1, 1, 2, 2, 3]
+    assert sorted(m.period_cycles for m in rows_of(duffing["motions"])) == [1, 1, 2, 2, 3]
     ends = np.array(list(states(duffing).values()))
     names = dict(zip(states(duffing), told_apart(own_sections(ends, 6)), strict=True))
     assert sorted(names.values()) == sorted(NEAR)
     own = told_apart(own_sections(duffing.start, 170))
-    assert own == [names[number] for number in duffing.destination[0]]
+    assert own == [names[number] for number in duffing["starts"]["destination"].values[0]]
 
 
 def test_published_shares_lie_within_the_intervals(duffing):
     ends = np.array(list(states(duffing).values()))
     names = dict(zip(states(duffing), told_apart(own_sections(ends, 6)), strict=True))
     intervals = {}
-    for motion in duffing.motions:
+    for motion in rows_of(duffing["motions"]):
         k, n = motion.starts, 150  # 99.9 %: five shares at once
         low, high = beta.ppf(0.0005, k, n - k + 1), beta.ppf(0.9995, k + 1, n - k)
         intervals[names[motion.number]] = (low, high)

@@ -12,7 +12,9 @@ from beamsim.cli.tables import all_rows, table_rows
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.outcomes import OutcomeKind
 from beamsim.responses.parameters import response_model
+from beamsim.results.branch import harmonics_of
 from beamsim.scenario import Scenario, load_scenario
+from tests.helpers.branches import events_of, multipliers, peaks_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM, MASSES = CONFIGS / "one_sided_65hz.yaml", CONFIGS / "chain_two_dof.yaml"
@@ -43,20 +45,20 @@ def test_coexisting_motions_with_contact_are_found(levels):
     """From 0.2 to 0.1 N the linear motion is stable, but motions that meet the stop exist throughout."""
     linear, *others = levels.branches
     assert levels.complete
-    assert linear.force["stop"].peak.max() == 0.0
+    assert peaks_of(linear, "stop", "force").max() == 0.0
     for level in (0.1, 0.15, 0.2):
         assert any(
-            b.parameter.min() <= level * (1 + 1e-9) and b.parameter.max() >= level * (1 - 1e-9)
-            and b.force["stop"].peak.min() > 0 for b in others
+            b["parameter"].values.min() <= level * (1 + 1e-9) and b["parameter"].values.max() >= level * (1 - 1e-9)
+            and peaks_of(b, "stop", "force").min() > 0 for b in others
         )  # fmt: skip
-    assert any(np.any(b.stable) for b in others)
+    assert any(np.any(b["stable"].values) for b in others)
 
 
 @pytest.mark.slow
 def test_the_coexisting_motion_attracts_an_independent_integration(levels):
-    branch = next(b for b in levels.branches[1:] if b.period_multiple == 1 and np.any(b.stable))
-    k = int(np.flatnonzero(branch.stable)[0])
-    level, w = branch.parameter[k], 0.72
+    branch = next(b for b in levels.branches[1:] if b["period_multiple"].item() == 1 and np.any(b["stable"].values))
+    k = int(np.flatnonzero(branch["stable"].values)[0])
+    level, w = branch["parameter"].values[k], 0.72
 
     def rates(t, y):
         x1, x2, v1, v2 = y
@@ -71,9 +73,9 @@ def test_the_coexisting_motion_attracts_an_independent_integration(levels):
         done = solve_ivp(rates, (0, 100 * T), [-size, -0.6 * size, 0, 0], rtol=1e-8, atol=1e-10, max_step=T / 20)
         last = done.t > 99 * T
         peaks.add(round(float(np.abs(done.y[0, last]).max()), 2))
-    linear = levels.branches[0].displacement["first"].peak
+    linear = peaks_of(levels.branches[0], "first")
     assert min(peaks) == pytest.approx(np.interp(level, [0.1, 0.2], [linear.min(), linear.max()]), abs=0.03)
-    assert max(peaks) == pytest.approx(branch.displacement["first"].peak[k], rel=0.02)
+    assert max(peaks) == pytest.approx(peaks_of(branch, "first")[k], rel=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -85,14 +87,14 @@ def symmetric():
 def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
     """To both sides of the symmetric curve, one the mirror image of the other half a period later."""
     main = symmetric.branches[0]
-    assert np.all(np.abs(main.displacement["tip"].maximum + main.displacement["tip"].minimum) < 1e-9)
-    assert "branch_point" in {e.kind for e in main.special}
+    assert np.all(np.abs(peaks_of(main, "tip", end="max") + peaks_of(main, "tip", end="min")) < 1e-9)
+    assert "branch_point" in {e.kind for e in events_of(symmetric, 0)}
     sides = {1: [], -1: []}
     for branch in symmetric.branches:
-        mean = branch.displacement["tip"].maximum + branch.displacement["tip"].minimum
-        for k in np.flatnonzero(branch.stable & (np.abs(mean) > 1e-3 * branch.displacement["tip"].peak)):
-            if branch.period_multiple == 1:
-                sides[int(np.sign(mean[k]))].append(branch.parameter[k])
+        mean = peaks_of(branch, "tip", end="max") + peaks_of(branch, "tip", end="min")
+        for k in np.flatnonzero(branch["stable"].values & (np.abs(mean) > 1e-3 * peaks_of(branch, "tip"))):
+            if branch["period_multiple"].item() == 1:
+                sides[int(np.sign(mean[k]))].append(branch["parameter"].values[k])
     for values in sides.values():
         assert np.ptp(values) > 0.3  # Hz
     broken = [branch for branch in symmetric.summary["followed"] if "off_centre" in branch]
@@ -111,9 +113,9 @@ def test_maxima_are_those_of_the_continuous_curve():
     assert peak["frequency_hz"] == pytest.approx(81.570, abs=2e-3)
     (branch,) = result.branches
     for value in values:
-        (k,) = np.flatnonzero(np.isclose(branch.parameter, value, rtol=1e-13, atol=0.0))
-        assert branch.residual[k] < 1e-11
-        assert branch.displacement["tip"].peak[k] <= peak["value_m"]
+        (k,) = np.flatnonzero(np.isclose(branch["parameter"].values, value, rtol=1e-13, atol=0.0))
+        assert branch["residual"].values[k] < 1e-11
+        assert peaks_of(branch, "tip")[k] <= peak["value_m"]
 
 
 CHAIN = """
@@ -146,12 +148,12 @@ def test_a_corner_far_from_the_chord_is_found(tmp_path):
     )  # fmt: skip
     branch = result.branches[0]
     assert result.complete
-    grazed = [e for e in branch.special if e.kind == "grazing"]
-    assert np.count_nonzero(np.diff(branch.contact_share["stop"] > 0)) == len(grazed) == 1
+    grazed = [e for e in events_of(result, 0) if e.kind == "grazing"]
+    assert np.count_nonzero(np.diff(branch["contact_share"].sel(snubber="stop").values > 0)) == len(grazed) == 1
     assert grazed[0].parameter == pytest.approx(1.0704510935, abs=1e-9)
-    fold = min((e for e in branch.special if e.kind == "fold"), key=lambda e: e.parameter)
-    k = int(np.argmin(np.abs(branch.parameter - fold.parameter)))
-    assert np.abs(branch.floquet_multipliers[k] - 1).min() < 1e-6
+    fold = min((e for e in events_of(result, 0) if e.kind == "fold"), key=lambda e: e.parameter)
+    k = int(np.argmin(np.abs(branch["parameter"].values - fold.parameter)))
+    assert np.abs(multipliers(branch)[k] - 1).min() < 1e-6
 
 
 @pytest.mark.slow
@@ -164,23 +166,23 @@ def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
     )  # fmt: skip
     _, doubled = result.branches
     assert result.complete
-    assert doubled.outcome.code == "back_to_period"
-    assert doubled.parameter.min() == pytest.approx(1.19697, abs=5e-5)
-    folds = [e.parameter for e in doubled.special if e.kind in ("fold", "nonsmooth_fold")]
+    assert doubled["outcome"].item() == "back_to_period"
+    assert doubled["parameter"].values.min() == pytest.approx(1.19697, abs=5e-5)
+    folds = [e.parameter for e in events_of(result, 1) if e.kind in ("fold", "nonsmooth_fold")]
     assert folds == [pytest.approx(1.4190664, abs=1e-6)]
 
 
 def test_harmonics_are_stored_as_many_as_asked_for():
     branch = curve(BEAM, sweep_of(80, 80.2, "stored_harmonics: 12, seek_at: 0")).branches[0]
-    assert branch.harmonics["tip"].shape[1] == 13
-    np.testing.assert_array_equal(branch.order, np.arange(13))
+    assert harmonics_of(branch)["tip"].shape[1] == 13
+    np.testing.assert_array_equal(branch["harmonic"].values, np.arange(13))
 
 
 @pytest.mark.slow
 def test_branches_end_at_the_ends_of_the_range():
     """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
     result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
-    values = np.concatenate([b.parameter for b in result.branches])
+    values = np.concatenate([b["parameter"].values for b in result.branches])
     assert values.min() == 20.0
     assert values.max() == pytest.approx(20.6, rel=1e-12)
     assert len(result.branches) > 1
@@ -216,16 +218,16 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
 def test_harmonic_balance_seeks_coexisting_motions(levels):
     """It begins from what shooting finds; with cubic springs it does not, and says so."""
     balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 15}")
-    contact = [b for b in balance.branches if b.force["stop"].peak.min() > 0]
-    exact = [b for b in levels.branches if b.force["stop"].peak.min() > 0 and b.period_multiple == 1]
+    contact = [b for b in balance.branches if peaks_of(b, "stop", "force").min() > 0]
+    exact = [b for b in levels.branches if peaks_of(b, "stop", "force").min() > 0 and b["period_multiple"].item() == 1]
     assert contact
     for branch in contact:
-        k = branch.parameter.size // 2
+        k = branch["parameter"].values.size // 2
         beside = [
-            np.interp(branch.parameter[k], b.parameter[order], b.displacement["first"].peak[order])
-            for b in exact for order in [np.argsort(b.parameter)]
+            np.interp(branch["parameter"].values[k], b["parameter"].values[order], peaks_of(b, "first")[order])
+            for b in exact for order in [np.argsort(b["parameter"].values)]
         ]  # fmt: skip
-        assert min(abs(np.array(beside) / branch.displacement["first"].peak[k] - 1)) < 0.05
+        assert min(abs(np.array(beside) / peaks_of(branch, "first")[k] - 1)) < 0.05
     force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
     cubic = curve(
         CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
@@ -241,7 +243,7 @@ def test_one_branch_does_not_spend_the_points_of_all():
         CONFIGS / "continuation_60_120hz.yaml",
         sweep_of(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
     )
-    covered = [(b.parameter.min(), b.parameter.max()) for b in result.branches]
+    covered = [(b["parameter"].values.min(), b["parameter"].values.max()) for b in result.branches]
     assert max(high for _, high in covered) == pytest.approx(120.0)
     assert any(low <= 110 <= high for low, high in covered)
     assert not result.complete
@@ -255,11 +257,19 @@ def test_a_contact_with_a_pad_that_has_not_recovered_grazes_its_face():
     base = {"kind": "harmonic", "applied_to": "base", "level": 9.81, "frequency": 10.0}
     sweep = {"kind": "continuation", "from": 10.3, "to": 10.5, "side_branches": "none"}
     case = Scenario.model_validate({"chain": {**chain, "snubbers": [pad]}, "excitation": base, "sweep": sweep})
-    (branch,) = continuation(case).branches
-    (grazing,) = (special for special in branch.special if special.kind == "grazing")
+    result = continuation(case)
+    (branch,) = result.branches
+    (grazing,) = (special for special in events_of(result) if special.kind == "grazing")
     model = response_model(case)
-    near = int(np.argmin(np.abs(branch.parameter - grazing.parameter)))
-    state = [each[near] for each in (branch.coordinates, branch.coordinate_velocities, branch.internal_states)]
+    near = int(np.argmin(np.abs(branch["parameter"].values - grazing.parameter)))
+    state = [
+        each[near]
+        for each in (
+            branch["coordinates"].values,
+            branch["coordinate_velocities"].values,
+            branch["internal_states"].values,
+        )
+    ]
     contacts = []
     for beside in (1.0 - 1e-6, 1.0 + 1e-6):
         omega = 2 * np.pi * grazing.parameter * beside

@@ -12,6 +12,7 @@ from beamsim.responses.parameters import MovedSnubber
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
+from tests.helpers.branches import peaks_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM = CONFIGS / "one_sided_65hz.yaml"
@@ -59,12 +60,12 @@ def test_both_ends_are_the_motions_that_transients_come_to(case):
     _, key, result = case
     assert result.complete
     (branch,) = result.branches
-    assert branch.residual.max() < 1e-10
+    assert branch["residual"].values.max() < 1e-10
     for end in (0, -1):
-        assert branch.stable[end]
-        expected = settled_peak(key, float(branch.parameter[end]))
-        assert branch.displacement["tip"].peak[end] == pytest.approx(expected, rel=1e-4)
-    other = branch.displacement["tip"].peak[0]
+        assert branch["stable"].values[end]
+        expected = settled_peak(key, float(branch["parameter"].values[end]))
+        assert peaks_of(branch, "tip")[end] == pytest.approx(expected, rel=1e-4)
+    other = peaks_of(branch, "tip")[0]
     assert abs(other - expected) > 0.01 * expected  # the comparison can fail
 
 
@@ -72,13 +73,11 @@ def test_a_curve_in_frequency_crosses_it(case):
     """At a value halfway, the curve in frequency passes the same motion."""
     kind, key, result = case
     (branch,) = result.branches
-    k = branch.parameter.size // 2
+    k = branch["parameter"].values.size // 2
     sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1, seek_at: 0}"
-    crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
+    crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch['parameter'].values[k])!r}"]))
     rel = 1e-4 if kind == "position" else 1e-7  # another basis
-    assert crossing.branches[0].displacement["tip"].peak[0] == pytest.approx(
-        branch.displacement["tip"].peak[k], rel=rel
-    )
+    assert peaks_of(crossing.branches[0], "tip")[0] == pytest.approx(peaks_of(branch, "tip")[k], rel=rel)
 
 
 @pytest.fixture(scope="module")
@@ -123,19 +122,19 @@ def test_extremes_are_those_of_a_stepped_sine():
     ).curves["up_0"]
     curve = continuation(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
     branch = curve.branches[0]
-    assert branch.stable[0]
+    assert branch["stable"].values[0]
     pairs = [
-        (branch.displacement["tip"].peak, stepped.displacement["tip"].peak),
-        (branch.force["tip"].peak, stepped.force["tip"].peak),
-        (branch.acceleration["tip"].peak, stepped.acceleration["tip"].peak),
-        (branch.peak_bending_stress, stepped.peak_bending_stress),
-        (branch.peak_gap["tip"], stepped.peak_gap["tip"]),
-        (branch.contact_share["tip"], stepped.contact_share["tip"]),
+        (peaks_of(branch, "tip"), stepped.displacement["tip"].peak),
+        (peaks_of(branch, "tip", "force"), stepped.force["tip"].peak),
+        (peaks_of(branch, "tip", "absolute_acceleration"), stepped.acceleration["tip"].peak),
+        (branch["peak_bending_stress"].values, stepped.peak_bending_stress),
+        (branch["peak_gap"].sel(snubber="tip").values, stepped.peak_gap["tip"]),
+        (branch["contact_share"].sel(snubber="tip").values, stepped.contact_share["tip"]),
     ]
     for ours, exact in pairs:
         np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)
-    assert curve.summary["margins"]["peak_force"]["value"] == branch.force["tip"].peak.max()
-    assert curve.summary["peak_force_n"]["tip"] == branch.force["tip"].peak[branch.stable].max()
+    assert curve.summary["margins"]["peak_force"]["value"] == peaks_of(branch, "tip", "force").max()
+    assert curve.summary["peak_force_n"]["tip"] == peaks_of(branch, "tip", "force")[branch["stable"].values].max()
 
 
 @pytest.mark.slow
@@ -143,7 +142,7 @@ def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
     result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
     margin = result.summary["margins"]["peak_displacement"]
-    top = max(float(b.displacement["first"].peak.max()) for b in result.branches)
-    stable = max(float(b.displacement["first"].peak[b.stable].max()) for b in result.branches)
+    top = max(float(peaks_of(b, "first").max()) for b in result.branches)
+    stable = max(float(peaks_of(b, "first")[b["stable"].values].max()) for b in result.branches)
     assert margin["value"] == stable < 1.85 < top
     assert not margin["exceeded"]

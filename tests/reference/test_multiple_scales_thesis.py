@@ -96,10 +96,10 @@ def test_scenario():
     case = chain(5) | {"nnm": {"mode": 4, "method": "multiple_scales"}}
     scenario = load_scenario(case)
     assert load_scenario(scenario.to_yaml()) == scenario
-    c = nnm(scenario).expansion
-    assert c.path.mode == 4
-    assert np.all(c.exact.residual < 1e-10)
-    assert c.path.initial_displacement.shape == (c.path.factor.size, 3, 6)
+    c = nnm(scenario)["multiple_scales"]
+    assert c["mode"].item() == 4
+    assert np.all(c["exact_residual"].values < 1e-10)
+    assert c["initial_displacement"].values.shape == (c["factor"].values.size, 3, 6)
     with pytest.raises(ScenarioError, match="stiffness factor"):
         load_scenario(case | {"nnm": {"mode": 4, "method": "multiple_scales", "continue_in": {
             "kind": "energy", "from": 0.1, "to": 1.0}}})  # fmt: skip
@@ -147,15 +147,17 @@ def test_forced_on_the_first_mode_at_factor_5():
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
     result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes))
     backbone = result.branches[0]
-    assert backbone.frequency_hz[-1] == pytest.approx(89.952, abs=2e-3)
-    assert np.interp(77.58, backbone.frequency_hz, backbone.parameter) == pytest.approx(0.251, abs=2e-3)
-    (m,) = result.phase_resonance.motions
-    assert m.found
-    assert m.stable
-    assert m.frequency_hz == pytest.approx(89.947, abs=2e-3)
-    assert m.level_for_amplitude == pytest.approx(m.level, rel=0.03)
-    assert m.held.departure.size == 50
-    assert m.held.departure[-1] < 0.1
+    assert backbone["frequency_hz"].values[-1] == pytest.approx(89.952, abs=2e-3)
+    assert np.interp(77.58, backbone["frequency_hz"].values, backbone["parameter"].values) == pytest.approx(
+        0.251, abs=2e-3
+    )
+    held = result["phase_resonance"].sel(level_index=0)
+    assert held["found"].item()
+    assert held["stable"].item()
+    assert held["frequency_hz"].item() == pytest.approx(89.947, abs=2e-3)
+    assert held["level_for_amplitude"].item() == pytest.approx(held["level"].item(), rel=0.03)
+    assert held["departure"].values.size == 50
+    assert held["departure"].values[-1] < 0.1
 
 
 @pytest.mark.slow
@@ -164,13 +166,13 @@ def test_forced_on_the_second_mode_at_factor_5():
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
     result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_2.yaml", changes))
     backbone = result.branches[0]
-    assert backbone.frequency_hz.min() == pytest.approx(351.02, abs=0.01)
-    assert backbone.frequency_hz[-1] == pytest.approx(359.19, abs=0.01)
-    (m,) = result.phase_resonance.motions
-    assert m.frequency_hz == pytest.approx(358.87, abs=0.02)
-    assert m.level_for_amplitude == pytest.approx(m.level, rel=0.02)
-    assert not m.stable
-    assert m.held.departure[-1] > 0.5
+    assert backbone["frequency_hz"].values.min() == pytest.approx(351.02, abs=0.01)
+    assert backbone["frequency_hz"].values[-1] == pytest.approx(359.19, abs=0.01)
+    held = result["phase_resonance"].sel(level_index=0)
+    assert held["frequency_hz"].item() == pytest.approx(358.87, abs=0.02)
+    assert held["level_for_amplitude"].item() == pytest.approx(held["level"].item(), rel=0.02)
+    assert not held["stable"].item()
+    assert held["departure"].values[-1] > 0.5
 
 
 def gapped(gap=1e-4):
@@ -193,7 +195,7 @@ def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
     stop = {"mass": 1, "side": "above", "stiffness": 0.3, "gap": 0}
     chain = {"masses": [1], "springs": [1], "snubbers": [stop]}
     section = {"mode": 1, "continue_in": {"kind": "stiffness_factor", "to": last}}
-    comparison = nnm(load_scenario({"chain": chain, "nnm": section}), compare=["multiple_scales"]).expansion
-    exact = 1 / (np.pi + np.pi / np.sqrt(1 + 0.3 * comparison.path.factor))
-    assert comparison.path.factor.max() == last
-    np.testing.assert_allclose(comparison.exact.frequency_hz, exact, rtol=1e-10)
+    comparison = nnm(load_scenario({"chain": chain, "nnm": section}), compare=["multiple_scales"])["multiple_scales"]
+    exact = 1 / (np.pi + np.pi / np.sqrt(1 + 0.3 * comparison["factor"].values))
+    assert comparison["factor"].values.max() == last
+    np.testing.assert_allclose(comparison["exact_frequency_hz"].values, exact, rtol=1e-10)

@@ -9,6 +9,7 @@ import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.branches import multipliers, peaks_of
 
 BEAM = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
 LAW = "snubbers[0].law"
@@ -38,11 +39,13 @@ def run_from(path, k, periods, frequency, *changes, **start):
 
 def test_a_stable_motion_goes_on(in_frequency):
     path, branch = in_frequency
-    (k,) = np.flatnonzero(np.isclose(branch.parameter, 84.5, rtol=1e-13))
+    (k,) = np.flatnonzero(np.isclose(branch["parameter"].values, 84.5, rtol=1e-13))
     result = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500")
     assert result.scenario.excitation.frequency == pytest.approx(84.5, rel=1e-14)
-    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.displacement["tip"].peak[k], rel=1e-7)
-    assert result.summary["contact_share"]["tip"] == pytest.approx(branch.contact_share["tip"][k], rel=1e-9)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(branch, "tip")[k], rel=1e-7)
+    assert result.summary["contact_share"]["tip"] == pytest.approx(
+        branch["contact_share"].sel(snubber="tip").values[k], rel=1e-9
+    )
     x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 1000)
     np.testing.assert_allclose(x, np.tile(x[0], (20, 1)), atol=1e-9 * np.abs(x).max())
     disturbed = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500", factor=1.02)
@@ -53,9 +56,9 @@ def test_a_stable_motion_goes_on(in_frequency):
 
 def test_an_unstable_motion_is_left(in_frequency):
     path, branch = in_frequency
-    k = int(np.argmax(np.where(branch.stable, 0.0, np.abs(branch.floquet_multipliers[:, 0]))))
-    frequency = float(branch.frequency_hz[k])
-    growth = abs(branch.floquet_multipliers[k, 0])
+    k = int(np.argmax(np.where(branch["stable"].values, 0.0, np.abs(multipliers(branch)[:, 0]))))
+    frequency = float(branch["frequency_hz"].values[k])
+    growth = abs(multipliers(branch)[k, 0])
     assert growth > 1.01
     rate = f"run.sample_rate={200 * frequency!r}"
     disturbed = run_from(path, k, 300, frequency, rate, factor=1.0 + 1e-4)
@@ -75,14 +78,14 @@ def test_an_unstable_motion_is_left(in_frequency):
 )
 def test_what_was_followed_is_taken_over(folder, sweep, changes):
     path, branch = continued(folder, (changes and "law") or "gap", sweep, *changes)
-    k = branch.parameter.size - 1
+    k = branch["parameter"].values.size - 1
     result = run_from(path, k, 10, 65.0, *changes)
     if changes:
         assert result.scenario.excitation.level == pytest.approx(2 * 9.80665)
-        assert branch.internal_states.shape == (branch.parameter.size, 1)
+        assert branch["internal_states"].values.shape == (branch["parameter"].values.size, 1)
     else:
         assert result.scenario.snubbers[0].gap == pytest.approx(1e-4)
-    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.displacement["tip"].peak[k], rel=1e-6)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(branch, "tip")[k], rel=1e-6)
     kept = run_from(path, 0, 10, 65.0, *changes, keep_excitation=True)
     assert kept.scenario.excitation.level == load_scenario(BEAM).excitation.level
 
@@ -100,13 +103,13 @@ def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
     path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")
     (curve, *_) = beamsim.load(path).fold_curves
-    k = curve.parameter.size // 2
-    frequency = float(curve.frequency_hz[k])
+    k = curve["parameter"].values.size // 2
+    frequency = float(curve["frequency_hz"].values[k])
     rate = f"run.sample_rate={1000 * frequency!r}"
     result = run_from(path, k, 10, frequency, rate, fold_curve=0)
     assert result.scenario.excitation.frequency == pytest.approx(frequency, rel=1e-14)
-    assert changed(result.scenario) == pytest.approx(curve.parameter[k], rel=1e-12)
-    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(curve.peak_displacement["tip"][k], rel=1e-6)
+    assert changed(result.scenario) == pytest.approx(curve["parameter"].values[k], rel=1e-12)
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(curve, "tip")[k], rel=1e-6)
     x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(10, 1000)
     np.testing.assert_allclose(x, np.tile(x[0], (10, 1)), atol=1e-6 * np.abs(x).max())
     kept = run_from(path, k, 10, frequency, rate, fold_curve=0, keep_excitation=True)  # the twin: at 65 Hz it is none
@@ -116,15 +119,15 @@ def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
 
 def test_harmonic_balance_states_are_close(folder):
     path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 82 Hz")
-    result = run_from(path, 2, 10, float(branch.frequency_hz[2]))
-    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.displacement["tip"].peak[2], rel=0.02)
+    result = run_from(path, 2, 10, float(branch["frequency_hz"].values[2]))
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(branch, "tip")[2], rel=0.02)
 
 
 def test_states_survive_the_file(in_frequency):
     path, branch = in_frequency
     (read, *_) = beamsim.load(path).branches
-    np.testing.assert_array_equal(read.coordinates, branch.coordinates)
-    np.testing.assert_array_equal(read.coordinate_velocities, branch.coordinate_velocities)
+    np.testing.assert_array_equal(read["coordinates"].values, branch["coordinates"].values)
+    np.testing.assert_array_equal(read["coordinate_velocities"].values, branch["coordinate_velocities"].values)
 
 
 def refused(text, **changes):
@@ -136,7 +139,7 @@ def test_refusals(in_frequency, folder):
     path, branch = in_frequency
     start = {"orbit": str(path), "point": 1}
     refused("does not exist", **{"run.start": {**start, "orbit": "nothing.h5"}})
-    refused(f"points 1 to {branch.parameter.size}", **{"run.start": {**start, "point": 9999}})
+    refused(f"points 1 to {branch['parameter'].values.size}", **{"run.start": {**start, "point": 9999}})
     refused("its branches are 0 to", **{"run.start": {**start, "branch": 99}})
     refused("it has none", **{"run.start": {**start, "fold_curve": 0}})
     refused("another structure", **{"run.start": start, "beam.thickness": 0.004})

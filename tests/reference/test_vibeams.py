@@ -8,6 +8,7 @@ import pytest
 import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.branches import events_of, peaks_of
 
 CONFIG = Path(__file__).parents[2] / "configs/vibeams.yaml"
 MEASURED = {"left": [30.95, 199.04, 556.82, 1085.93], "right": [28.2, 205.54, 277.74, 594.98, 1168.62]}
@@ -45,10 +46,10 @@ def test_folds_and_peaks_do_not_depend_on_mesh_and_modes():
         beamsim.continuation(load_scenario(CONFIG, overrides)) for overrides in ([], [*finer, "reduction.modes=24"])
     ]
     folds, peaks = (
-        [[each(branch) for branch in result.branches] for result in results]
+        [[each(result, number, branch) for number, branch in enumerate(result.branches)] for result in results]
         for each in (
-            lambda branch: [point.parameter for point in branch.special if point.kind == "fold"],
-            lambda branch: [1e3 * np.nanmax(branch.displacement["right"].peak)],
+            lambda result, number, _: [point.parameter for point in events_of(result, number) if point.kind == "fold"],
+            lambda _, number, branch: [1e3 * np.nanmax(peaks_of(branch, "right"))],
         )
     )
     assert [len(of_level) for of_level in folds[0]] == [0, 2, 2]

@@ -7,6 +7,7 @@ import beamsim
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.scenario import load_scenario
 from beamsim.scenario.connections import LinkSnubber, Snubber
+from tests.helpers.branches import events_of
 
 CASE = """
 chain:
@@ -57,7 +58,7 @@ def test_breakpoints_are_no_contacts(result):
 
 
 def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
-    found = continuation(load_scenario(CASE, {"sweep.seek_at": 0})).branches[0]
+    found = continuation(load_scenario(CASE, {"sweep.seek_at": 0}))
     assert found.outcome.complete
-    assert {e.snubber for e in found.special if e.kind == "grazing"} >= {"link_spring_1"}
-    assert list(found.force) == ["snubber_1", "stop"]
+    assert {e.snubber for e in events_of(found) if e.kind == "grazing"} >= {"link_spring_1"}
+    assert found["points"].labels("snubber") == ["snubber_1", "stop"]

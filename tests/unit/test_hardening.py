@@ -190,5 +190,5 @@ def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
         }
     )  # fmt: skip
     (branch, *_) = beamsim.continuation(case).branches
-    assert branch.frequency_hz[-1] == pytest.approx(5.0)
-    assert np.all(np.diff(branch.frequency_hz) > 0.0)
+    assert branch["frequency_hz"].values[-1] == pytest.approx(5.0)
+    assert np.all(np.diff(branch["frequency_hz"].values) > 0.0)

@@ -19,6 +19,7 @@ from beamsim.orbits.tracing import explained
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.branches import multipliers
 from tests.helpers.tables import estimates
 
 BRANCHES = [{"stiffness": 200.0, "relaxation_time": 0.03}]
@@ -112,7 +113,7 @@ def test_continuation(law):
     ends = {"from": 4.495, "to": 4.5, "seek_at": 0} if law == "hardening" else {}
     result = beamsim.continuation(case(law, sweep={**CONTINUATION, **ends}))
     assert result.outcome.trusted
-    assert all(np.max(branch.energy_error) < 1e-8 for branch in result.branches)
+    assert all(np.max(branch["energy_error"].values) < 1e-8 for branch in result.branches)
 
 
 @laws
@@ -151,8 +152,8 @@ def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
     """The slider is written where it would be if that ended: the branch goes on, with a state that does not jump."""
     sweep = {**CONTINUATION, "from": ends[0], "to": ends[1], "seek_at": 0}
     (branch,) = beamsim.continuation(case(law, changed, sweep=sweep)).branches
-    assert branch.outcome.complete
-    slider = branch.internal_states[np.argsort(branch.frequency_hz), 0]
+    assert branch["status"].item().startswith("complete")
+    slider = branch["internal_states"].values[np.argsort(branch["frequency_hz"].values), 0]
     assert np.abs(np.diff(slider)).max() < 0.05 * np.abs(slider).max()
 
 
@@ -162,8 +163,8 @@ def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     sweep = {"kind": "continuation", "from": 3.505, "to": 3.53, "side_branches": "none", "seek_at": 0}
     damper = Path(__file__).parents[2] / "configs" / "friction_damper.yaml"
     branch, *_ = beamsim.continuation(load_scenario(damper, {"run": None, "sweep": sweep})).branches
-    assert branch.outcome.code == "sticking_jumps"
-    assert branch.frequency_hz.max() == pytest.approx(3.523498, abs=1e-5)
+    assert branch["outcome"].item() == "sticking_jumps"
+    assert branch["frequency_hz"].values.max() == pytest.approx(3.523498, abs=1e-5)
     one = load_scenario(damper, {"run": None, "sweep": sweep, "friction[0].coefficient": 0.35})
     assert not any(drops(law) for law in build_system(one).dynamics.contacts.laws)
 
@@ -198,9 +199,9 @@ def test_a_contact_that_sticks_throughout():
     result = beamsim.continuation(case("friction", friction=[rub], sweep={**CONTINUATION, "from": 4.4, "to": 4.52}))
     assert result.outcome.trusted
     (branch,) = result.branches
-    assert branch.frequency_hz.size < 100
-    np.testing.assert_allclose(branch.frequency_hz[[0, -1]], [4.4, 4.52], rtol=1e-9)
-    np.testing.assert_allclose(branch.floquet_multipliers[:, 0], 1.0, atol=1e-9)
+    assert branch["frequency_hz"].values.size < 100
+    np.testing.assert_allclose(branch["frequency_hz"].values[[0, -1]], [4.4, 4.52], rtol=1e-9)
+    np.testing.assert_allclose(multipliers(branch)[:, 0], 1.0, atol=1e-9)
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def test_free_chain_has_no_resonance_with_its_rigid_body_mode():
     }  # fmt: skip
     result = nnm(load_scenario(case))
     assert result.complete
-    assert all(t.mode != 1 for t in result.tongues)
+    assert all(t["mode"].item() != 1 for t in result.branches)
 
 
 MIXED = {
@@ -63,8 +63,10 @@ def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
     assert result.complete
     alone = MIXED | {"snubbers": MIXED["snubbers"][:1]}
     small = nnm(load_scenario({"chain": alone, "nnm": {"mode": 1}}))
-    assert result.backbone.frequency_hz[0] == pytest.approx(small.backbone.frequency_hz[-1], rel=1e-9)
-    assert result.backbone.frequency_hz[-1] > 1.05 * result.backbone.frequency_hz[0]
+    assert result.branches[0]["frequency_hz"].values[0] == pytest.approx(
+        small.branches[0]["frequency_hz"].values[-1], rel=1e-9
+    )
+    assert result.branches[0]["frequency_hz"].values[-1] > 1.05 * result.branches[0]["frequency_hz"].values[0]
 
 
 @pytest.mark.slow
@@ -80,9 +82,11 @@ def test_strong_coupling_is_no_jump():
     }  # fmt: skip
     result = nnm(load_scenario(case))
     assert result.complete
-    assert result.jumps == ()
-    steps = np.diff(result.backbone.coordinates / np.sqrt(result.backbone.energy)[:, None], axis=0)
-    assert np.abs(steps).max() < 0.05 * np.abs(result.backbone.coordinates[0]).max() / np.sqrt(3e-5)
+    assert "jumps" not in result.datasets
+    steps = np.diff(
+        result.branches[0]["coordinates"].values / np.sqrt(result.branches[0]["energy"].values)[:, None], axis=0
+    )
+    assert np.abs(steps).max() < 0.05 * np.abs(result.branches[0]["coordinates"].values[0]).max() / np.sqrt(3e-5)
 
 
 PRESSED = {
@@ -97,8 +101,10 @@ def test_small_motions_under_prestress_while_the_spring_grows():
     mode = {"mode": 1, "energy": 1e-3, "continue_in": {"kind": "stiffness_factor", "to": 0.03}}
     result = nnm(load_scenario({"chain": PRESSED, "nnm": mode}))
     assert result.complete
-    assert result.jumps == ()
-    for factor, frequency in zip(result.backbone.parameter, result.backbone.frequency_hz, strict=True):
+    assert "jumps" not in result.datasets
+    for factor, frequency in zip(
+        result.branches[0]["parameter"].values, result.branches[0]["frequency_hz"].values, strict=True
+    ):
         stiff = np.array([[1.1, -0.1], [-0.1, 1.1 + 50 * factor]])
         closed = np.sqrt(np.linalg.eigvals(stiff / np.array([[1.0], [3.0]]))) / (2 * np.pi)
         assert np.abs(closed / frequency - 1).min() < 1e-9
@@ -118,12 +124,12 @@ def test_stiff_stops_on_both_sides_whatever_the_range():
     path = {"kind": "energy", "from": 1e-3, "to": 1e4}
     result = nnm(load_scenario({"chain": STOPPED, "nnm": {"mode": 1, "continue_in": path}}))
     assert result.complete
-    energy, w = result.backbone.energy, np.sqrt(1 + 1e6)
+    energy, w = result.branches[0]["energy"].values, np.sqrt(1 + 1e6)
     hit = energy > 0.5
     reach = np.sqrt(2 * energy[hit])
     half = 2 * np.arcsin(1 / reach) + 2 * np.arctan2(np.sqrt(reach**2 - 1) / w, 1 / w**2) / w
-    np.testing.assert_allclose(result.backbone.frequency_hz[hit], 0.5 / half, rtol=1e-9)
-    np.testing.assert_allclose(result.backbone.frequency_hz[~hit], 0.5 / np.pi, rtol=1e-9)
+    np.testing.assert_allclose(result.branches[0]["frequency_hz"].values[hit], 0.5 / half, rtol=1e-9)
+    np.testing.assert_allclose(result.branches[0]["frequency_hz"].values[~hit], 0.5 / np.pi, rtol=1e-9)
 
 
 def test_points_at_energies_and_frequencies(tmp_path):
@@ -147,8 +153,8 @@ def test_points_at_energies_and_frequencies(tmp_path):
         assert p["energy_j"] == pytest.approx(energy, rel=1e-9)
         assert p["frequency_hz"] == pytest.approx(frequency(energy), rel=1e-10)
         k = p["point"] - 1
-        assert result.backbone.energy[k] == p["energy_j"]
-        assert result.backbone.residual[k] < 1e-9
+        assert result.branches[0]["energy"].values[k] == p["energy_j"]
+        assert result.branches[0]["residual"].values[k] < 1e-9
     stored = load(write_result(result, tmp_path / "mode.h5"))
     assert stored.summary["requested_points"] == result.summary["requested_points"]
     missed = followed(0.1, frequencies=[0.1])
@@ -172,14 +178,14 @@ def test_a_mode_that_gradually_shares_its_energy_is_followed():
 
     far, near = followed(1000.0), followed(400.0)
     assert far.complete
-    assert far.jumps == near.jumps == ()
-    assert 0.35 < far.backbone.share[-1] < 0.45
+    assert "jumps" not in far.datasets.keys() | near.datasets.keys()
+    assert 0.35 < far.branches[0]["share"].values[-1] < 0.45
     (shared,) = far.outcome.all_of("energy_shared")
-    assert shared.numbers["share"] == pytest.approx(far.backbone.share[-1], rel=1e-12)
+    assert shared.numbers["share"] == pytest.approx(far.branches[0]["share"].values[-1], rel=1e-12)
     assert "mode 1 holds 40% of the energy and mode 2 60%" in far.status
-    at = np.log(near.backbone.energy)
-    interpolated = np.interp(at, np.log(far.backbone.energy), far.backbone.frequency_hz)
-    np.testing.assert_allclose(near.backbone.frequency_hz, interpolated, rtol=2e-3)
+    at = np.log(near.branches[0]["energy"].values)
+    interpolated = np.interp(at, np.log(far.branches[0]["energy"].values), far.branches[0]["frequency_hz"].values)
+    np.testing.assert_allclose(near.branches[0]["frequency_hz"].values, interpolated, rtol=2e-3)
 
 
 def tip_between_stops(stiffness, last):
@@ -204,14 +210,14 @@ def test_tip_stops_on_both_sides_whatever_the_range():
     near, far = (nnm(tip_between_stops(2e3, to)) for to in (last, 100.0))
     for result, to in ((near, last), (far, 100.0)):
         assert result.complete
-        assert result.backbone.parameter[-1] == pytest.approx(to, rel=1e-12)
-        assert ("mode 1 holds" in result.status) == (result.backbone.share[-1] < 0.5)
+        assert result.branches[0]["parameter"].values[-1] == pytest.approx(to, rel=1e-12)
+        assert ("mode 1 holds" in result.status) == (result.branches[0]["share"].values[-1] < 0.5)
     (part,) = near.outcome.all_of("ends_in_resonance")
-    same = far.backbone.parameter.searchsorted(part.place.value[0][0] * (1 + 1e-12))
-    assert part.place.value[0][1] == pytest.approx(far.backbone.parameter[same], rel=1e-12)
-    at = np.log(far.backbone.parameter[:same])
-    lattice = np.interp(at, np.log(near.backbone.parameter), near.backbone.frequency_hz)
-    np.testing.assert_allclose(lattice, far.backbone.frequency_hz[:same], rtol=1e-9)
+    same = far.branches[0]["parameter"].values.searchsorted(part.place.value[0][0] * (1 + 1e-12))
+    assert part.place.value[0][1] == pytest.approx(far.branches[0]["parameter"].values[same], rel=1e-12)
+    at = np.log(far.branches[0]["parameter"].values[:same])
+    lattice = np.interp(at, np.log(near.branches[0]["parameter"].values), near.branches[0]["frequency_hz"].values)
+    np.testing.assert_allclose(lattice, far.branches[0]["frequency_hz"].values[:same], rtol=1e-9)
 
 
 def test_its_table_of_modes_keeps_the_damping_of_the_structure():

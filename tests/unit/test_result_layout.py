@@ -29,7 +29,7 @@ def described(path):
                 told[f"{name}@{key}"] = sorted(value.split()) if key == "json_encoded" else np.asarray(value).tolist()
         if isinstance(item, h5py.Dataset):
             text = h5py.check_string_dtype(item.dtype) is not None
-            told[name] = np.asarray(item.asstr()[()] if text else item[()])
+            told[name] = np.asarray(item.asstr()[()], dtype=object) if text else np.asarray(item[()])
             axes = [[scale.name for scale in dimension.values()] for dimension in item.dims]
             told[f"{name} axes"] = item.is_scale, axes
 

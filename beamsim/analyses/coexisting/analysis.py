@@ -18,14 +18,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.coexisting.result import CoexistingMotion, CoexistingResult, SmallestDisturbance
-from beamsim.analyses.continuation.analysis import largest_values, response
+from beamsim.analyses.coexisting.result import DISTURBANCES, MOTIONS, STARTS, CoexistingResult
+from beamsim.analyses.continuation.analysis import largest_values, motion_warnings, response
+from beamsim.analyses.continuation.tables import MeasuredBranch, response_datasets
 from beamsim.analyses.designs.cases import CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.analyses.designs.plan import Case
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import solve_at
 from beamsim.orbits.shooting import ForcedOrbits
@@ -33,11 +35,11 @@ from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, together
 from beamsim.parallel import Cluster, Computation, working
-from beamsim.responses.orbit_energies import balanced, largest_error
+from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
-from beamsim.results.branch import ResponseBranch
-from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
+from beamsim.results.result import dashpots_of, reduction_checked
+from beamsim.results.values import peaks_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
@@ -147,7 +149,7 @@ def coexisting(
             _add_unstable(marches, motions, budget)
         order = _in_order(motions)
         result = _gathered(marches, order, rows, ends)
-        result = replace(result, disturbances=_disturbances(marches, order, evaluate))
+        result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
     ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
     result = replace(result, outcome=ended, wall_time_s=clock.perf_counter() - begin)
     return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
@@ -212,33 +214,63 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
                 of += [] if any(m.is_as(motion) for m in of) else [motion]
 
 
-def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> tuple[SmallestDisturbance, ...]:
-    """The smallest disturbance of each kind that leaves each stable periodic motion."""
+class _Disturbance(NamedTuple):
+    """The smallest disturbance found that leaves a motion; see `DISTURBANCES`."""
+
+    frequency_hz: float
+    number: int
+    kind: str
+    probe: str
+    unit: str
+    amplitude: float
+    time_s: float
+    largest_tried: float
+
+
+def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[str, Dataset]:
+    """The dataset of the smallest disturbance of each kind that leaves each stable periodic motion, by its name."""
     asked = [
         (number, m, k)
         for number, m in order
         for k in range(len(marches.settings.disturbances))
         if m.stable and m.kind == "periodic"
     ]
-    first, smallest = len(evaluate.rows), list[SmallestDisturbance]()
+    first, smallest = len(evaluate.rows), list[_Disturbance]()
     with suppress(Ended):
         evaluate([(m.hz, k + 1, *m.known.states.ravel().tolist()) for _, m, k in asked])
     for index, (number, m, k) in enumerate(asked, first):
         if index in evaluate.outcomes and not evaluate.outcomes[index].failed:
             each, found = marches.settings.disturbances[k], dict[str, Any](evaluate.outcomes[index].values)
             about = m.hz, number, each.kind, each.probe, "N s" if each.probe else "m/s"
-            smallest.append(SmallestDisturbance(*about, found["amplitude"], found["time"], each.to))
-    return tuple(smallest)
+            smallest.append(_Disturbance(*about, found["amplitude"], found["time"], each.to))
+    units = [{"unit": each.unit} for each in smallest]
+    return {"disturbances": DISTURBANCES.table(smallest, units)} if smallest else {}
 
 
-def _measured(marches: Marches, motion: _Motion) -> ResponseBranch:
+def _measured(marches: Marches, motion: _Motion) -> MeasuredBranch:
     """A motion as a branch of one point."""
     traced = OrbitBranch(motion.problem, (motion.point,), COMPLETE)
     branch = response(marches.model, traced, marches.model.levels[0])
     if motion.kind == "periodic":
         return branch
-    none = np.full_like(branch.floquet_multipliers, np.nan)
-    return replace(branch, stable=np.ones(1, dtype=bool), floquet_multipliers=none, period_multiple=MEASURED_CYCLES)
+    none = np.full_like(branch.multipliers, np.nan)
+    return replace(branch, stable=np.ones(1, dtype=bool), multipliers=none, period_multiple=MEASURED_CYCLES)
+
+
+class _MotionRow(NamedTuple):
+    """A motion found at a frequency; see `MOTIONS`."""
+
+    frequency_hz: float
+    number: int
+    kind: str
+    period_cycles: int
+    stable: bool
+    starts: int
+    share: float
+    share_low: float
+    share_high: float
+    lyapunov_exponent: float
+    largest_multiplier: float
 
 
 def _gathered(
@@ -249,44 +281,56 @@ def _gathered(
     destination, cycles = np.zeros((2, len(hz), len(rows)), dtype=np.int64)
     for at, of in enumerate(ends.values()):
         cycles[at, list(of)] = [end.cycles for end in of.values()]
-    motions, branches = [], tuple(_measured(marches, motion) for _, motion in order)
+    motions, branches = list[_MotionRow](), [_measured(marches, motion) for _, motion in order]
     for (number, m), branch in zip(order, branches, strict=True):
         at = hz.index(m.hz)
         destination[at, m.starts] = number
         share = probability(destination[at, cycles[at] > 0] == number) if m.stable and cycles[at].any() else {}
         part, low, high = (float(share.get(name, np.nan)) for name in ("share", "low", "high"))
         size, period = (
-            float(np.abs(branch.floquet_multipliers[0, 0])),
+            float(np.abs(branch.multipliers[0, 0])),
             m.problem.multiple if m.kind == "periodic" else 0,
         )
         exponent = m.exponent if period == 0 else float(np.log(max(size, 1e-300))) * m.hz / period
         found = len(m.starts), part, low, high, exponent, size
-        motions.append(CoexistingMotion(m.hz, number, m.kind, period, m.stable, *found))
+        motions.append(_MotionRow(m.hz, number, m.kind, period, m.stable, *found))
     names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
+    starts = {
+        "frequency_hz": np.array(hz), "start_number": np.arange(1, len(rows) + 1),
+        "drawn": np.arange(1, len(names) + 1), "coordinate_name": names, "coordinate_unit": units, "start": rows,
+        "destination": destination, "cycles": cycles,
+    }  # fmt: skip
+    datasets = {"modes": system.modes} | response_datasets(marches.model, branches)
+    datasets |= {"motions": MOTIONS.table(motions), "starts": STARTS.dataset(starts)}
     return CoexistingResult(
-        scenario=scenario, outcome=COMPLETE, datasets={"modes": system.modes}, motions=tuple(motions),
-        branches=branches, parameter="frequency", unit="Hz", level_unit=scenario.level_unit or "1",
-        frequency_hz=np.array(hz), start=rows, coordinate_names=names, coordinate_units=units,
-        destination=destination, cycles=cycles,
-        warnings=(*scenario.warnings, *system.warnings, *curve_warnings(scenario, system.modes, branches)),
+        scenario=scenario, outcome=COMPLETE, datasets=datasets,
+        warnings=(*scenario.warnings, *system.warnings, *motion_warnings(marches.model, datasets["points"])),
     )  # fmt: skip
 
 
 def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
     """What does not repeat a field of the result."""
     peaks = (
-        {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in b.peaks()}
+        {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in peaks_in(b)}
         for b in result.branches
     )
+    hz = result["starts"]["frequency_hz"].values
     return {
-        "motions": [vars(motion) | of for motion, of in zip(result.motions, peaks, strict=True)],
-        "not_settled": dict(zip(map("{:g}".format, result.frequency_hz), result.not_settled.tolist(), strict=True)),
-        "disturbances": [vars(each) for each in result.disturbances],
-        "starts": len(result.start),
+        "motions": [motion | of for motion, of in zip(_rows(result["motions"]), peaks, strict=True)],
+        "not_settled": dict(zip(map("{:g}".format, hz), result.not_settled.tolist(), strict=True)),
+        "disturbances": list(_rows(result["disturbances"])) if "disturbances" in result.datasets else [],
+        "starts": len(result["starts"]["start"].values),
+        "energy_error": float(result["points"]["energy_error"].values.max()),
+        **largest_values(marches.model, result["points"]),
         "dashpots": dashpots_of(result["modes"]),
-        "energy_error": largest_error(result.branches),
-        **largest_values(marches.model, list(result.branches)),
     }
+
+
+def _rows(table: Dataset) -> Iterator[dict[str, Any]]:
+    """The rows of a table as plain values by column, without their numbers."""
+    columns = [name for name in table if name not in table[name].dims]
+    for row in zip(*(table[column].values.tolist() for column in columns), strict=True):
+        yield dict(zip(columns, row, strict=True))
 
 
 def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed: Sequence[CaseOutcome]) -> Outcome:
@@ -296,7 +340,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     remarks = [] if exceeded is None else [exceeded.but(remedy=fewer)]
     modes = result["modes"]
     endless = modes["open_frequencies_hz"].values[modes["damping_ratios"].values == 0.0]
-    if endless.size and (left.any() or not all(motion.period_cycles for motion in result.motions)):
+    if endless.size and (left.any() or not result["motions"]["period_cycles"].values.all()):
         sentence = (
             f"the mode at {endless[0]:.4g} Hz has no damping with every stop open, so starts need not settle: motions "
             "that do not repeat, and their shares, depend on how long they were followed"
@@ -304,7 +348,8 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
         remedy = "give each body damping, for example {kind: modal, ratio: 1 %}"
         remarks.append(Outcome.of(OutcomeKind.UNTRUSTED, "undamped", sentence, remedy=remedy))
     elif left.any():
-        remedy, at = "raise sweep.most_cycles or sweep.longest_period", Where(result.frequency_hz[left > 0], "Hz")
+        at = Where(result["starts"]["frequency_hz"].values[left > 0], "Hz")
+        remedy = "raise sweep.most_cycles or sweep.longest_period"
         sentence = f"{counted(int(left.sum()), 'start')} did not settle"
         remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
     if failed:
@@ -313,8 +358,9 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
         remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
     outcome = together(remarks)
     if asked_to_stop():
-        outcome = interruption(f"with {int(np.sum(result.cycles == 0))} starts left", *outcome.unless_complete)
-    return reduction_checked(balanced(outcome, result.branches, "Hz"), marches.scenario, modes)
+        waiting = int(np.sum(result["starts"]["cycles"].values == 0))
+        outcome = interruption(f"with {waiting} starts left", *outcome.unless_complete)
+    return reduction_checked(balanced(outcome, result["points"]), marches.scenario, modes)
 
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio

@@ -8,59 +8,76 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.result import OF_STABLE, ContinuationResult
-from beamsim.fields import (
-    JSON,
-    ByName,
-    Counter,
-    Entry,
-    Flag,
-    Number,
-    Text,
-    attribute,
-    axis,
-    dataset,
-    declared,
-    list_of,
-    record,
-    stored,
-    table,
-)
+from beamsim.fields import ByName, Entry, Flag, Number, Text, attribute, declared, list_of, record, stored
+from beamsim.labelled import Layout, Variable
+from beamsim.results.branch import BRANCHES, FLAGS, POINTS, SPECIAL_POINTS
 from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS
-from beamsim.typing import Floats, Ints
+from beamsim.system.structural import MODES
+from beamsim.typing import Ints
 
-_START = Counter("start_number", "number of the start")
-_STARTS = ("frequency_hz", _START)
-
-
-@declared
-class CoexistingMotion:
-    """A motion found at a frequency."""
-
-    frequency_hz: float = dataset("Hz", "frequency of the excitation")
-    number: int = dataset("1", "number at its frequency, from 1: those that most starts come to first")
-    kind: str = dataset("1", "periodic, quasi-periodic or chaotic")
-    period_cycles: int = dataset("1", "period in cycles of the excitation; 0 of a motion that is not periodic")
-    stable: bool = dataset("1", "whether it attracts its neighbours", flags=("unstable", "stable"))
-    starts: int = dataset("1", "number of starts that come to it")
-    share: float = dataset("1", "share of the starts that come to it; NaN of an unstable motion")
-    share_low: float = dataset("1", "lower end of the 95 % interval of that probability (Clopper and Pearson)")
-    share_high: float = dataset("1", "upper end")
-    lyapunov_exponent: float = dataset("1/s", "largest Lyapunov exponent, of a periodic motion from its multipliers")
-    largest_multiplier: float = dataset("1", "modulus of the largest Floquet multiplier over the period")
-
-
-@declared
-class SmallestDisturbance:
-    """The smallest disturbance found that leaves a motion."""
-
-    frequency_hz: float = dataset("Hz", "frequency of the excitation")
-    number: int = dataset("1", "number of the motion at its frequency")
-    kind: str = dataset("1", "impulse or base_pulse")
-    probe: str = dataset("1", "probe of the impulse; empty for a pulse of the base")
-    unit: str = dataset("1", "unit of the amplitude")
-    amplitude: float = dataset("1", "smallest one found that leaves the motion; NaN where none of those tried does")
-    time_s: float = dataset("s", "time in the motion's period at which it acts")
-    largest_tried: float = dataset("1", "largest amplitude that is tried")
+_MOTION, _FREQUENCY, _START, _DRAWN, _DISTURBANCE = (
+    ("motion",), ("frequency_hz",), ("start_number",), ("drawn",), ("disturbance",)
+)  # fmt: skip
+_HZ = "frequency of the excitation"
+MOTIONS = Layout(
+    "motions",
+    "The motions found at each frequency, a row for each; each is the branch of the same number.",
+    {
+        "motion": Variable(_MOTION, "1", "number of the motion", int),
+        "frequency_hz": Variable(_MOTION, "Hz", _HZ),
+        "number": Variable(_MOTION, "1", "number at its frequency, from 1: those that most starts come to first", int),
+        "kind": Variable(_MOTION, "", "periodic, quasi-periodic or chaotic", str),
+        "period_cycles": Variable(
+            _MOTION, "1", "period in cycles of the excitation; 0 of a motion that is not periodic", int
+        ),
+        "stable": Variable(_MOTION, "1", "whether it attracts its neighbours", bool, flags=FLAGS),
+        "starts": Variable(_MOTION, "1", "number of starts that come to it", int),
+        "share": Variable(_MOTION, "1", "share of the starts that come to it; NaN of an unstable motion"),
+        "share_low": Variable(_MOTION, "1", "lower end of the 95 % interval of that probability (Clopper and Pearson)"),
+        "share_high": Variable(_MOTION, "1", "upper end"),
+        "lyapunov_exponent": Variable(
+            _MOTION, "1/s", "largest Lyapunov exponent, of a periodic motion from its multipliers"
+        ),
+        "largest_multiplier": Variable(_MOTION, "1", "modulus of the largest Floquet multiplier over the period"),
+    },
+)
+STARTS = Layout(
+    "starts",
+    "Where each start ends at each frequency; the starts are the same at all frequencies.",
+    {
+        "frequency_hz": Variable(_FREQUENCY, "Hz", _HZ),
+        "start_number": Variable(_START, "1", "number of the start", int),
+        "drawn": Variable(_DRAWN, "1", "number of what is drawn", int),
+        "coordinate_name": Variable(_DRAWN, "", "what is drawn of each start", str),
+        "coordinate_unit": Variable(_DRAWN, "", "its unit", str),
+        "start": Variable(_START + _DRAWN, "", "coordinates of each start"),
+        "destination": Variable(
+            _FREQUENCY + _START, "1",
+            "number of the motion at the frequency that a start comes to; 0 where it has not settled", int,
+        ),
+        "cycles": Variable(
+            _FREQUENCY + _START, "1", "cycles of the excitation until then; 0 of a start that was left out", int
+        ),
+    },
+)  # fmt: skip
+DISTURBANCES = Layout(
+    "disturbances",
+    "The smallest disturbance found that leaves each stable periodic motion.",
+    {
+        "disturbance": Variable(_DISTURBANCE, "1", "number of the disturbance", int),
+        "frequency_hz": Variable(_DISTURBANCE, "Hz", _HZ),
+        "number": Variable(_DISTURBANCE, "1", "number of the motion at its frequency", int),
+        "kind": Variable(_DISTURBANCE, "", "impulse or base_pulse", str),
+        "probe": Variable(_DISTURBANCE, "", "probe of the impulse; empty for a pulse of the base", str),
+        "unit": Variable(_DISTURBANCE, "", "unit of the amplitude", str),
+        "amplitude": Variable(
+            _DISTURBANCE, "{unit}", "smallest one found that leaves the motion; NaN where none of those tried does"
+        ),
+        "time_s": Variable(_DISTURBANCE, "s", "time in the motion's period at which it acts"),
+        "largest_tried": Variable(_DISTURBANCE, "{unit}", "largest amplitude that is tried"),
+    },
+    optional=True,
+)
 
 
 MOTION = record({
@@ -74,14 +91,13 @@ DISTURBANCE = record({
 })  # fmt: skip
 
 
-@declared(kw_only=True, repr=False)
+@declared(repr=False)
 class CoexistingResult(ContinuationResult):
     """Everything `beamsim sweep` of kind coexisting computes: each motion is a branch of one point.
 
     Of a motion that is not periodic the branch has many cycles.
     """
 
-    DATASET = "starts"
     KIND = "coexisting"
     SUMMARY = (
         STATUS,
@@ -97,22 +113,7 @@ class CoexistingResult(ContinuationResult):
         MARGINS, *OF_MODES, *CONVERGENCE, PROCESSOR_TIME,
     )  # fmt: skip
 
-    motions: tuple[CoexistingMotion, ...] = table(
-        "motions", CoexistingMotion, Counter("motion", "number of the motion")
-    )
-    frequency_hz: Floats = axis("Hz", "frequency of the excitation")
-    coordinate_names: tuple[str, ...] = attribute("", "what is drawn of each start, JSON list", codec=JSON)
-    coordinate_units: tuple[str, ...] = attribute("", "their units, JSON list", codec=JSON)
-    start: Floats = dataset(
-        "1", "coordinates of each start", along=(_START, Counter("drawn", "number of what is drawn"))
-    )
-    destination: Ints = dataset(
-        "1", "number of the motion at the frequency that a start comes to; 0 where it has not settled", along=_STARTS
-    )
-    cycles: Ints = dataset("1", "cycles of the excitation until then; 0 of a start that was left out", along=_STARTS)
-    disturbances: tuple[SmallestDisturbance, ...] = table(
-        "disturbances", SmallestDisturbance, Counter("disturbance", "number of the disturbance"), default=()
-    )
+    DATASETS = (MODES, BRANCHES, POINTS, SPECIAL_POINTS, MOTIONS, STARTS, DISTURBANCES)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
@@ -123,7 +124,8 @@ class CoexistingResult(ContinuationResult):
     @property
     def not_settled(self) -> Ints:
         """(F,) number of starts at each frequency that have not settled."""
-        return np.asarray(np.sum((self.destination == 0) & (self.cycles > 0), axis=1))
+        starts = self["starts"]
+        return np.asarray(np.sum((starts["destination"].values == 0) & (starts["cycles"].values > 0), axis=1))
 
     @property
     @stored(attribute("", "kind of sweep", name="kind"))

@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.folds import follow_folds
+from beamsim.analyses.continuation.folds import FollowedFolds, follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.analyses.continuation.tables import MeasuredBranch, fold_datasets, response_datasets
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
@@ -47,26 +49,16 @@ from beamsim.outcomes import (
     interruption,
     part_of,
 )
-from beamsim.responses.orbit_energies import balanced, largest_error
+from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
-from beamsim.results.branch import (
-    ChannelExtremes,
-    FoldBranch,
-    OutputExtremes,
-    ResponseBranch,
-    of_states,
-    special_result,
-)
-from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
+from beamsim.results.result import dashpots_of, deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.results.values import (
     DISPLACEMENT,
     LIMITED,
-    OPENING,
     OUTPUT,
-    STRESS,
     Value,
-    largest_along,
+    largest_in,
     limited,
     margins_along,
 )  # fmt: skip
@@ -109,7 +101,9 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     settings, grown = model.settings, progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else SHARE_OF_BRANCHES
     branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share))
-    outcome = _outcome(model, branches, remarks)
+    datasets = response_datasets(model, branches) | fold_datasets(model, folds)
+    points = datasets["points"]
+    outcome = _outcome(model, points, remarks)
     overlay: dict[str, OverlayCurve] | None = {}
     interrupted = asked_to_stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
@@ -120,30 +114,21 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
             missing.append("sweep.overlay")
     if interrupted or missing:
         outcome = _cut_short(outcome, missing)
-    f, second = model.followed, model.second
     result = ContinuationResult(
         scenario=scenario,
         outcome=outcome,
-        branches=tuple(branches),
-        datasets={"modes": model.system.modes},
-        warnings=_warnings(model, branches),
+        datasets={"modes": model.system.modes} | datasets,
+        warnings=_warnings(model, points),
         wall_time_s=clock.perf_counter() - begin,
-        parameter=f.kind,
-        unit=f.unit,
-        snubber=f.snubber,
-        level_unit=scenario.level_unit or "1",
-        method=settings.method.kind,
-        fold_curves=tuple(folds),
-        second_parameter="" if second is None else second.kind,
-        second_unit="" if second is None else second.unit,
-        second_snubber="" if second is None else second.snubber,
         overlay=overlay or {},
     )
     return result.with_summary(
-        **_summary(model, outcome, branches, folds, processor_time() - processor),
-        followed=[_followed(result, branch) for branch in branches],
+        **_summary(model, result, folds),
+        method=settings.method.kind,
+        followed=[_followed(result, branch) for branch in result.branches],
         overlay=_described(result.overlay),
         dashpots=dashpots_of(result["modes"]),
+        processor_time_s=processor_time() - processor,
     )
 
 
@@ -155,7 +140,7 @@ def _cut_short(outcome: Outcome, missing: Sequence[str]) -> Outcome:
 
 def _follow_levels(
     model: ResponseModel, report: Progress
-) -> tuple[list[ResponseBranch], list[FoldBranch], list[Outcome], Sequence[float]]:
+) -> tuple[list[MeasuredBranch], list[FollowedFolds], list[Outcome], Sequence[float]]:
     """Branches and folds of one level after the other, remarks on them, and the levels that are left.
 
     Raises
@@ -165,8 +150,8 @@ def _follow_levels(
     """
     settings = model.settings
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
-    branches: list[ResponseBranch] = []
-    folds: list[FoldBranch] = []
+    branches: list[MeasuredBranch] = []
+    folds: list[FollowedFolds] = []
     remarks: list[Outcome] = []
     for index, level in enumerate(levels):
         if branches and asked_to_stop():
@@ -182,12 +167,13 @@ def _follow_levels(
             return branches, folds, remarks, levels[index:]
         remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
         if model.second is not None:
-            folds += follow_folds(model, traced, level, budget)
+            of_level = follow_folds(model, traced, level, budget)
+            folds += [replace(curve, branch=len(branches) + curve.branch) for curve in of_level]
         branches += [response(model, branch, level) for branch in traced]
     return branches, folds, remarks, ()
 
 
-def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str, ...]:
+def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
     """What is doubtful in a scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
     by_balance = isinstance(model.settings.method, HarmonicBalance)
@@ -196,18 +182,28 @@ def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str
         *scenario.warnings,
         *system.warnings,
         *((WITHOUT_CERTIFICATE,) if uncertified else ()),
-        *curve_warnings(scenario, system.modes, branches),
+        *motion_warnings(model, points),
     )
 
 
-def _outcome(model: ResponseModel, branches: list[ResponseBranch], remarks: Sequence[Outcome]) -> Outcome:
+def motion_warnings(model: ResponseModel, points: Dataset) -> list[str]:
+    """A warning for each body whose deflection is not small, and each stop that is pressed further than its table."""
+    displacement, force = (
+        {name: peak.values for name, peak in points.by_label(f"peak_{quantity}").items()}
+        for quantity in ("displacement", "force")
+    )
+    deflections = deflection_warnings(model.scenario, model.system.modes, [displacement])
+    return [*deflections, *forces_beyond_tables(model.scenario, [force])]
+
+
+def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) -> Outcome:
     """How it ended, by the first remark on what is incomplete, and how sure the motions are."""
     remarks, settings = list(remarks), model.settings
     if isinstance(settings.method, HarmonicBalance):
-        remarks += _doubt(branches, settings.method, model.followed.unit)
+        remarks += _doubt(points, settings.method)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
     outcome = worst.but(*(remark for remark in remarks if remark is not worst))
-    return reduction_checked(balanced(outcome, branches, model.followed.unit), model.scenario, model.system.modes)
+    return reduction_checked(balanced(outcome, points), model.scenario, model.system.modes)
 
 
 def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
@@ -300,21 +296,21 @@ def _left_out(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outco
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 
 
-def _doubt(branches: list[ResponseBranch], method: HarmonicBalance, unit: str) -> Iterator[Outcome]:
+def _doubt(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
     """A word on neglected harmonics where they are worth more than allowed."""
-    error = np.concatenate([b.neglected_harmonics for b in branches if b.neglected_harmonics is not None])
+    error, parameter = points["neglected_harmonics"].values, points["parameter"]
     worst = int(np.argmax(error))
     if error[worst] > method.largest_error:
-        parameter = float(np.concatenate([b.parameter for b in branches])[worst])
         yield Outcome.of(
             OutcomeKind.UNTRUSTED, "harmonics_neglected",
             f"the neglected harmonics amount to {100 * error[worst]:.3g} % of the motion (sweep.method.largest_error = "
             f"{100 * method.largest_error:g} %)",
-            at=Where(parameter, unit), remedy=f"raise sweep.method.harmonics above {method.harmonics}, or use shooting",
+            at=Where(float(parameter.values[worst]), parameter.unit),
+            remedy=f"raise sweep.method.harmonics above {method.harmonics}, or use shooting",
         )  # fmt: skip
 
 
-def response(model: ResponseModel, traced: OrbitBranch, level: float) -> ResponseBranch:
+def response(model: ResponseModel, traced: OrbitBranch, level: float) -> MeasuredBranch:
     """Peaks, harmonics, forces and stability along a branch.
 
     Parameters
@@ -325,7 +321,8 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Respons
 
     Returns
     -------
-    ResponseBranch
+    MeasuredBranch
+        With points at the maxima that are reported.
     """
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.settings, model.scenario.limits
@@ -338,71 +335,16 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Respons
     spectra = [problem.multipliers(point) for point in traced.points]
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
-    unknown = traced.values
-    parameter = np.asarray(f.outward(unknown), dtype=float)
-    ends = np.array([(m.high, m.low) for m in motions])
-    from_balance = None
-    if isinstance(settings.method, HarmonicBalance):
-        from_balance = np.array([truncation(problem, point) for point in traced.points])
-    return ResponseBranch(
+    by_balance = isinstance(settings.method, HarmonicBalance)
+    return MeasuredBranch(
+        traced,
+        motions,
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
-        outcome=f.shown(traced.outcome),
-        energy_error=np.array([m.energy_error for m in motions]),
-        frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
-        **_extremes(model, channels, ends),
-        harmonics={p.name: np.array([m.harmonics[k] for m in motions]) for k, p in enumerate(system.probes)},
+        multipliers=multipliers,
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
-        floquet_multipliers=multipliers,
-        residual=np.array([p.residual for p in traced.points]),
-        **of_states(np.array([orbit.state for orbit in traced.orbits]), system.dynamics.size),
-        special=tuple(
-            special_result(s, value, value if f.kind == "frequency" else model.frequency_hz, system.contact_names)
-            for s in traced.special
-            for value in [float(f.outward(s.parameter))]
-        ),
-        parameter=parameter,
-        unit=f.unit,
-        parameter_meaning=f"what is followed: {f.label}",
-        contact_share={s.name: np.array([m.contact_share[k] for m in motions]) for k, s in enumerate(system.snubbers)},
-        neglected_harmonics=from_balance,
+        neglected=np.array([truncation(problem, point) for point in traced.points]) if by_balance else None,
     )
-
-
-def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[str, Any]:
-    """The fields of a branch that hold extremes of channels.
-
-    Parameters
-    ----------
-    model : whose motions they are.
-    channels : C columns.
-    ends : (points, 2, C) largest and smallest values.
-    """
-    high = channels.split(ends[:, 0])
-    stress = channels.split(np.abs(ends).max(axis=1)).get(STRESS)
-
-    def followed(section: str) -> tuple[ChannelExtremes, ...]:
-        return tuple(
-            ChannelExtremes(each.name, each.quantity, each.unit, *ends[:, :, k].T)
-            for each, k in channels.located
-            if each.section == section and each.key != OPENING
-        )
-
-    return {
-        "probes": followed("probes"),
-        "snubbers": followed("snubbers"),
-        "peak_gap": {
-            s.name: high[OPENING][:, k]
-            for k, s in enumerate(model.system.snubbers)
-            if OPENING in high and s.gap_unit == "m"
-        },
-        "peak_bending_stress": None if stress is None else stress.max(axis=1),
-        "outputs": {
-            each.name: OutputExtremes(each.name, each.quantity, each.unit, each.at, *ends[:, :, k].T)
-            for each, k in channels.located
-            if each.section == "outputs"
-        },
-    }
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
@@ -422,44 +364,42 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     return maxima
 
 
-def _summary(
-    model: ResponseModel,
-    outcome: Outcome,
-    branches: list[ResponseBranch],
-    folds: list[FoldBranch],
-    processor_time_s: float,
-) -> dict[str, Any]:
+def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[FollowedFolds]) -> dict[str, Any]:
+    branches, points = result.branches, result["points"]
+    level, period = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
+    special = result["special_points"]
     summary: dict[str, Any] = {
-        "energy_error": largest_error(branches),
-        "points": int(sum(b.parameter.size for b in branches)),
+        "energy_error": float(points["energy_error"].values.max()),
+        "points": points["point"].values.size,
         "branches": len(branches),
         "peaks": [
             {
-                "frequency_hz": float(b.frequency_hz[k]),
-                "parameter": float(b.parameter[k]),
+                "frequency_hz": float(b["frequency_hz"].values[k]),
+                "parameter": float(b["parameter"].values[k]),
                 "value_m": float(values[k]),
-                "kind": "stable" if b.stable[k] else "unstable",
+                "kind": "stable" if b["stable"].values[k] else "unstable",
                 "direction": "continuation",
-                "level": b.level,
-                "period_multiple": b.period_multiple,
+                "level": b["level"].item(),
+                "period_multiple": b["period_multiple"].item(),
                 "probe": name,
             }
-            for b, name, values, k in _highest(model, branches)
+            for b, name, values, k in _highest(branches)
         ],
         "special_points": [
-            {"kind": e.kind, "frequency_hz": e.frequency_hz, "parameter": e.parameter, "snubber": e.snubber,
-             "level": b.level, "period_multiple": b.period_multiple}
-            for b in branches
-            for e in b.special
+            {"kind": kind, "frequency_hz": hz, "parameter": at, "snubber": snubber, "level": level[number],
+             "period_multiple": period[number]}
+            for kind, hz, at, snubber, number in zip(
+                *(special[name].values.tolist() for name in ("kind", "frequency_hz", "parameter", "snubber", "branch")),
+                strict=True,
+            )
         ],
         "without_stable_motion": [
-            {"band": list(band), "level": part.within.value if isinstance(part.within, Where) else branches[0].level}
-            for part in outcome.all_of(NO_STABLE_MOTION)
+            {"band": list(band), "level": part.within.value if isinstance(part.within, Where) else level[0]}
+            for part in result.outcome.all_of(NO_STABLE_MOTION)
             if part.place is not None
             for band in part.place.value
         ],
-        **largest_values(model, branches),
-        "processor_time_s": processor_time_s,
+        **largest_values(model, points),
     }  # fmt: skip
     if model.second is not None:
         summary["second_parameter"] = model.second.kind
@@ -476,29 +416,28 @@ def _summary(
             }
             for c in folds
         ]
-    worth = [float(b.neglected_harmonics.max()) for b in branches if b.neglected_harmonics is not None]
-    if worth:
-        summary["neglected_harmonics"] = max(worth)
+    if "neglected_harmonics" in points:
+        summary["neglected_harmonics"] = float(points["neglected_harmonics"].values.max())
     return summary
 
 
-def _followed(result: ContinuationResult, branch: ResponseBranch) -> dict[str, Any]:
+def _followed(result: ContinuationResult, branch: Dataset) -> dict[str, Any]:
     """A branch, for the summary."""
     off = result.off_centre(branch)
     return {
-        "level": branch.level,
-        "period_multiple": branch.period_multiple,
-        "points": branch.parameter.size,
-        "stable_points": int(branch.stable.sum()),
+        "level": branch["level"].item(),
+        "period_multiple": branch["period_multiple"].item(),
+        "points": branch["parameter"].values.size,
+        "stable_points": int(branch["stable"].values.sum()),
         **({} if off is None else {"off_centre": off[0], "largest_mean_m": off[1]}),
-        "ended": branch.outcome.text,
+        "ended": branch["status"].item(),
     }
 
 
-def largest_values(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
     """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
     entries: dict[str, Any] = {}
-    found = list(largest_along(branches))
+    found = list(largest_in([points], "parameter", "stable"))
     for value, name, largest, parameter in found:
         if value is OUTPUT:
             entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
@@ -511,15 +450,15 @@ def largest_values(model: ResponseModel, branches: list[ResponseBranch]) -> dict
     return {**entries, "margins": margins}
 
 
-def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
+def _highest(branches: Sequence[Dataset]) -> list[tuple[Dataset, str, Floats, int]]:
     """Of every level and probe the highest point of all motions."""
     highest = []
-    for level in dict.fromkeys(repr(b.level) for b in branches):
-        at_level = [b for b in branches if repr(b.level) == level]
-        for probe in model.system.probes:
-            best = max(at_level, key=lambda b: float(b.displacement[probe.name].peak.max()))
-            values = best.displacement[probe.name].peak
-            highest.append((best, probe.name, values, int(np.argmax(values))))
+    for level in dict.fromkeys(repr(b["level"].item()) for b in branches):
+        at_level = [(b, b.by_label("peak_displacement")) for b in branches if repr(b["level"].item()) == level]
+        for probe in at_level[0][1]:
+            best, peaks = max(at_level, key=lambda each: float(each[1][probe].values.max()))
+            values = peaks[probe].values
+            highest.append((best, probe, values, int(np.argmax(values))))
     return highest
 
 
@@ -581,7 +520,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
             f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
             "leave it out, or follow the frequency",
         )
-    probes = {name for branch in result.branches for name in branch.displacement}
+    probes = set(result["points"].labels("probe"))
     overlay = dict(result.overlay)
     for curve in stored.curves.values():
         if not probes & set(curve.displacement):

@@ -28,7 +28,6 @@ from beamsim.orbits.special_points import lowest
 from beamsim.orbits.tracing import Budget, joined, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.responses.parameters import ResponseModel
-from beamsim.results.branch import FoldBranch, of_states
 from beamsim.results.values import DISPLACEMENT
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats, not_none
@@ -40,6 +39,22 @@ SAME = 1e-6  # relative distance within which a fold lies on a curve that is kno
 AT_EDGE = 1e-9  # relative distance from an end of the range within which a curve begins there
 TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
+
+
+@dataclass(frozen=True)
+class FollowedFolds:
+    """A curve of np folds, or of grazings, in frequency and a second parameter."""
+
+    level: float  # of the excitation; NaN if it is the second parameter
+    branch: int  # number of the branch with the fold
+    start_hz: float  # of that fold
+    touching: str  # contact that grazes along the whole curve; empty for a fold
+    outcome: Outcome
+    frequency_hz: Floats  # (np,)
+    parameter: Floats  # (np,) the second one, SI
+    residual: Floats  # (np,)
+    states: Floats  # (np, N)
+    peak: Floats  # (np, probes) m, largest displacements of a period
 
 
 @dataclass
@@ -189,7 +204,7 @@ class _Corner(NamedTuple):
     branch: int  # number of the branch of both
 
 
-def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldBranch]:
+def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FollowedFolds]:
     """One curve for every fold of the branches of the excitation's own period, each fold on one curve only.
 
     Parameters
@@ -204,7 +219,7 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
     list
         In the order of the branches; a curve has no points where its fold is too close to a corner.
     """
-    curves: list[FoldBranch] = []
+    curves: list[FollowedFolds] = []
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:
             continue
@@ -238,7 +253,7 @@ def _present(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _holds(curve: FoldBranch, omega: float, present: float) -> bool:
+def _holds(curve: FollowedFolds, omega: float, present: float) -> bool:
     """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
     p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
@@ -251,22 +266,19 @@ def _holds(curve: FoldBranch, omega: float, present: float) -> bool:
     return False
 
 
-def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FoldBranch:
+def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FollowedFolds:
     """The curve through a fold or grazing, with the largest displacements of its motions."""
     second, fold, touching = not_none(model.second), corner.fold, corner.touching
     halves = _halves(model, corner, _present(model, level), budget)
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
-    names = [p.name for p in model.system.probes]
     displacements = model.system.channels.of_keys(DISPLACEMENT)
     measurement = Measurement(
         model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
     )
-    motions = [measurement.of(followed.problem, point) for point in followed.points]
-    peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
     points = followed.points
-    states = np.array([p.u[:-2] for p in points]).reshape(len(points), corner.orbits.flow.size)
-    return FoldBranch(
+    peaks = [measurement.of(followed.problem, point).peak for point in points]
+    return FollowedFolds(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
         branch=corner.branch,
@@ -274,11 +286,9 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
         outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
         frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
         parameter=np.array([second.outward(p.parameter) for p in points]),
-        unit=second.unit,
-        parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
-        peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
         residual=np.array([p.residual for p in points]),
-        **of_states(states, model.system.dynamics.size),
+        states=np.array([p.u[:-2] for p in points]).reshape(len(points), corner.orbits.flow.size),
+        peak=np.array(peaks).reshape(-1, len(model.system.probes)),
     )
 
 

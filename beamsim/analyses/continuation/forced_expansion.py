@@ -8,25 +8,32 @@ everything small is made smaller by a common factor, at the same detuning agains
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.continuation.result import ContinuationResult, ForcedExpansionComparison
+from beamsim.analyses.continuation.result import (
+    MULTIPLE_SCALES,
+    MULTIPLE_SCALES_FACTORS,
+    MULTIPLE_SCALES_POINTS,
+    ContinuationResult,
+)
 from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
+from beamsim.labelled import Dataset
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.responses.loads import periodic_forcing
+from beamsim.results.branch import each_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import Continuation, FrequencyPath
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Bools, Complexes, Floats
 
 HALVINGS = 24  # of the factor, at most
 WANTED = 7  # factors at which the exact motion is found
@@ -37,33 +44,57 @@ NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
 FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
 
 
+class _Expansion(NamedTuple):
+    """Steady motions by multiple scales at one level, and their differences from exact ones."""
+
+    level: float
+    mode: int  # from 1
+    linear_frequency_hz: float
+    frequency_hz: Floats  # (np,) at a factor of one
+    stable: Bools  # (np,)
+    leading: list[Floats]  # by probe (np,) m, largest deflections of a period
+    first: list[Floats]
+    backbone_hz: Floats  # (np,)
+    factor: Floats  # (E,) falling
+    factor_frequency_hz: Floats  # (E,)
+    difference: Floats  # (E, 2)
+    orders: Floats  # (E, 2)
+    stability_agrees: Bools  # (E,)
+
+
 def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
     """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
-    expansion = compare_forced_expansion(result.scenario)
-    summary = {**result.summary, "multiple_scales": [_summary(comparison) for comparison in expansion]}
-    return replace(result, expansion=expansion, summary=summary)
+    datasets = compare_forced_expansion(result.scenario)
+    levels = datasets["multiple_scales"]
+    motions = each_of(levels, datasets["multiple_scales_points"], "comparison")
+    differences = each_of(levels, datasets["multiple_scales_factors"], "comparison")
+    said = [_summary(*of_level) for of_level in zip(motions, differences, strict=True)]
+    summary = {**result.summary, "multiple_scales": said}
+    return replace(result, datasets=result.datasets | datasets, summary=summary)
 
 
-def _summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
+def _summary(motions: Dataset, differences: Dataset) -> dict[str, Any]:
     """Summary of one level; an order is that between the two smallest factors."""
-    orders = [of[np.isfinite(of)] for of in comparison.orders.T]
-    near = comparison.difference[:, 0] < np.inf  # False where no exact motion was found
+    orders = [of[np.isfinite(of)] for of in differences["orders"].values.T]
+    near = differences["difference"].values[:, 0] < np.inf  # False where no exact motion was found
     return {
-        "level": comparison.level,
-        "mode": comparison.mode,
-        "linear_frequency_hz": comparison.linear_frequency_hz,
-        "points": int(comparison.frequency_hz.size),
-        "stable_points": int(comparison.stable.sum()),
-        "largest_first_order_m": {name: float(x.max()) for name, x in comparison.first.items()},
-        "factor": comparison.factor[near].tolist(),
-        "difference": comparison.difference[near].tolist(),
+        **{name: motions[name].item() for name in ("level", "mode", "linear_frequency_hz")},
+        "points": motions["frequency_hz"].values.size,
+        "stable_points": int(motions["stable"].values.sum()),
+        "largest_first_order_m": {name: float(x.values.max()) for name, x in motions.by_label("first").items()},
+        "factor": differences["factor"].values[near].tolist(),
+        "difference": differences["difference"].values[near].tolist(),
         "observed_orders": [float(of[-1]) if of.size else np.nan for of in orders],
-        "stability_agrees": bool(near.any() and comparison.stability_agrees[near].all()),
+        "stability_agrees": bool(near.any() and differences["stability_agrees"].values[near].all()),
     }
 
 
-def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionComparison, ...]:
+def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
     """Expand the response that ``sweep: {kind: continuation}`` follows, at all its levels.
+
+    Returns
+    -------
+    The datasets of the levels, of their motions and of their differences from exact ones, by name.
 
     Raises
     ------
@@ -93,7 +124,40 @@ def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionCompari
     levels = settings.levels or (excitation.level,)
     mode = _mode(system, loads, 2 * np.pi * low, 2 * np.pi * high)
     with locating({"mode": "excitation.frequency", "frequency": "excitation.frequency"}):
-        return tuple(_compare(system, loads, float(level), mode, low, high) for level in levels)
+        found = [_compare(system, loads, float(level), mode, low, high) for level in levels]
+    level_unit = scenario.level_unit or "1"
+    return _datasets(found, [probe.name for probe in system.probes], level_unit)
+
+
+def _datasets(found: list[_Expansion], probes: list[str], level_unit: str) -> dict[str, Dataset]:
+    """What was found at each level."""
+
+    def joined(name: str) -> Any:
+        return np.concatenate([getattr(each, name) for each in found])
+
+    numbers = np.arange(len(found))
+    points = [each.frequency_hz.size for each in found]
+    of_points = {
+        "point": np.arange(1, sum(points) + 1),
+        "comparison": np.repeat(numbers, points),
+        "probe": probes,
+        **{name: joined(name) for name in ("frequency_hz", "stable", "backbone_hz")},
+        **{name: np.hstack([getattr(each, name) for each in found]) for name in ("leading", "first")},
+    }
+    factors = [each.factor.size for each in found]
+    of_factors = {
+        "number": np.arange(1, sum(factors) + 1),
+        "comparison": np.repeat(numbers, factors),
+        "order": np.arange(2),
+        **{
+            name: joined(name) for name in ("factor", "factor_frequency_hz", "difference", "orders", "stability_agrees")
+        },
+    }
+    return {
+        "multiple_scales": MULTIPLE_SCALES.table(found, [{"level_unit": level_unit}] * len(found), comparison=numbers),
+        "multiple_scales_points": MULTIPLE_SCALES_POINTS.dataset(of_points),
+        "multiple_scales_factors": MULTIPLE_SCALES_FACTORS.dataset(of_factors),
+    }
 
 
 def _refuse(system: StructuralSystem) -> None:
@@ -158,17 +222,17 @@ def _tip(r: ResonantForcing) -> float:
     return float(np.exp(brentq(excess, start - 30.0, start + 30.0, xtol=1e-13)))
 
 
-def _peaks(coefficients: list[Complexes], system: StructuralSystem) -> dict[str, Floats]:
+def _peaks(coefficients: list[Complexes], system: StructuralSystem) -> list[Floats]:
     """(np,) largest deflections of a period at each probe, of motions given by their harmonics (H + 1, n)."""
     phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients[0].shape[0])))
     motions = [(wave @ each).real for each in coefficients]
-    return {p.name: np.array([np.abs(x @ p.shape).max() for x in motions]) for p in system.probes}
+    return [np.array([np.abs(x @ p.shape).max() for x in motions]) for p in system.probes]
 
 
 def _compare(
     system: StructuralSystem, loads: PeriodicForcing, level: float, mode: int, low: float, high: float
-) -> ForcedExpansionComparison:
+) -> _Expansion:
     omega = float(np.sqrt(system.dynamics.stiffness[mode]))
     force = loads.at(omega, level)[0].sum(axis=0)
     resonant = ResonantForcing(system.dynamics, mode, force)
@@ -195,7 +259,7 @@ def _compare(
             break
     table = np.array([row[:3] for row in rows])
     factor, difference = table[:, 0], table[:, 1:]
-    return ForcedExpansionComparison(
+    return _Expansion(
         level=level,
         mode=mode + 1,
         linear_frequency_hz=omega / (2 * np.pi),
@@ -207,7 +271,7 @@ def _compare(
         factor=factor,
         factor_frequency_hz=(omega + factor * reference.sigma) / (2 * np.pi),
         difference=difference,
-        orders=np.array([observed_orders(factor, difference[:, k]) for k in (0, 1)]).T,
+        orders=np.array([np.append(observed_orders(factor, difference[:, k]), np.nan) for k in (0, 1)]).T,
         stability_agrees=np.array([row[3] for row in rows]),
     )
 

@@ -3,39 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
-    Counter,
     Entry,
     Flag,
     Number,
     Pair,
     Text,
     attribute,
-    axis,
     by_name,
-    dataset,
     declared,
     list_of,
     members,
-    per_probe,
     record,
     stored,
 )
-from beamsim.results.branch import FoldBranch, ResponseBranch
+from beamsim.labelled import Dataset, Layout, Variable
+from beamsim.results.branch import (
+    BRANCHES,
+    FLAGS,
+    FOLD_CURVES,
+    FOLD_POINTS,
+    POINTS,
+    SPECIAL_POINTS,
+    each_of,
+    harmonics_of,
+    is_symmetric,
+)
 from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.structural import MODES
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats
 
 NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
-_POINT = (Counter("point", "number of the point"),)
-_ORDER = Counter("order", "order of the expansion", 0)
 
 
 @declared
@@ -46,33 +52,59 @@ class OverlayCurve(SweepCurve):
     title: str = attribute("", "title of its scenario", default="")
 
 
-@declared(along=_POINT)
-class ForcedExpansionComparison:
-    """Steady motions near a mode by multiple scales, at one level, and how far they are from the exact ones.
-
-    The small factor multiplies springs, dashpots, damping and force together; 1 is the case itself.
-    """
-
-    level: float = attribute("{level_unit}", "level of the excitation")
-    mode: int = attribute("1", "number of the mode")
-    linear_frequency_hz: float = attribute("Hz", "its natural frequency")
-    frequency_hz: Floats = dataset("Hz", "excitation frequency")  # at a factor of one, through the tip
-    stable: Bools = dataset("1", "whether the slow flow contracts", flags=("unstable", "stable"))
-    leading: dict[str, Floats] = per_probe("m", "largest deflection of a period, to leading order")
-    first: dict[str, Floats] = per_probe("m", "largest deflection of a period, to first order")
-    backbone_hz: Floats = dataset("Hz", "frequency of the nonlinear mode of the same amplitude, to first order")
-    factor: Floats = axis("1", "factor of springs, damping and force")  # (E,) falling
-    # the detuning shrinks with the factor
-    factor_frequency_hz: Floats = dataset("Hz", "excitation frequency at the factor", along=("factor",))
-    difference: Floats = dataset(  # (E, 2) largest of a period; nan: no exact motion near
-        "1", "difference from the exact motion, relative to its size: leading and first order", along=("factor", _ORDER)
-    )
-    orders: Floats = dataset(  # (E - 1, 2) 1 and 2 expected
-        "1", "observed orders between a factor and the next", along=(Counter("step", "number of the step"), _ORDER)
-    )
-    stability_agrees: Bools = dataset(
-        "1", "whether exact and slow stability agree", along=("factor",), flags=("no", "yes")
-    )
+_COMPARISON, _POINT, _FACTOR, _PROBE = ("comparison",), ("point",), ("number",), ("probe",)
+MULTIPLE_SCALES = Layout(
+    "multiple_scales",
+    "Steady motions near a mode by multiple scales and how far they are from the exact ones, a row for each level. The "
+    "small factor multiplies springs, dashpots, damping and force together; 1 is the case itself.",
+    {
+        "comparison": Variable(_COMPARISON, "1", "number of the level, from 0", int),
+        "level": Variable(_COMPARISON, "{level_unit}", "level of the excitation"),
+        "mode": Variable(_COMPARISON, "1", "number of the mode", int),
+        "linear_frequency_hz": Variable(_COMPARISON, "Hz", "its natural frequency"),
+    },
+    optional=True,
+)
+MULTIPLE_SCALES_POINTS = Layout(
+    "multiple_scales_points",
+    "The motions by multiple scales at a factor of one, from one end of the range through the largest to the other, "
+    "those of one level after those of another.",
+    {
+        "point": Variable(_POINT, "1", "number of the point", int),
+        "comparison": Variable(_POINT, "1", "number of the level, from 0", int, names="multiple_scales/comparison"),
+        "frequency_hz": Variable(_POINT, "Hz", "excitation frequency"),
+        "stable": Variable(_POINT, "1", "whether the slow flow contracts", bool, flags=FLAGS),
+        "backbone_hz": Variable(_POINT, "Hz", "frequency of the nonlinear mode of the same amplitude, to first order"),
+        "probe": Variable(_PROBE, "1", "name of the probe", str),
+        "leading": Variable(_PROBE + _POINT, "m", "largest deflection of a period, to leading order"),
+        "first": Variable(_PROBE + _POINT, "m", "largest deflection of a period, to first order"),
+    },
+    optional=True,
+)
+MULTIPLE_SCALES_FACTORS = Layout(
+    "multiple_scales_factors",
+    "Differences from the exact motion at falling factors, the detuning falling with them, those of one level after "
+    "those of another.",
+    {
+        "number": Variable(_FACTOR, "1", "number of the row", int),
+        "comparison": Variable(_FACTOR, "1", "number of the level, from 0", int, names="multiple_scales/comparison"),
+        "factor": Variable(_FACTOR, "1", "factor of springs, damping and force"),
+        "factor_frequency_hz": Variable(_FACTOR, "Hz", "excitation frequency at the factor"),
+        "stability_agrees": Variable(_FACTOR, "1", "whether exact and slow stability agree", bool, flags=("no", "yes")),
+        "order": Variable(("order",), "1", "order of the expansion", int),
+        "difference": Variable(
+            (*_FACTOR, "order"),
+            "1",
+            "difference from the exact motion, the largest of a period, relative to its size; NaN where there is none "
+            "near",
+        ),
+        "orders": Variable(
+            (*_FACTOR, "order"), "1", "observed order between this factor and the next; NaN of the last"
+        ),
+    },
+    optional=True,
+)
+EXPANSION = (MULTIPLE_SCALES, MULTIPLE_SCALES_POINTS, MULTIPLE_SCALES_FACTORS)
 
 
 OF_STABLE = (
@@ -103,8 +135,8 @@ OVERLAY = record({"direction": Text, "level": Number, "source": Text, "stepped":
 BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
-    Entry("parameter", of="parameter"),
-    Entry("method", of="method", section="solver"),
+    Entry("parameter", of="branches/followed"),
+    Entry("method", "", "shooting or harmonic_balance", "solver", form=Text),
     Entry("points", "1", "points of all branches"),
     Entry("branches", "1", "number of branches"),
     Entry("followed", "", "by branch: level, period_multiple, points, stable_points, the largest mean of a probe where "
@@ -153,10 +185,11 @@ class _Piece(NamedTuple):
         return bool(self.parameter[0] < parameter < self.parameter[-1])
 
 
-def _pieces(branch: ResponseBranch) -> Iterator[_Piece]:
-    x, step = branch.parameter, np.sign(np.diff(branch.parameter))
-    step[~(branch.stable[:-1] & branch.stable[1:])] = 0.0
-    peak = next((probe.peak for probe in branch.probes if probe.quantity == "displacement"), np.full(x.size, np.nan))
+def _pieces(branch: Dataset) -> Iterator[_Piece]:
+    x, stable = branch["parameter"].values, branch["stable"].values
+    step = np.sign(np.diff(x))
+    step[~(stable[:-1] & stable[1:])] = 0.0
+    peak = next((of.values for of in branch.by_label("peak_displacement").values()), np.full(x.size, np.nan))
     edges = np.flatnonzero(np.diff(step, prepend=np.nan, append=np.nan) != 0.0)
     for first, last in pairwise(edges.tolist()):
         if step[first]:
@@ -170,27 +203,52 @@ class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
     KIND = "continuation"
-    SUMMARY, DATASETS = _SUMMARY, (MODES,)
+    SUMMARY = _SUMMARY
 
-    branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch, "branch", rows="points")
-    parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
-    unit: str = attribute("", "its unit")
-    snubber: str = attribute("", "snubber whose number is followed", default="")
-    level_unit: str = attribute("", "unit of the branches' levels", default="")
-    method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[FoldBranch, ...] = members(
-        "fold_curves", FoldBranch, "fold_curve", rows="fold_points", default=()
+    DATASETS: ClassVar[tuple[Layout, ...]] = (
+        MODES,
+        BRANCHES,
+        POINTS,
+        SPECIAL_POINTS,
+        FOLD_CURVES,
+        FOLD_POINTS,
+        *EXPANSION,
     )
-    second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
-    second_unit: str = attribute("", "its unit", default="")
-    second_snubber: str = attribute("", "snubber whose number that is", default="")
+
     overlay: dict[str, OverlayCurve] = members(
         "overlay", OverlayCurve, "curve", rows="overlay_cycles", default_factory=dict
     )
-    # for weak springs, where it was asked for
-    expansion: tuple[ForcedExpansionComparison, ...] = members(
-        "multiple_scales", ForcedExpansionComparison, "comparison", rows="", default=()
-    )
+
+    @cached_property
+    def branches(self) -> tuple[Dataset, ...]:
+        """The points of each branch, with its row of `branches` as variables without dimensions."""
+        return each_of(self["branches"], self["points"], "branch")
+
+    @cached_property
+    def fold_curves(self) -> tuple[Dataset, ...]:
+        """The points of each curve of folds, likewise."""
+        known = "fold_curves" in self.datasets
+        return each_of(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
+
+    @property
+    def parameter(self) -> str:
+        """What is followed: frequency, level, gap, stiffness or position."""
+        return str(self["branches"]["followed"].item())
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return self["points"]["parameter"].unit
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the branches' levels."""
+        return self["branches"]["level"].unit
+
+    @property
+    def second_unit(self) -> str:
+        """Unit of what folds are followed in; empty without folds."""
+        return self["fold_points"]["parameter"].unit if "fold_points" in self.datasets else ""
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
@@ -202,25 +260,26 @@ class ContinuationResult(Result):
             return self.level_unit
         return super().unit_of(entry, place, keys, record)
 
-    def off_centre(self, branch: ResponseBranch) -> tuple[str, float] | None:
+    def off_centre(self, branch: Dataset) -> tuple[str, float] | None:
         """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.
 
         Motions of a symmetric structure that repeat with the other sign after half a period have no even harmonics.
         Where a branch in contact has none anywhere, and this one has, it is one of a pair of mirror images.
         """
-        if branch.symmetric is not False or not any(
-            b.symmetric and any(np.any(share > 0) for share in b.contact_share.values()) for b in self.branches
-        ):
+        touching = [b for b in self.branches if "contact_share" in b and np.any(b["contact_share"].values > 0)]
+        if is_symmetric(branch) is not False or not any(is_symmetric(other) for other in touching):
             return None
-        means = {name: float(np.abs(h[:, 0]).max()) for name, h in branch.harmonics.items()}
+        means = {name: float(np.abs(h[:, 0]).max()) for name, h in harmonics_of(branch).items()}
         name = max(means, key=lambda name: means[name])
         return name, means[name]
 
     def coexisting(self) -> list[Several]:
         """Where several motions of a level are stable, by level and increasing parameter."""
         found: list[Several] = []
-        for level in {repr(branch.level): branch.level for branch in self.branches}.values():
-            pieces = [piece for b in self.branches if repr(b.level) == repr(level) for piece in _pieces(b)]
+        levels = [float(branch["level"].item()) for branch in self.branches]
+        for level in {repr(level): level for level in levels}.values():
+            of_level = (b for b, other in zip(self.branches, levels, strict=True) if repr(other) == repr(level))
+            pieces = [piece for branch in of_level for piece in _pieces(branch)]
             edges = np.unique([piece.parameter[end] for piece in pieces for end in (0, -1)])
             for low, high in pairwise(edges.tolist()):
                 at = 0.5 * (low + high)

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, limited
+from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, largest_in, limited
 from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]
@@ -137,9 +137,9 @@ def _of_sweep(result: SweepResult) -> Responses:
 def _of_continuation(result: ContinuationResult) -> Responses:
     """For every level the largest values of the stable motions of all periods, ``stable_<index>/…``; nan of none."""
     values: Responses = {}
-    for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
-        of_level = [b for b in result.branches if repr(b.level) == level]
-        for value, name, largest, parameter in largest_along(of_level):
+    for index, level in enumerate(dict.fromkeys(repr(b["level"].item()) for b in result.branches)):
+        of_level = [b for b in result.branches if repr(b["level"].item()) == level]
+        for value, name, largest, parameter in largest_in(of_level, "parameter", "stable"):
             frequency = parameter if result.parameter == "frequency" else None
             values |= _largest(f"stable_{index}", value, name, largest, frequency)
     return values

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.nnm.comparisons import (
+    ExpansionComparison,
+    RelaxedComparison,
     compare_expansion,
     compare_relaxed,
     exact_points,
     expansion_path,
 )
 from beamsim.analyses.nnm.full_period import difference, follow_full_period
-from beamsim.analyses.nnm.orbits import branch_result, mode_shape, orbit_motion, special_points
-from beamsim.analyses.nnm.paths import ModeBranches, ModePath, mode_path
-from beamsim.analyses.nnm.phase_resonance import hold_mode
-from beamsim.analyses.nnm.result import (
-    BranchJump,
-    ExpansionComparison,
-    NormalModeResult,
-    PhaseResonanceResult,
-    RelaxedComparison,
-    nnm_summary,
-)
+from beamsim.analyses.nnm.layouts import JUMPS
+from beamsim.analyses.nnm.orbits import ModeBranch, mode_branch, mode_datasets, orbit_motion, special_points
+from beamsim.analyses.nnm.paths import UNITS, ModeBranches, ModePath, mode_path
+from beamsim.analyses.nnm.phase_resonance import HeldMode, hold_mode
+from beamsim.analyses.nnm.result import NormalModeResult
+from beamsim.analyses.nnm.summary import expansion_summary, held_summary, nnm_summary, relaxed_summary
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
@@ -44,14 +42,14 @@ from beamsim.outcomes import (
 )
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.points import Wanted, with_points_at
-from beamsim.results.branch import ModeBranch, SpecialPointResult
+from beamsim.results.branch import SpecialRow
 from beamsim.results.result import forces_beyond_tables, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import not_none
+from beamsim.typing import Floats, not_none
 
 RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
 
@@ -121,31 +119,34 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     special, failed, given_up = special_points(job, followed)
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
-    branches, shown, point = _with_motion(system, _branches(job, work, special), work.full_period or followed)
-    motion = not_none(branches[shown].motion)
+    branches = _branches(job, work)
+    mode = followed.problem.vectors[:, job.mode]
+    datasets = mode_datasets(job, branches, _special(job, work, special))
+    datasets |= _jumps(job, followed) | {"motion": _motion(system, branches, mode)}
     held = scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance")
     resonance = hold_mode(system, followed.problem, followed.backbone.points, progress) if held else None
+    datasets |= {} if resonance is None else resonance.datasets
+    datasets |= {} if work.expansion is None else {"multiple_scales": work.expansion.dataset}
+    datasets |= {} if work.relaxed is None else {"relaxed_minimisation": work.relaxed.dataset}
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
+    forces = {name: of.values for name, of in datasets["motion"].by_label("force").items()}
     result = NormalModeResult(
         scenario=scenario,
-        mode=job.mode + 1,
-        parameter=job.parameter,
-        method=scenario.nnm.method.kind,
-        outcome=reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes),
-        branches=branches,
-        jumps=tuple(BranchJump(job.shown(j.start), job.shown(j.end), j.mode + 1, j.ratio) for j in followed.jumps),
-        linear_shape=mode_shape(system.deflection, followed.problem.vectors[:, job.mode], motion.at_rest[0]),
-        motion_branch=shown,
-        motion_point=point,
-        datasets={"modes": system.modes},
-        phase_resonance=resonance,
-        expansion=work.expansion,
-        relaxed=work.relaxed,
-        warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [motion.force])),
+        outcome=reduction_checked(balanced(outcome, datasets["points"]), scenario, system.modes),
+        datasets={"modes": system.modes} | datasets,
+        warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [forces])),
         wall_time_s=clock.perf_counter() - begin,
     )
-    hz = float(followed.problem.omega[job.mode] / (2 * np.pi))  # of the linear mode
-    return result.with_summary(**nnm_summary(result, hz, work.processor_time_s, _requested(result, work)))
+    return result.with_summary(
+        **nnm_summary(result),
+        mode=job.mode + 1,
+        linear_frequency_hz=float(followed.problem.omega[job.mode] / (2 * np.pi)),
+        processor_time_s=work.processor_time_s,
+        requested_points=_requested(branches, work) or None,
+        multiple_scales=None if work.expansion is None else expansion_summary(work.expansion),
+        relaxed_minimisation=None if work.relaxed is None else relaxed_summary(work.relaxed),
+        phase_resonance=None if resonance is None else held_summary(resonance),
+    )
 
 
 @dataclass
@@ -245,12 +246,12 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
     return replace(followed, backbone=backbone, tongues=tuple(branches[1:])), requested
 
 
-def _requested(result: NormalModeResult, work: _MethodResults) -> list[dict[str, Any]]:
+def _requested(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dict[str, Any]]:
     """The points that were asked for, as plain values."""
     rows = []
     followed = (work.followed.backbone, *work.followed.tongues)
     for index, asked, passed in work.requested:
-        branch = result.branches[index]
+        branch = branches[index]
         k = next(i for i, point in enumerate(followed[index].points) if point is passed)
         if k < branch.parameter.size:  # a full-period path that ended early lacks it
             rows.append(
@@ -296,41 +297,50 @@ def _near_expansion(job: ModePath) -> _MethodResults:
     return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)
 
 
-def _branches(job: ModePath, work: _MethodResults, special: tuple[SpecialPointResult, ...]) -> tuple[ModeBranch, ...]:
-    brake, full = work.followed.problem, work.full_period
-    of_backbone: dict[str, Any] = {"special": special}
+def _branches(job: ModePath, work: _MethodResults) -> list[ModeBranch]:
+    """The backbone first."""
+    brake, full, differences = work.followed.problem, work.full_period, None
     if full is not None:
-        breakings = (
-            SpecialPointResult("symmetry_breaking", job.shown(at.parameter), 1.0 / brake.split(at.u)[1])
-            for at in full.breakings
-        )
         pairs = zip(full.backbone.points, work.followed.backbone.points, strict=False)
         differences = np.array([difference(full.backbone.problem, *pair) for pair in pairs])
-        of_backbone = {"special": (*special, *breakings), "half_period_difference": differences}
     backbone, *others = (full or work.followed).every
-    return (
-        branch_result(job, brake, backbone, **of_backbone),
-        *(branch_result(job, brake, branch, special=()) for branch in others),
+    return [mode_branch(job, brake, backbone, differences), *(mode_branch(job, brake, other) for other in others)]
+
+
+def _special(job: ModePath, work: _MethodResults, special: Sequence[SpecialRow]) -> list[SpecialRow]:
+    """The special points of the backbone, and where non-brake orbits leave it."""
+    brake, full = work.followed.problem, work.full_period
+    breakings = (
+        SpecialRow("symmetry_breaking", job.shown(at.parameter), 1.0 / brake.split(at.u)[1])
+        for at in (() if full is None else full.breakings)
     )
+    return [*special, *breakings]
 
 
-def _with_motion(
-    system: StructuralSystem, branches: tuple[ModeBranch, ...], followed: ModeBranches
-) -> tuple[tuple[ModeBranch, ...], int, int]:
-    """The branches with the motion in time that is shown, and the numbers of its branch and point.
+def _jumps(job: ModePath, followed: ModeBranches) -> dict[str, Dataset]:
+    """The dataset of the gaps in the backbone by its name; none without any."""
+    jumps = followed.jumps
+    columns = {
+        "start": [job.shown(jump.start) for jump in jumps],
+        "end": [job.shown(jump.end) for jump in jumps],
+        "mode": [jump.mode + 1 for jump in jumps],
+    }
+    return {"jumps": JUMPS.table(jumps, [{"unit": UNITS[job.parameter]}] * len(jumps), **columns)} if jumps else {}
+
+
+def _motion(system: StructuralSystem, branches: Sequence[ModeBranch], mode: Floats) -> Dataset:
+    """The motion in time that is drawn, of a mode with coordinates (n,).
 
     It is the backbone's last one, or the furthest from rest where one is never at rest.
     """
-    shown = next((k for k, each in enumerate(branches) if each.kind == "non_brake"), 0)
+    shown = next((k for k, each in enumerate(branches) if each.branch.kind == "non_brake"), 0)
     branch = branches[shown]
     point = int(np.argmax(branch.least_kinetic)) if shown else branch.parameter.size - 1
-    state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    flow = followed.every[shown].points[point].data.flow
-    motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
-    return (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :]), shown, point
+    flow, period = branch.branch.points[point].data.flow, 1.0 / float(branch.frequency_hz[point])
+    return orbit_motion(system, flow, branch.states[point], period, mode, shown, point + 1)
 
 
-def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:
+def _outcome(work: _MethodResults, resonance: HeldMode | None) -> Outcome:
     """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
     ends = [work.followed.backbone.outcome]
     if work.full_period is not None:

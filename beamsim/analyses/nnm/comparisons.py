@@ -5,13 +5,16 @@ vanishes, and relaxed minimisation (Hazim 2010) with its range, accuracy and cos
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.nnm.layouts import MULTIPLE_SCALES, RELAXED_MINIMISATION
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, flexible_mode, held_energy, spring_family
-from beamsim.analyses.nnm.result import SAFELY, ExactModes, ExpansionComparison, ExpansionPath, RelaxedComparison
 from beamsim.errors import locating
 from beamsim.flow.compiled import processor_time
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.free import HARMONICS, ModeAtEnergy, ModeExpansion, observed_orders
@@ -19,16 +22,133 @@ from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, interruption, tell, until_asked
+from beamsim.results.branch import endings
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
 
 ORDERS = (0, 1, 2)
+SAFELY = 3.0  # factors this much below the expansion's reach count as small
 MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
+
+
+@dataclass(frozen=True)
+class ExpansionPath:
+    """Frequency and initial condition of a mode of n coordinates to orders 0, 1 and 2, at F stiffness factors.
+
+    Its numbers are variables of `MULTIPLE_SCALES`.
+    """
+
+    mode: int  # from 1
+    energy: float
+    linear_frequency_hz: float
+    first_hz: float
+    second_hz: float
+    factor: Floats  # (F,)
+    frequency_hz: Floats  # (F, 3)
+    coordinates: Floats  # (F, 3, n) the shape at rest at t = 0
+    initial_displacement: Floats  # (F, 3, nx)
+    partner: int
+    harmonic: int
+    reach: float
+    uniform_coordinates: Floats  # (F, 3, n)
+    pole: float
+    pole_mode: int
+    pole_harmonic: int
+
+    @property
+    def small(self) -> float:
+        """Factors up to this one count as small."""
+        return self.reach / SAFELY * (1.0 + 1e-9)
+
+
+@dataclass(frozen=True)
+class ExactModes:
+    """Exact motions at the same energy (shooting); NaN where none was found near the expansion."""
+
+    frequency_hz: Floats  # (F,)
+    coordinates: Floats  # (F, n)
+    initial_displacement: Floats  # (F, nx)
+    residual: Floats  # (F,)
+
+
+@dataclass(frozen=True)
+class ExpansionComparison:
+    """Expansion against exact motion; see `MULTIPLE_SCALES`."""
+
+    path: ExpansionPath
+    exact: ExactModes
+    frequency_difference: Floats  # (F, 3)
+    initial_difference: Floats  # (F, 3)
+    frequency_orders: Floats  # (F - 1, 3)
+    initial_orders: Floats  # (F - 1, 3)
+    expected_orders: Floats  # (F - 1, 3)
+    uniform_difference: Floats  # (F, 3)
+    uniform_orders: Floats  # (F - 1, 3)
+
+    @property
+    def dataset(self) -> Dataset:
+        """The labelled dataset."""
+        path, of_self = vars(self.path), {k: v for k, v in vars(self).items() if k not in ("path", "exact")}
+        exact = {f"exact_{name}": of for name, of in vars(self.exact).items()}
+        counted = {
+            "order": np.array(ORDERS),
+            "step": _numbers(self.path.factor.size - 1),
+            "coordinate": _numbers(self.path.coordinates.shape[-1]),
+            "station": _numbers(self.path.initial_displacement.shape[-1]),
+        }
+        return MULTIPLE_SCALES.dataset({**path, **of_self, **exact, **counted})
+
+
+@dataclass(frozen=True)
+class RelaxedComparison:
+    """A path of relaxed minimisation of S steps, and the exact motions at the same factors.
+
+    Its numbers are variables of `RELAXED_MINIMISATION`.
+    """
+
+    steps: int  # asked for
+    tolerance: float
+    outcome: Outcome
+    factor: Floats  # (S,) of the steps taken; the last may not have been reached
+    frequency_hz: Floats  # (S,)
+    functional: Floats  # (S,)
+    passages: Ints  # (S,)
+    processor_time_s: Floats  # (S,)
+    reached: Bools  # (S,)
+    coordinates: Floats  # (S, n)
+    initial_displacement: Floats  # (S, nx)
+    exact_frequency_hz: Floats  # (S,)
+    frequency_difference: Floats  # (S,)
+    shape_difference: Floats  # (S,)
+    fate: Sequence[str]  # (S,)
+    jumped: Bools  # (S,)
+    shooting_passages: int
+    shooting_processor_time_s: float
+
+    @property
+    def cost_ratio(self) -> float:
+        """Processor time over that of shooting."""
+        return float(self.processor_time_s.sum() / max(self.shooting_processor_time_s, 1e-9))
+
+    @property
+    def dataset(self) -> Dataset:
+        """The labelled dataset."""
+        values: dict[str, Any] = {name: of for name, of in vars(self).items() if name != "outcome"}
+        values |= {name: text for name, (text,) in endings([self.outcome]).items()}
+        counted = {
+            "coordinate": _numbers(self.coordinates.shape[1]),
+            "station": _numbers(self.initial_displacement.shape[1]),
+        }
+        return RELAXED_MINIMISATION.dataset(values | counted)
+
+
+def _numbers(count: int) -> Ints:
+    return np.arange(1, count + 1)
 
 
 def expansion_path(
@@ -278,7 +398,7 @@ def compare_relaxed(
         exact_frequency_hz=known,
         frequency_difference=np.abs(frequency / known - 1.0),
         shape_difference=apart,
-        fate=tuple(fates),
+        fate=fates,
         jumped=jumped,
         shooting_passages=shooting_passages,
         shooting_processor_time_s=shooting_time_s,

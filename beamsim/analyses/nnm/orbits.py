@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.nnm.paths import ModeBranches, ModePath
-from beamsim.analyses.nnm.result import UNITS
+from beamsim.analyses.nnm.layouts import BRANCHES, MOTION, POINTS
+from beamsim.analyses.nnm.paths import UNITS, ModeBranches, ModePath
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
 from beamsim.outcomes import asked_to_stop
 from beamsim.responses.orbit_energies import energy_error
-from beamsim.results.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
+from beamsim.results.branch import (
+    SpecialRow,
+    endings,
+    numbered,
+    of_multipliers,
+    of_states,
+    special_points_table,
+    special_row,
+)
 from beamsim.signals.records import RECTANGULAR
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats
 
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20
@@ -47,7 +58,30 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     )
 
 
-def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more: Any) -> ModeBranch:
+@dataclass(frozen=True)
+class ModeBranch:
+    """A branch of np free motions of n coordinates, each at its instant of smallest kinetic energy.
+
+    Its numbers are variables of `POINTS`.
+    """
+
+    branch: OrbitBranch
+    parameter: Floats  # (np,) as people read it
+    frequency_hz: Floats  # (np,)
+    energy: Floats  # (np,)
+    share: Floats  # (np,)
+    residual: Floats  # (np,)
+    energy_error: Floats  # (np,)
+    states: Floats  # (np, 2n)
+    least_kinetic: Floats  # (np,)
+    stable: Sequence[bool]  # (np,)
+    multipliers: Complexes  # (np, m)
+    half_period_difference: Floats | None = None  # (np,) of a backbone by full-period shooting
+
+
+def mode_branch(
+    job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, half_period_difference: Floats | None = None
+) -> ModeBranch:
     """A branch in SI numbers.
 
     Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
@@ -58,7 +92,7 @@ def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more
     job : the parameter of the branch, the structure and the mode asked for.
     brake : the problem of the backbone.
     branch : of brake orbits, or of motions found over the whole period.
-    more : further fields of `ModeBranch`, its special points among them.
+    half_period_difference : (np,) of its points from half-period shooting, where that is known.
 
     Returns
     -------
@@ -79,30 +113,68 @@ def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
     return ModeBranch(
-        outcome=branch.outcome,
-        kind=branch.kind,
-        mode=branch.mode + 1,
-        ratio=branch.ratio,
+        branch,
         parameter=np.array([job.shown(p.parameter) for p in branch.points]),
-        unit=UNITS[job.parameter],
-        parameter_meaning=job.parameter.replace("_", " "),
         frequency_hz=np.array([orbit.frequency_hz for orbit in orbits]),
         energy=np.array([orbit.energy for orbit in orbits]),
         share=np.array([share[job.mode] for share in shares]),
         residual=np.array([orbit.residual for orbit in orbits]),
         energy_error=np.array([energy_error(p.data.flow, p.data.flow_map) for p in branch.points]),
-        **of_states(states, n),
+        states=states,
         least_kinetic=least,
-        initial_displacement=states[:, :n] @ job.system.deflection.T,
-        stable=np.array([orbit.stable for orbit in orbits]),
-        floquet_multipliers=np.array([orbit.multipliers for orbit in orbits]),
-        **more,
+        stable=[orbit.stable for orbit in orbits],
+        multipliers=np.array([orbit.multipliers for orbit in orbits]),
+        half_period_difference=half_period_difference,
     )
 
 
-def special_points(
-    job: ModePath, branches: ModeBranches
-) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch], bool]:
+_ALIKE = ("parameter", "frequency_hz", "energy", "share", "residual", "energy_error", "least_kinetic", "stable")
+
+
+def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequence[SpecialRow]) -> dict[str, Dataset]:
+    """The datasets of branches, of their points and of the special points of the backbone, by name.
+
+    Parameters
+    ----------
+    job : the parameter of the branches, and the structure.
+    branches : the backbone first.
+    special : of the backbone.
+    """
+    unit, field = UNITS[job.parameter], job.system.deflection
+    states = np.concatenate([each.states for each in branches])
+    about = {
+        "branch": np.arange(len(branches)),
+        "kind": [each.branch.kind for each in branches],
+        "mode": [each.branch.mode + 1 for each in branches],
+        "ratio": [each.branch.ratio for each in branches],
+        "continued_in": job.parameter,
+        "method": job.settings.method.kind,
+        **endings(each.branch.outcome for each in branches),
+    }
+    differences = None
+    if any(each.half_period_difference is not None for each in branches):
+        differences = np.concatenate([
+            np.full(each.parameter.size, np.nan) if each.half_period_difference is None else each.half_period_difference
+            for each in branches
+        ])  # fmt: skip
+    values = {
+        **numbered([each.parameter.size for each in branches]),
+        **{name: np.concatenate([getattr(each, name) for each in branches]) for name in _ALIKE},
+        **of_states(states, field.shape[1]),
+        **of_multipliers([each.multipliers for each in branches]),
+        "station": np.arange(1, field.shape[0] + 1),
+        # one after the other: a product of all states rounds otherwise
+        "initial_displacement": np.concatenate([each.states[:, : field.shape[1]] @ field.T for each in branches]),
+        "half_period_difference": differences,
+    }
+    return {
+        "branches": BRANCHES.dataset(about),
+        "points": POINTS.dataset(values, unit=unit, parameter=job.parameter.replace("_", " ")),
+        "special_points": special_points_table([special, *[()] * (len(branches) - 1)], unit),
+    }
+
+
+def special_points(job: ModePath, branches: ModeBranches) -> tuple[tuple[SpecialRow, ...], list[FailedSearch], bool]:
     """Folds, branch points and grazings along a backbone, but not across its jumps.
 
     Parameters
@@ -116,7 +188,7 @@ def special_points(
     failed : the searches that ended in a numerical error.
     stopped : whether the search was asked to end.
     """
-    special: list[SpecialPointResult] = []
+    special: list[SpecialRow] = []
     failed: list[FailedSearch] = []
     names, orbits = job.system.contact_names, branches.problem
     settings = Settings(iterations=10)
@@ -127,12 +199,14 @@ def special_points(
             return tuple(special), failed, True
         for located in special_points_on(BranchStep(orbits, a, b, settings), failed):
             period = orbits.split(located.point.u)[1]
-            special.append(special_result(located, job.shown(located.parameter), 1.0 / period, names))
+            special.append(special_row(located, job.shown(located.parameter), 1.0 / period, names))
     return tuple(special), failed, False
 
 
-def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:
-    """One motion over a period from a state, and its spectrum over 50 periods of the exact flow.
+def orbit_motion(
+    system: StructuralSystem, flow: Any, state: Floats, period: float, mode: Floats, branch: int = 0, point: int = 1
+) -> Dataset:
+    """The dataset of one motion over a period from a state, and its spectrum over 50 periods of the exact flow.
 
     The motion is followed from period to period without being put back on the periodic motion: an unstable one drifts
     away, and the spectrum then shows it.
@@ -143,11 +217,13 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     flow : of this system without damping and loads.
     state : (2n,) coordinates and their velocities at the start.
     period : s.
+    mode : (n,) coordinates of the linear mode that is drawn with it.
+    branch, point : numbers of the branch, from 0, and of the point along it, from 1, whose motion it is.
 
     Returns
     -------
-    OrbitMotion
-        From the state on, with its drift after the 50 periods.
+    Dataset
+        `MOTION`, from the state on, with its drift after the 50 periods.
 
     Raises
     ------
@@ -162,23 +238,37 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     states = flow.states_at(whole, time)
     q, v = states[:, :n], states[:, n : 2 * n]
     delta = flow.penetration_of(states, time)[0]
-    probes = {p.name: p.shape for p in system.probes}
+    shapes = [probe.shape for probe in system.probes]
     over, last = followed(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
     record = over.reshape(PERIODS * RATE, -1)[:, :n]
-    return OrbitMotion(
-        time=time,
-        displacement={name: q @ shape for name, shape in probes.items()},
-        velocity={name: v @ shape for name, shape in probes.items()},
-        force={s.name: flow.system.contacts.laws[i].static_force(delta[:, i]) for i, s in enumerate(system.snubbers)},
-        stations=q @ system.deflection.T,
-        harmonics={name: RECTANGULAR.amplitudes(q[:-1] @ shape)[: HARMONICS + 1] for name, shape in probes.items()},
-        periods=PERIODS,
-        spectrum_frequency_hz=line_frequencies(period, PERIODS),
-        spectrum={name: np.abs(RECTANGULAR.amplitudes(record @ shape)) for name, shape in probes.items()},
-        drift=float(off),
-    )
+    deflection = q @ system.deflection.T
+    harmonics = np.array([RECTANGULAR.amplitudes(q[:-1] @ shape)[: HARMONICS + 1] for shape in shapes])
+    laws = flow.system.contacts.laws
+    values = {
+        "branch": branch,
+        "branch_point": point,
+        "periods": PERIODS,
+        "drift": float(off),
+        "time": time,
+        "probe": [probe.name for probe in system.probes],
+        "displacement": np.array([q @ shape for shape in shapes]),
+        "velocity": np.array([v @ shape for shape in shapes]),
+        "order": np.arange(HARMONICS + 1),
+        "harmonic_real": harmonics.real,
+        "harmonic_imag": harmonics.imag,
+        "spectrum_frequency_hz": line_frequencies(period, PERIODS),
+        "spectrum": np.array([np.abs(RECTANGULAR.amplitudes(record @ shape)) for shape in shapes]),
+        "snubber": [snubber.name for snubber in system.snubbers],
+        "force": np.array([laws[i].static_force(delta[:, i]) for i in range(len(system.snubbers))]),
+        "station": np.arange(1, deflection.shape[1] + 1),
+        "deflection": deflection,
+        "instant": np.array([0.0, 0.5]),
+        "extreme_shapes": deflection[[0, SAMPLES // 2]],
+        "linear_shape": mode_shape(system.deflection, mode, deflection[0]),
+    }
+    return MOTION.dataset(values, {"snubber": [{"force_unit": each.force_unit} for each in system.snubbers]})
 
 
 def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import UNITS
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import ScenarioError
@@ -24,6 +23,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
+UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
 POINTS = 100  # of a backbone
 SMALL_J = 1e-6  # energy of a motion that is nearly linear
 MOST_ENERGY = 1e8  # times that of the first point, in frequency

@@ -15,17 +15,12 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.motion import Measurement
+from beamsim.analyses.nnm.layouts import HELD, HELD_SPECTRA, PHASE_RESONANCE, PREDICTED_LEVELS, RESONANCE_CURVES
 from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
 from beamsim.analyses.nnm.paths import alike
-from beamsim.analyses.nnm.result import (
-    HeldMotion,
-    PhaseResonanceResult,
-    PredictedLevels,
-    ResonantMotion,
-    ResponseAboutResonance,
-)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import CLOSED_CURVE, Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
@@ -51,12 +46,13 @@ from beamsim.outcomes import (
 from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.responses.orbit_energies import unbalanced
+from beamsim.results.branch import endings, of_multipliers
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
 from beamsim.signals.records import RECTANGULAR
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none, of_kind
+from beamsim.typing import Bools, Complexes, Floats, not_none, of_kind
 
 SCALED_POINTS = 25  # of a backbone whose motions are all alike
 ATTEMPTS = 8  # at other levels, to come to one by way of them
@@ -64,6 +60,137 @@ FARTHEST_LEVEL = 3.0  # ratio of such a level
 BACK = 5  # points of the backbone between two attempts along its stiffness factor
 LEVEL_STEP = 0.1  # of its logarithm
 BEYOND = 1.5  # how far it is drawn over the highest level
+
+
+@dataclass(frozen=True)
+class PredictedLevels:
+    """The level that energy balance asks for along np motions of a backbone; see `PREDICTED_LEVELS`."""
+
+    energy: Floats  # (np,)
+    frequency_hz: Floats  # (np,)
+    level: Floats  # (np,)
+    dissipated: Floats  # (np,)
+    contact_share: Floats  # (np,)
+    amplitude: Floats  # (probes, np)
+
+
+@dataclass(frozen=True)
+class ResponseAboutResonance:
+    """np forced periodic motions about a resonance; see `RESONANCE_CURVES`."""
+
+    outcome: Outcome
+    frequency_hz: Floats  # (np,)
+    amplitude: Floats  # (probes, np)
+    stable: Bools  # (np,)
+    energy_error: Floats  # (np,)
+
+
+@dataclass(frozen=True)
+class HeldMotion:
+    """The damped structure from a state of the mode on, under the predicted force, over P whole periods."""
+
+    time: Floats  # (nt,) s, the end left out
+    displacement: Floats  # (probes, nt) m
+    frequency_hz: Floats  # (nf,) of the lines over all these periods
+    line: Floats  # (probes, nf) m, zero to peak
+    departure: Floats  # (P,) largest distance from the mode in a period, in the norm of energy
+    instants: Floats  # (2,) s, in the last period, at which the mode is at rest
+    shapes: Floats  # (2, nx) m, of the held structure then
+    mode_shapes: Floats  # (2, nx) m, of the mode
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResonantMotion:
+    """One level: the mode it should hold, and the forced motion that is found; see `PHASE_RESONANCE`."""
+
+    level: float
+    predicted_frequency_hz: float
+    predicted_energy: float
+    predicted_amplitude: Floats  # (probes,)
+    held: HeldMotion | None  # None where it chatters
+    # of the exact motion, if it was found
+    found: bool = False
+    frequency_hz: float = np.nan
+    amplitude: Floats  # (probes,)
+    level_for_amplitude: float = np.nan
+    stable: bool = False
+    multipliers: Complexes  # (m,)
+    residual: float = np.nan
+    quadrature: float = np.nan
+    energy_error: float = np.nan
+    curve: ResponseAboutResonance | None = None
+
+
+@dataclass(frozen=True)
+class HeldMode:
+    """A nonlinear mode held by a force, at several levels."""
+
+    outcome: Outcome  # whether every level's motion was found
+    quantity: str  # of the level
+    unit: str  # of the level
+    probes: Sequence[str]
+    compared: int  # number of the probe that moves most, whose amplitude is compared
+    scales: bool  # whether the level is proportional to the amplitude at a constant frequency
+    predicted: PredictedLevels
+    motions: Sequence[ResonantMotion]
+
+    @property
+    def datasets(self) -> dict[str, Dataset]:
+        """The labelled datasets, by name."""
+        motions, probes = self.motions, {"probe": self.probes}
+        curves = [(k, m.curve) for k, m in enumerate(motions) if m.curve is not None]
+        held = [(k, m.held) for k, m in enumerate(motions) if m.held is not None]
+        values: dict[str, Any] = {
+            "level_index": np.arange(len(motions)),
+            "quantity": self.quantity, "compared_probe": self.probes[self.compared], "scales": self.scales,
+            **{name: text for name, (text,) in endings([self.outcome]).items()},
+            **{name: [getattr(motion, name) for motion in motions] for name in ("predicted_amplitude", "amplitude")},
+            **of_multipliers([motion.multipliers[None, :] for motion in motions]),
+            "curve_status": ["" if motion.curve is None else motion.curve.outcome.text for motion in motions],
+        }  # fmt: skip
+        if held:
+            values |= _held_values([motion.held for motion in motions])
+        of_levels = [{"level_unit": self.unit}] * len(motions)
+        datasets = {
+            "phase_resonance": PHASE_RESONANCE.table(motions, of_levels, **probes, **values),
+            "predicted_levels": PREDICTED_LEVELS.dataset(
+                {"point": np.arange(1, self.predicted.level.size + 1), **probes, **vars(self.predicted)},
+                level_unit=self.unit,
+            ),
+        }
+        if curves:
+            datasets["resonance_curves"] = RESONANCE_CURVES.dataset(
+                {
+                    **_numbered([(k, curve.frequency_hz.size) for k, curve in curves], "point"), **probes,
+                    **{
+                        name: np.concatenate([getattr(curve, name) for _, curve in curves], axis=-1)
+                        for name in ("frequency_hz", "stable", "energy_error", "amplitude")
+                    },
+                }
+            )  # fmt: skip
+        for layout, x, y in ((HELD, "time", "displacement"), (HELD_SPECTRA, "frequency_hz", "line")):
+            if held:
+                own = {name: np.concatenate([getattr(of, name) for _, of in held], axis=-1) for name in (x, y)}
+                rows = _numbered([(k, getattr(of, x).size) for k, of in held], "sample")
+                datasets[layout.name] = layout.dataset({**rows, **probes, **own})
+        return datasets
+
+
+def _numbered(sizes: Sequence[tuple[int, int]], dim: str) -> dict[str, Any]:
+    """Numbers of rows along a dimension that belong to levels, from each level's number and the number of its rows."""
+    counts = np.array([size for _, size in sizes], dtype=np.int64)
+    return {dim: np.arange(1, counts.sum() + 1), "level_index": np.repeat([level for level, _ in sizes], counts)}
+
+
+def _held_values(held: Sequence[HeldMotion | None]) -> dict[str, Any]:
+    """What is known of held motions level by level; NaN where there is none."""
+    known = next(each for each in held if each is not None)
+    values: dict[str, Any] = {}
+    for name in ("departure", "instants", "shapes", "mode_shapes"):
+        nothing = np.full(getattr(known, name).shape, np.nan)
+        values[name] = np.array([nothing if of is None else getattr(of, name) for of in held])
+    counts = {"period": known.departure.size, "instant": 2, "station": known.shapes.shape[1]}
+    return values | {dim: np.arange(1, count + 1) for dim, count in counts.items()}
 
 
 @dataclass(frozen=True)
@@ -155,13 +282,9 @@ class _Levels:
         """The same in forced motions."""
         return Measurement(self.damped, self.excitation, self.free.channels)
 
-    def by_probe(self, peak: Floats) -> dict[str, float]:
-        """Values (probes,) by the name of the probe."""
-        return dict(zip((p.name for p in self.damped.probes), peak.tolist(), strict=True))
-
-    def amplitudes(self, motion: _BackboneMotion) -> dict[str, float]:
-        """Largest deflection of a period at each probe."""
-        return self.by_probe(motion.scale * motion.peak)
+    def amplitudes(self, motion: _BackboneMotion) -> Floats:
+        """(probes,) m, largest deflection of a period."""
+        return np.asarray(motion.scale * motion.peak)
 
     def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """The motion with this level (or amplitude); None where the backbone has none.
@@ -215,7 +338,7 @@ class _Levels:
 
 def hold_mode(
     system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress
-) -> PhaseResonanceResult:
+) -> HeldMode:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
     Parameters
@@ -226,7 +349,7 @@ def hold_mode(
 
     Returns
     -------
-    PhaseResonanceResult
+    HeldMode
         The levels predicted along the backbone, and a motion for each level up to the one after which it was stopped.
 
     Raises
@@ -242,25 +365,27 @@ def hold_mode(
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
     held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
-    predicted, probe = _predicted(held, levels)
+    predicted = _predicted(held, levels)
+    compared = int(np.argmax(predicted.amplitude.max(axis=1)))
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
         motion = held.at(level, lambda m: m.level)
         if motion is None:
             raise ScenarioError(_beyond(held, predicted, level, at))
-        motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
+        motions.append(_resonance(held, motion, level, compared, section.span, section.periods))
         tell(progress, (index + 1) / len(levels))
         if asked_to_stop():
             break
-    return PhaseResonanceResult(
+    return HeldMode(
         outcome=_balanced(_ended(motions, len(levels), unit), motions, unit),
         quantity=str(excitation.quantity),
         unit=unit,
-        probe=probe,
+        probes=[probe.name for probe in damped.probes],
+        compared=compared,
         scales=scales,
         predicted=predicted,
-        motions=tuple(motions),
+        motions=motions,
     )
 
 
@@ -293,25 +418,22 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
     return together(parts) if parts else outcome
 
 
-def _predicted(held: _Levels, levels: list[float]) -> tuple[PredictedLevels, str]:
-    """Levels along the backbone, and the probe that moves most."""
+def _predicted(held: _Levels, levels: list[float]) -> PredictedLevels:
+    """Levels along the backbone."""
     if held.alike:
         one = held.motion(held.points[-1])
         drawn = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
         motions = [one.scaled(level / one.level) for level in drawn]
     else:
         motions = held.motions
-    amplitudes = [held.amplitudes(m) for m in motions]
-    names = list(amplitudes[0])
-    table = PredictedLevels(
+    return PredictedLevels(
         energy=np.array([m.energy for m in motions]),
         frequency_hz=np.array([m.frequency_hz for m in motions]),
         level=np.array([m.level for m in motions]),
         dissipated=np.array([m.scale**2 * m.force.dissipated for m in motions]),
         contact_share=np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
-        amplitude={name: np.array([a[name] for a in amplitudes]) for name in names},
+        amplitude=np.array([held.amplitudes(m) for m in motions]).T,
     )
-    return table, max(names, key=lambda name: float(table.amplitude[name].max()))
 
 
 def _beyond(held: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
@@ -332,7 +454,7 @@ def _beyond(held: _Levels, predicted: PredictedLevels, level: float, at: str) ->
 
 
 def _resonance(
-    held: _Levels, motion: _BackboneMotion, level: float, probe: str, span: float, periods: int
+    held: _Levels, motion: _BackboneMotion, level: float, compared: int, span: float, periods: int
 ) -> ResonantMotion:
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
     problem = held.problem(level, motion.force.omega)
@@ -346,16 +468,13 @@ def _resonance(
         "held": left_alone,
     }
     if point is None:
-        nothing = dict.fromkeys(predicted["predicted_amplitude"], np.nan)
-        return ResonantMotion(
-            **predicted, found=False, frequency_hz=np.nan, amplitude=nothing, level_for_amplitude=np.nan, stable=False,
-            floquet_multipliers=np.zeros(0, dtype=complex), residual=np.nan, quadrature=np.nan, curve=None,
-        )  # fmt: skip
+        nothing = np.full(len(held.damped.probes), np.nan)
+        return ResonantMotion(**predicted, amplitude=nothing, multipliers=np.zeros(0, dtype=complex))
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
     motion_found = held.forced.of(problem, point)
-    amplitude = held.by_probe(motion_found.peak)
-    balanced = held.at(amplitude[probe], lambda m: held.amplitudes(m)[probe])
+    amplitude = motion_found.peak
+    balanced = held.at(float(amplitude[compared]), lambda m: float(held.amplitudes(m)[compared]))
     return ResonantMotion(
         **predicted,
         found=True,
@@ -363,7 +482,7 @@ def _resonance(
         amplitude=amplitude,
         level_for_amplitude=np.nan if balanced is None else balanced.level,
         stable=orbit.stable,
-        floquet_multipliers=orbit.multipliers,
+        multipliers=orbit.multipliers,
         residual=orbit.residual,
         quadrature=cosine,
         energy_error=motion_found.energy_error,
@@ -431,7 +550,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     return ResponseAboutResonance(
         outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
-        peak_displacement={p.name: np.array([m.peak[k] for m in motions]) for k, p in enumerate(held.damped.probes)},
+        amplitude=np.array([motion.peak for motion in motions]).T,
         stable=np.array([orbit.stable for orbit in followed.orbits]),
         energy_error=np.array([m.energy_error for m in motions]),
     )
@@ -456,12 +575,12 @@ def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, p
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
     field = held.damped.deflection
     whole = states.reshape(periods * RATE, -1)[:, :n]
-    displacement = {p.name: whole @ p.shape for p in held.damped.probes}
+    displacement = np.array([whole @ probe.shape for probe in held.damped.probes])
     return HeldMotion(
         time=np.arange(periods * RATE) * (T / RATE),
         displacement=displacement,
         frequency_hz=line_frequencies(T, periods),
-        amplitude={name: np.abs(RECTANGULAR.amplitudes(x)) for name, x in displacement.items()},
+        line=np.array([np.abs(RECTANGULAR.amplitudes(x)) for x in displacement]),
         departure=departure,
         instants=(periods - 1) * T + rest,
         shapes=flow.states_at(last, rest)[:, :n] @ field.T,

@@ -372,32 +372,32 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         with reading(path, "a result", "run the continuation again"), open_hdf5(path) as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
-            if start.fold_curve is None:
-                prefix, counts, rows = "", file["branches/point_count"][()], file["points"]
-                if start.branch >= counts.size:
-                    last = counts.size - 1
-                    _reject(f"= {start.branch} is not in the file", f"its branches are 0 to {last}", "run.start.branch")
-            else:
-                prefix, counts = "second_", np.zeros(0, dtype=int)
-                if "fold_curves" in file:
-                    counts, rows = file["fold_curves/point_count"][()], file["fold_points"]
-                if start.fold_curve >= counts.size:
-                    has = f"its curves of folds are 0 to {counts.size - 1}" if counts.size else "it has none"
-                    _reject(f"= {start.fold_curve} is not in the file", has, "run.start.fold_curve")
+            of_folds = start.fold_curve is not None
+            table, column, points = (
+                ("fold_curves", "fold_curve", "fold_points") if of_folds else ("branches", "branch", "points")
+            )
+            number = not_none(start.fold_curve) if of_folds else start.branch
+            count = file[f"{table}/{column}"].size if table in file else 0
+            if number >= count and of_folds:
+                has = f"its curves of folds are 0 to {count - 1}" if count else "it has none"
+                _reject(f"= {number} is not in the file", has, "run.start.fold_curve")
+            if number >= count:
+                _reject(f"= {number} is not in the file", f"its branches are 0 to {count - 1}", "run.start.branch")
             if not is_as_written(path):
                 _reject(f"= {start.orbit} was changed after it was written", "run the continuation again")
-            number = start.branch if start.fold_curve is None else start.fold_curve
-            size = int(counts[number])
-            if start.point > size:
-                _reject(f"= {start.point} is beyond the branch", f"it has the points 1 to {size}", "run.start.point")
-            k = int(counts[:number].sum()) + start.point - 1
+            members, rows = file[table], file[points]
+            own = np.flatnonzero(rows[column][()] == number)
+            if start.point > own.size:
+                remedy = f"it has the points 1 to {own.size}"
+                _reject(f"= {start.point} is beyond the branch", remedy, "run.start.point")
+            k = int(own[start.point - 1])
             states = [rows[name][k] for name in ("coordinates", "coordinate_velocities", "internal_states")
                       if name in rows]  # fmt: skip
-            members = file["branches" if start.fold_curve is None else "fold_curves"]
-            parameter, value = str(file.attrs[f"{prefix}parameter"]), float(rows["parameter"][k])
+            parameter, snubber = (members[name].asstr()[()] for name in ("followed", "followed_snubber"))
+            value = float(rows["parameter"][k])
             return StoredOrbit(
                 parameter,
-                str(file.attrs.get(f"{prefix}snubber", "")),
+                snubber,
                 value,
                 float(rows["frequency_hz"][k]),
                 value if parameter == "level" else float(members["level"][number]),

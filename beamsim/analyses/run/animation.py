@@ -16,9 +16,9 @@ from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.motion import Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.flow.reference import ReferenceTrajectory
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Progress, never
 from beamsim.responses.histories import between_samples
-from beamsim.results.branch import OrbitMotion
 from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
@@ -175,13 +175,13 @@ def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
     return _paced(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
 
 
-def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: OrbitMotion) -> Frames:
+def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset) -> Frames:
     """One period of a free periodic motion, with the shapes at the stations of its result.
 
     Parameters
     ----------
     model : that moves; its stops have no memory, and nothing moves their places.
-    stations, motion : of its result.
+    stations, motion : of its result, the motion as `beamsim.analyses.nnm.layouts.MOTION`.
 
     Returns
     -------
@@ -189,11 +189,12 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: OrbitMo
         On lines through the stations.
     """
     sites = {located.item.name: snubber_site(located) for located in model.scenario.located_snubbers}
-    forces = np.array([np.zeros(motion.time.size), *motion.force.values()]).T
-    times, slow = paced_by_contact(motion.time, forces)
+    time, deflection = motion["time"].values, motion["deflection"].values
+    force_at = {name: force.values for name, force in motion.by_label("force").items()}
+    times, slow = paced_by_contact(time, np.array([np.zeros(time.size), *force_at.values()]).T)
 
     def at(values: Floats) -> Floats:
-        return np.array([np.interp(times, motion.time, column) for column in values.T]).T
+        return np.array([np.interp(times, time, column) for column in values.T]).T
 
     lines, columns = [], []
     for part in stations.parts:
@@ -206,11 +207,11 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: OrbitMo
             columns.append(row)
     places = [end for site in sites.values() for end in ends_of(site)]
     nearest = [_nearest(stations, place) for place in places]
-    of_ends = at(motion.stations[:, nearest]) if nearest else np.zeros((times.size, 0))
+    of_ends = at(deflection[:, nearest]) if nearest else np.zeros((times.size, 0))
     ends = _of_stops(sites, of_ends)
-    force = {name: np.interp(times, motion.time, values) for name, values in motion.force.items()}
+    force = {name: np.interp(times, time, values) for name, values in force_at.items()}
     opening = {s.name: _opening(s, ends[s.name]) for s in model.snubbers}
-    return Frames(tuple(lines), times, slow, at(motion.stations[:, np.concatenate(columns)]), ends, force, opening)
+    return Frames(tuple(lines), times, slow, at(deflection[:, np.concatenate(columns)]), ends, force, opening)
 
 
 def _opening(stop: SnubberNumbers, ends: Floats) -> Floats:

@@ -26,12 +26,12 @@ from beamsim.fields import (
     per_probe,
     per_snubber,
     record,
+    stored,
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.responses.gapping import ContactLevels
-from beamsim.results.branch import ChannelExtremes, OutputExtremes
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.scenario.quantities import amplitude_unit, level_unit
@@ -44,6 +44,40 @@ OFFSET = 1e-6  # of the peak
 _FREQUENCY = ("frequency_hz",)
 _TIME = ("time",)
 _SECTION = ("poincare_frequency_hz", "section_probe")
+
+
+@declared(along=_FREQUENCY)
+class ChannelExtremes:
+    """One channel of a probe or snubber, motion by motion of a branch."""
+
+    name: str = key("name of the probe or snubber")
+    quantity: str  # "displacement", "absolute_acceleration", "force", ...
+    unit: str
+    maximum: Floats = dataset("{unit}", "largest {quantity} of a cycle or period", name="max")
+    minimum: Floats = dataset("{unit}", "smallest {quantity} of a cycle or period", name="min")
+
+    @property
+    @stored(dataset("{unit}", "largest magnitude of the {quantity} in a cycle or period", name="peak"))
+    def peak(self) -> Floats:
+        """(np,) largest absolute value."""
+        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+
+
+@declared(along=_FREQUENCY)
+class OutputExtremes:
+    """One of the `outputs`, motion by motion of a branch."""
+
+    name: str = key("name of the output")
+    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
+    unit: str = attribute("", "unit of the quantity")
+    at: str = attribute("", "where it is: a place, a support, a joint or a body")
+    maximum: Floats = dataset("{unit}", "largest value of a cycle or period")
+    minimum: Floats = dataset("{unit}", "smallest value of a cycle or period")
+
+    @property
+    def peak(self) -> Floats:
+        """(np,) largest absolute value."""
+        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
 @declared(along=_FREQUENCY)

@@ -1,0 +1,178 @@
+"""The labelled datasets of a continuation, made of the branches and the curves of folds that were followed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.continuation.folds import FollowedFolds
+from beamsim.analyses.continuation.motion import MeasuredMotion, measured
+from beamsim.labelled import Dataset
+from beamsim.orbits.branch import OrbitBranch
+from beamsim.responses.parameters import ResponseModel
+from beamsim.results.branch import (
+    BRANCHES,
+    FOLD_CURVES,
+    FOLD_POINTS,
+    POINTS,
+    endings,
+    numbered,
+    of_multipliers,
+    of_states,
+    special_points_table,
+    special_row,
+)
+from beamsim.results.values import OPENING, STRESS
+from beamsim.system.equations import ChannelSet
+from beamsim.typing import Bools, Complexes, Floats, not_none
+
+
+@dataclass(frozen=True)
+class MeasuredBranch:
+    """A branch of np forced motions with what is measured of them."""
+
+    traced: OrbitBranch
+    motions: Sequence[MeasuredMotion]
+    level: float  # NaN if it is the parameter
+    period_multiple: int
+    multipliers: Complexes  # (np, m)
+    stable: Bools  # (np,)
+    neglected: Floats | None = None  # (np,) size of the neglected harmonics, of harmonic balance
+
+
+def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> dict[str, Dataset]:
+    """The datasets of branches, of their points and of their special points, by name.
+
+    Parameters
+    ----------
+    model : whose motions they are.
+    branches : in order.
+    """
+    f, system = model.followed, model.system
+    followed = f.kind == "frequency"
+    parameters = [np.asarray(f.outward(branch.traced.values), dtype=float) for branch in branches]
+    parameter, motions = np.concatenate(parameters), [motion for branch in branches for motion in branch.motions]
+    special = [
+        [
+            special_row(each, at, at if followed else model.frequency_hz, system.contact_names)
+            for each in branch.traced.special
+            for at in [float(f.outward(each.parameter))]
+        ]
+        for branch in branches
+    ]
+    states = np.array([orbit.state for branch in branches for orbit in branch.traced.orbits])
+    harmonics = np.array([motion.harmonics for motion in motions]).swapaxes(0, 1)
+    limits = model.scenario.limits
+    channels = measured(system, () if limits is None else limits.model_fields_set)
+    by_balance = any(branch.neglected is not None for branch in branches)
+    values = {
+        **numbered([len(branch.motions) for branch in branches]),
+        **of_states(states, system.dynamics.size),
+        **of_multipliers([branch.multipliers for branch in branches]),
+        "frequency_hz": parameter.copy() if followed else np.full(parameter.size, model.frequency_hz),
+        "parameter": parameter,
+        "residual": [point.residual for branch in branches for point in branch.traced.points],
+        "stable": np.concatenate([branch.stable for branch in branches]),
+        "energy_error": [motion.energy_error for motion in motions],
+        "probe": [probe.name for probe in system.probes],
+        "snubber": [snubber.name for snubber in system.snubbers],
+        "contact_share": np.array([motion.contact_share for motion in motions]).T,
+        "harmonic": np.arange(harmonics.shape[2]),
+        "harmonic_displacement_real": harmonics.real,
+        "harmonic_displacement_imag": harmonics.imag,
+        "neglected_harmonics": np.concatenate([not_none(b.neglected) for b in branches]) if by_balance else None,
+        **_extremes(model, channels, np.array([(motion.high, motion.low) for motion in motions])),
+    }
+    outputs = [each for each in channels.channels if each.section == "outputs"]
+    of_members = {
+        "snubber": [{"force_unit": snubber.force_unit} for snubber in system.snubbers],
+        "output": [{"unit": each.unit} for each in outputs],
+    }
+    count, level_unit = len(branches), model.scenario.level_unit or "1"
+    about = {
+        "branch": np.arange(count),
+        "kind": ["response"] * count,
+        "level": [branch.level for branch in branches],
+        "period_multiple": [branch.period_multiple for branch in branches],
+        "followed": f.kind,
+        "followed_snubber": f.snubber,
+        **endings(f.shown(branch.traced.outcome) for branch in branches),
+    }
+    return {
+        "branches": BRANCHES.dataset(about, level_unit=level_unit),
+        "points": POINTS.dataset(values, of_members, unit=f.unit, parameter=f"what is followed: {f.label}"),
+        "special_points": special_points_table(special, f.unit),
+    }
+
+
+def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[str, Any]:
+    """The values of extremes of channels.
+
+    Parameters
+    ----------
+    model : whose motions they are.
+    channels : C columns.
+    ends : (points, 2, C) largest and smallest values.
+    """
+    values: dict[str, Any] = {}
+    for section, quantity in (("probes", "displacement"), ("probes", "absolute_acceleration"), ("snubbers", "force")):
+        columns = [k for each, k in channels.located if each.key == (section, quantity)]
+        if columns:
+            high, low = ends[:, 0, columns].T, ends[:, 1, columns].T
+            largest = np.maximum(np.abs(high), np.abs(low))
+            values |= {f"max_{quantity}": high, f"min_{quantity}": low, f"peak_{quantity}": largest}
+    opening, stress = channels.split(ends[:, 0]).get(OPENING), channels.split(np.abs(ends).max(axis=1)).get(STRESS)
+    if opening is not None:
+        in_metres = np.array([snubber.gap_unit == "m" for snubber in model.system.snubbers])
+        values["peak_gap"] = np.where(in_metres[:, None], opening.T, np.nan)
+    outputs = [(each, k) for each, k in channels.located if each.section == "outputs"]
+    return values | {
+        "peak_bending_stress": None if stress is None else stress.max(axis=1),
+        "output": [each.name for each, _ in outputs],
+        "output_quantity": [each.quantity for each, _ in outputs],
+        "output_unit": [each.unit for each, _ in outputs],
+        "output_at": [each.at for each, _ in outputs],
+        "output_maximum": ends[:, 0, [k for _, k in outputs]].T,
+        "output_minimum": ends[:, 1, [k for _, k in outputs]].T,
+    }
+
+
+def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict[str, Dataset]:
+    """The datasets of curves of folds and of their points, by name; none without any.
+
+    Parameters
+    ----------
+    model : with the second parameter.
+    curves : in order.
+    """
+    if not curves:
+        return {}
+    second, system = not_none(model.second), model.system
+    about = {
+        "fold_curve": np.arange(len(curves)),
+        "level": [curve.level for curve in curves],
+        "branch": [curve.branch for curve in curves],
+        "start_hz": [curve.start_hz for curve in curves],
+        "touching": [curve.touching for curve in curves],
+        "followed": second.kind,
+        "followed_snubber": second.snubber,
+        **endings(curve.outcome for curve in curves),
+    }
+    values = {
+        **numbered([curve.parameter.size for curve in curves], "fold_curve"),
+        **of_states(np.concatenate([curve.states for curve in curves]), system.dynamics.size),
+        **{
+            name: np.concatenate([getattr(curve, name) for curve in curves])
+            for name in ("frequency_hz", "parameter", "residual")
+        },
+        "probe": [probe.name for probe in system.probes],
+        "peak_displacement": np.concatenate([curve.peak for curve in curves]).T,
+    }
+    parameter = f"second parameter: {second.kind} {second.snubber}".strip()
+    return {
+        "fold_curves": FOLD_CURVES.dataset(about, level_unit=model.scenario.level_unit or "1"),
+        "fold_points": FOLD_POINTS.dataset(values, unit=second.unit, parameter=parameter),
+    }

@@ -1,0 +1,37 @@
+"""What tests ask of branches of periodic motions: their special points, and complex values."""
+
+from types import SimpleNamespace
+
+COLUMNS = ("branch", "kind", "parameter", "frequency_hz", "snubber", "time_s")
+
+
+def events_of(result, branch=None):
+    """The special points of a result, each with its columns as attributes; of one branch where its number is given."""
+    table = result["special_points"]
+    rows = zip(*(table[name].values.tolist() for name in COLUMNS), strict=True)
+    points = [SimpleNamespace(**dict(zip(COLUMNS, row, strict=True))) for row in rows]
+    return [point for point in points if branch in (None, point.branch)]
+
+
+def peaks_of(points, name, quantity="displacement", end="peak"):
+    """(np,) largest magnitudes of a quantity at a probe or snubber; with ``end`` max or min the extremes."""
+    return points[f"{end}_{quantity}"].by_label()[name].values
+
+
+def multipliers(branch):
+    """(np, m) complex Floquet multipliers."""
+    real, imaginary = (branch[f"floquet_multipliers_{part}"].values for part in ("real", "imag"))
+    return real + 1j * imaginary
+
+
+def of_kind(result, kind):
+    """The branches of a kind, such as tongue."""
+    return [branch for branch in result.branches if branch["kind"].item() == kind]
+
+
+def rows_of(table):
+    """The rows of a table, each with its columns along the first dimension as attributes."""
+    dims = next(iter(table.values())).dims
+    columns = [name for name, array in table.items() if array.dims == dims]
+    rows = zip(*(table[name].values.tolist() for name in columns), strict=True)
+    return [SimpleNamespace(**dict(zip(columns, row, strict=True))) for row in rows]
