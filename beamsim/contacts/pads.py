@@ -39,6 +39,7 @@ from beamsim.contacts.laws import (
 )
 from beamsim.typing import Floats
 
+COMPARED_SEGMENTS = 8  # of curves that are compared
 OWN = PRESSING  # number of columns of what a law sees of its own contact's motion: penetration, rate, 1
 
 
@@ -451,8 +452,7 @@ def loop_width(deflection: Floats, force: Floats) -> float:
     middle, push = 0.5 * (deflection[1:] + deflection[:-1]), 0.5 * (force[1:] + force[:-1])
     rising, falling = step > 0, step < 0
     try:
-        # 8: of the curves that are compared
-        up, down = (fit_curve(middle[way], push[way], 8)[0] for way in (rising, falling))
+        up, down = (fit_curve(middle[way], push[way], COMPARED_SEGMENTS)[0] for way in (rising, falling))
     except ValueError:
         return 0.0
     common = np.linspace(0.0, min(up.deflection[-1], down.deflection[-1]), 201)

@@ -66,8 +66,7 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
         With the matrix A in them.
     """
     error = (scale[:, None] * right) @ _couplings(left @ (A @ right), groups) @ (left / scale)
-    # 1e-12: of a state in another one, from couplings that stay
-    if np.abs(error).max(initial=0.0) <= 1e-12:
+    if np.abs(error).max(initial=0.0) <= NEGLIGIBLE_COUPLING:
         return None
     X, Xi, eye, last = right, left, np.eye(A.shape[0]), np.inf
     for _ in range(4):  # each squares the coupling
@@ -85,9 +84,7 @@ def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
     """F of the module's equation; zero within groups and between eigenvalues that are not told from each other."""
     values = np.diag(E)
     apart, size = values[None, :] - values[:, None], np.abs(values)
-    # 1e-9: relative distance of eigenvalues that are not told from each other
-    # 1e-15: of the largest eigenvalue
-    alike = np.abs(apart) <= 1e-9 * np.maximum(size[:, None], size[None, :]) + 1e-15 * size.max()
+    alike = np.abs(apart) <= SAME_EIGENVALUE * np.maximum(size[:, None], size[None, :]) + ROUND_OFF * size.max()
     F = np.where(alike, 0.0, E / np.where(alike, 1.0, apart))
     alone = np.setdiff1d(np.arange(values.size), np.concatenate([*groups, np.zeros(0, dtype=np.int64)]))
     for i in groups:
@@ -101,6 +98,15 @@ def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
 
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
+ACCEPTED_PROJECTOR = 1e6  # norm that is accepted where merging does not get below the largest
+NEGLIGIBLE_COUPLING = 1e-12  # of a state in another one, which may stay
+SAME_EIGENVALUE = 1e-9  # relative distance of eigenvalues that are not told from each other
+ROUND_OFF = 1e-15  # of the largest eigenvalue
+SEPARATE_PAIR = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
+WIDE_GAP = 1e3  # ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
+LARGEST_ERROR = 1e-11  # relative error of a motion and its rate, from which on the eigenvalue problem is solved anew
+LAST_STEP = 4e-16  # of a zero's distance from its pole
+STEP_OF_ROUND_OFF = 1e-12  # of a zero's distance from its pole: a smaller step that no longer shrinks is round-off
 
 
 @dataclass(frozen=True)
@@ -172,8 +178,7 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
     scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
-    # 1e-3: relative distance of a damped mode's two eigenvalues that still get their own blocks
-    separate = np.abs(root) > 1e-3 * np.maximum(scale, 1.0 / window)
+    separate = np.abs(root) > SEPARATE_PAIR * np.maximum(scale, 1.0 / window)
     s = np.flatnonzero(separate)
     lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
     # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
@@ -276,8 +281,7 @@ def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | 
     size = np.sort(np.abs(lam))
     if inverse is not None and size[0] > 0:
         at = int(np.argmax(size[1:] / size[:-1]))
-        # 1e3: ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
-        if size[at + 1] >= 1e3 * size[at]:
+        if size[at + 1] >= WIDE_GAP * size[at]:
             limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
             mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
             fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
@@ -296,8 +300,7 @@ def _clusters(A: Floats, window: float) -> BlockForm:
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
-    # 1e6: norm that is accepted where merging does not get below the largest
-    best = 1e6
+    best = ACCEPTED_PROJECTOR
     blocks = [Block(np.eye(size, dtype=complex), np.eye(size, dtype=complex), A.astype(complex), _mean(lam, True), 1.0)]
     for tolerance in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
         groups = _groups(lam, tolerance, window)
@@ -413,8 +416,7 @@ def neighbouring_modes(
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
     left = (pole[:, None] + np.diag(system.damping)) * rows + ((rows @ shape.T) * c) @ shape
     modes = SimpleModes(np.hstack([rows, pole[:, None] * rows]).T, np.hstack([left, rows]), pole)
-    # 1e-11: relative error of a motion and its rate, at which the eigenvalue problem is solved anew
-    return modes if _error(system, k, c, shape, modes) < 1e-11 else None
+    return modes if _error(system, k, c, shape, modes) < LARGEST_ERROR else None
 
 
 def _with_dyad(
@@ -500,9 +502,7 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
         nearest = np.argmin(np.abs(offsets), axis=0), np.arange(busy.size)  # from which the distance is known best
         near[busy], offset[busy] = beside[nearest], offsets[nearest]
         scale = np.abs(offset[busy])
-        # 4e-16: of a zero's distance from its pole
-        # 1e-12: of a zero's distance from its pole, below which a step that no longer shrinks is round-off
-        done = (size <= 4e-16 * scale) | ((size <= 1e-12 * scale) & (size >= 0.5 * last[busy]))
+        done = (size <= LAST_STEP * scale) | ((size <= STEP_OF_ROUND_OFF * scale) & (size >= 0.5 * last[busy]))
         last[busy] = size
         busy = busy[~done]
         if not busy.size:

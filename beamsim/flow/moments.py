@@ -16,6 +16,8 @@ from beamsim.flow.kernels import fill_moments
 from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+CANCELLED = 1e-3  # a rate over the exponents that cancel in it, below which integrals come from moments
+
 VALUES_AT_ONCE, MANY_VALUES = 100_000, 2_000_000  # in a block of times or frequencies, which bounds the memory
 
 
@@ -208,8 +210,7 @@ def _pairs(exponent: Complexes, power: Ints, rows: Ints, times: Floats) -> tuple
 def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
     """Whether antiderivatives of exponentials keep their digits; size: sum of those that make up the rate, 1/s."""
     longest = float(times.max(initial=0.0))
-    # 1e-3: a rate over the exponents that cancel in it, below which integrals come from moments
-    return np.asarray(np.abs(rate) * longest > 1e-3 * (1.0 + longest * size))
+    return np.asarray(np.abs(rate) * longest > CANCELLED * (1.0 + longest * size))
 
 
 def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:

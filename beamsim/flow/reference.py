@@ -45,6 +45,9 @@ RADIANS = 1.0  # of the fastest input that moves a guard, in a step
 ROUND_OFF = 1e-14  # of the parts of a guard on a step: within it a guard is zero
 AT_EVENT = 1e-9  # of its parts: how far after an event a guard may be below zero if it rises
 SAME_INSTANT = 16.0 * float(np.finfo(float).eps)  # of a time: shorter pieces have no length
+DECAYED = 1e-16  # of the amplitude of an input: what has decayed to that moves nothing
+REAL_ROOT = 1e-6  # imaginary part: a double root is known to the root of round-off; a cut at no root does no harm
+PEAKS = 1e-10  # of the value, to which peaks are located
 _POINTS = chebyshev.chebpts2(DEGREE + 1)  # from -1 to 1
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
 
@@ -303,8 +306,7 @@ class _Equations:
         slopes = slice(inputs.stop, None)
         rows = np.vstack([self.events.guards, self.rates[: self.flow.size]])
         moves = rows[:, inputs].any(axis=0) | rows[:, slopes].any(axis=0)
-        # 1e-16: of its amplitude; what has decayed to that moves nothing
-        moves &= (self.amplitude != 0.0) & (exponent.real * (t - self.since) > np.log(1e-16))
+        moves &= (self.amplitude != 0.0) & (exponent.real * (t - self.since) > np.log(DECAYED))
         fastest = float(np.abs(exponent[moves]).max(initial=0.0)) if self.events.count else 0.0
         return RADIANS / fastest if fastest else np.inf
 
@@ -446,8 +448,7 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
 
     size = float(np.abs(coefficient).max())
     roots = chebyshev.chebroots(chebyshev.chebtrim(coefficient, float(np.finfo(float).eps) * size))
-    # 1e-6: a double root is known to the root of round-off; a cut at no root does no harm
-    cuts = np.sort(roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)])
+    cuts = np.sort(roots.real[(np.abs(roots.imag) < REAL_ROOT) & (np.abs(roots.real) < 1.0)])
     edges = np.concatenate([[-1.0], cuts, [1.0]])
     before, above, risen = -1.0, not waits, AT_EVENT * size if waits else 0.0
     for x in np.append(0.5 * (edges[1:] + edges[:-1]), 1.0).tolist():
@@ -516,8 +517,7 @@ def _raise(known: Floats, when: Floats, values: Floats, times: Floats, stored: F
     bound = coefficient[0] + np.abs(coefficient[1:]).sum(axis=0)
     higher = np.flatnonzero(top > known)
     known[higher], when[higher] = top[higher], times[best[higher]]
-    # 1e-10: of the value, to which peaks are located
-    for k in np.flatnonzero(bound > known + 1e-10 * np.abs(known)).tolist():
+    for k in np.flatnonzero(bound > known + PEAKS * np.abs(known)).tolist():
         slope = chebyshev.chebder(coefficient[:, k])
         roots = chebyshev.chebroots(chebyshev.chebtrim(slope, float(np.finfo(float).eps) * np.abs(slope).max()))
         inside = roots.real[np.abs(roots.real) < 1.0]

@@ -41,6 +41,8 @@ from beamsim.flow.taylor_kernels import (
 from beamsim.typing import Bools, Floats
 
 RADIANS = 3.0  # of the fastest mode, the longest step
+STEPS_OF_LOG = 128  # of the compiled integration, for which its log has room
+MOST_STEPS = 131072  # in a period of the loads
 _FACTORIAL = np.cumprod(np.maximum(np.arange(HIGHEST_DERIVATIVE + 1.0), 1.0))
 
 
@@ -144,8 +146,7 @@ class SmoothFlow(PeriodicFlow):
         self, start: Floats, duration: float, parameters: Sequence[Parameter], t: float, by_start: Floats
     ) -> FlowMap:
         """A motion with its derivatives by parameters, and those by the start times a matrix (N, any)."""
-        # 128: of the compiled integration, for which its log has room
-        N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128
+        N, m, P, room = self.size, self.system.contacts.count, len(parameters), STEPS_OF_LOG
         self._followed[0] += 1
         arrays = self._arrays(parameters)
         columns = np.hstack([start[:, None], np.zeros((N, P)), by_start])  # the motion, and its derivatives
@@ -161,10 +162,9 @@ class SmoothFlow(PeriodicFlow):
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
             steps += count
-            # 131072: in a period of the loads
             if (
                 code != FULL
-                or steps >= 131072 * (1.0 + duration * self.omega / (2.0 * np.pi))
+                or steps >= MOST_STEPS * (1.0 + duration * self.omega / (2.0 * np.pi))
                 or not np.all(np.isfinite(columns[:, 0]))
             ):
                 break

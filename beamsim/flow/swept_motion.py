@@ -32,6 +32,7 @@ from beamsim.outcomes import Outcome, never, tell
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Floats, Ints
 
+CYCLES_OF_CHUNK = 256
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
 
 
@@ -140,8 +141,7 @@ class SweptMotion(March):
         first = 0
         for end in ends.tolist():
             while first < end:
-                # 256: of a stretch
-                last = min(first + 256, end)
+                last = min(first + CYCLES_OF_CHUNK, end)
                 yield first, last
                 first = last
 
@@ -155,6 +155,12 @@ def _later(outcome: Outcome, begin: float) -> Outcome:
 
 STEEPEST = float(np.log(2.0))  # change of the logarithm of the level in one correction
 CLOSE = 2e-3  # distance from a limit at which a trial ends, in its logarithm
+BETWEEN_CORRECTIONS = 1e-3  # relative change of the frequency between two corrections of the level
+CORRECTIONS_AHEAD, CYCLES_AHEAD = 6, 8  # that are looked ahead, the longer of them
+TRIALS_AT_START, TRIALS = 8, 6  # of the level at the start, and of one correction
+CYCLES_BELOW_LIMITS = 64  # that are followed at once
+LEAST_CHANGE = 0.02  # of the slope, from one trial to the next
+AS_FOLLOWED = 1e-3  # relative difference between the table of the level and the level that was followed
 
 
 class _Reached(NamedTuple):
@@ -227,21 +233,17 @@ class LevelControl:
     def _step(self, cycle: int) -> int:
         """Cycles between two corrections."""
         change = 2 * np.pi * float(np.abs(self.leg.change_per_radian(self.leg.frequency(np.array(float(cycle))))))
-        # 1e-3: change of the frequency between two corrections of the level
-        return max(1, int(1e-3 / change))
+        return max(1, int(BETWEEN_CORRECTIONS / change))
 
     @staticmethod
     def _horizon(step: int) -> int:
         """Cycles that are looked ahead."""
-        # 6: corrections that are looked ahead
-        # 8: cycles
-        return max(6 * step, 8)
+        return max(CORRECTIONS_AHEAD * step, CYCLES_AHEAD)
 
     def _start(self) -> float:
         """Gain at the start, where the transient already exceeds a limit at the full level."""
         gain, end = 0.0, min(self._horizon(self._step(0)), self._total)
-        # 8: trials of the level at the start
-        for _ in range(8):
+        for _ in range(TRIALS_AT_START):
             excess, _ = self._ahead(0, np.array([end]), np.array([gain, gain]), 0)
             if excess <= CLOSE:
                 break
@@ -250,8 +252,7 @@ class LevelControl:
 
     def _unlimited(self, at: int, horizon: int) -> int:
         """Cycle up to which the specification may be followed: no limit is exceeded up to a horizon beyond it."""
-        # 64: cycles that are followed at once below the limits
-        length = max(64, 2 * horizon)
+        length = max(CYCLES_BELOW_LIMITS, 2 * horizon)
         while length >= 2 * horizon:
             end = min(at + length, self._total)
             to = end if end == self._total else end - horizon
@@ -276,12 +277,10 @@ class LevelControl:
             over = min((t for t in tried if t[1] > 0.0), key=lambda t: t[0], default=None)
             under = max((t for t in tried if t[1] <= 0.0), key=lambda t: t[0], default=None)
             at_end = (over is None and slope >= high) or (under is None and slope <= low)
-            # 6: of one correction
-            if abs(excess) <= CLOSE or at_end or len(tried) == 6:
+            if abs(excess) <= CLOSE or at_end or len(tried) == TRIALS:
                 break
             # half the change of the level in half of the corrections: a first guess of what it does to the response
-            # 0.02: of the slope, from one trial to the next
-            change = max(0.02, abs(excess) / max(0.3 * ahead.size, 1.0))
+            change = max(LEAST_CHANGE, abs(excess) / max(0.3 * ahead.size, 1.0))
             if over is None:
                 slope = min(high, slope + change)
             elif under is None:
@@ -337,8 +336,7 @@ class LevelControl:
         frequency[0], frequency[-1] = self.leg.first_hz, self.leg.last_hz
         order = np.argsort(frequency)
         frequency, gain = frequency[order], gain[order]
-        # 1e-3: relative difference between the table of the level and the level that was followed
-        kept = corners(np.log(frequency), gain, 1e-3)
+        kept = corners(np.log(frequency), gain, AS_FOLLOWED)
         frequency, gain = frequency[kept], gain[kept]
         return self._points(np.union1d(frequency, self._corners), frequency, gain)
 

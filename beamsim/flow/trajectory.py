@@ -40,6 +40,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 SEGMENTS_AT_ONCE = 4096  # whose values at both ends are kept together
 ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of times, relative to the end of the motion
+ROUND_OFF_OF_SUMS = 1e-12  # of times that were added up, likewise
 EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"  # codes of the outcomes of motions that end early
 
 
@@ -147,8 +148,7 @@ class Trajectory:
         """(nt,) the segments at times, s; times outside of the motion by more than round-off are refused."""
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         after = times - self.time[segment]
-        # 1e-12: round-off of times that were added up
-        round_off = 1e-12 * max(abs(self.end), abs(float(self.time[0])))
+        round_off = ROUND_OFF_OF_SUMS * max(abs(self.end), abs(float(self.time[0])))
         outside = np.maximum(after - self.length[segment], -after) > round_off
         if outside.any():
             at, reached = float(times[np.flatnonzero(outside)[0]]), (float(self.time[0]), self.end)

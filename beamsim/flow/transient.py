@@ -82,6 +82,8 @@ class Motion:
         self.time, self.piece = 0.0, 0
 
 
+SEGMENTS_OF_REPORT = 2048  # between two reports of progress
+EVALUATIONS_AT_ONCE = 50_000  # of the compiled march, between which it may be stopped: less than half a second
 SPENT = 500_000  # evaluations, seconds of work, after which those of the whole motion are estimated
 HOPELESS = 10.0  # times the evaluations that are allowed, beyond which a motion is not marched on
 FEW_EVENTS = 20  # evaluations for each event; with more events than that contacts chatter, which comes to an end
@@ -132,10 +134,8 @@ class March:
         begin, before, events_before = motion.time, self.evaluations, self.events
         while self.outcome.complete and code != DONE:
             check_stop()
-            # 2048: between two reports of progress
-            log = Log.sized(2048, motion.y.size, max(self.max_events + 1 - self.events, 0))
-            # 50_000: of the compiled march, between which it may be stopped: less than half a second
-            most = min(self.max_evaluations - self.evaluations, 50_000)
+            log = Log.sized(SEGMENTS_OF_REPORT, motion.y.size, max(self.max_events + 1 - self.events, 0))
+            most = min(self.max_evaluations - self.evaluations, EVALUATIONS_AT_ONCE)
             at = Position(motion.time, motion.piece, motion.state, motion.guard, motion.waits)
             code, motion.time, motion.piece, motion.state, motion.guard, segments, events, evaluations = march(
                 flow.tables(), flow.inputs, at, end, motion.y, log, most

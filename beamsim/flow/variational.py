@@ -50,6 +50,8 @@ from beamsim.flow.transient import Log, March, Motion
 from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
+STEP = 1e-5  # relative, of the differences
+
 Number = TypeVar("Number", np.float64, np.complex128)
 EventKey = tuple[Ints, int, int] | None  # (m,) phases before it, the contact, and its new phase; None: nothing happens
 
@@ -262,8 +264,7 @@ def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences
     )  # fmt: skip
     sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
     relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
-    # 1e-5: relative step of the differences
-    step = 1e-5 / relative
+    step = STEP / relative
     sides = [
         FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)), turn, flow)
         for amount in (step, -step)

@@ -218,6 +218,10 @@ class Bent(Schema):
         yield from ()
 
 
+_MODULI = (1e5, 2e12)  # Pa, of solids
+_DENSITIES = (1.0, 25_000.0)  # kg/m^3, of solids
+
+
 class SolidBending(Bent):
     """A section of one material."""
 
@@ -268,17 +272,12 @@ class SolidBending(Bent):
 
     def material_doubts(self, where: Path) -> Iterator[str]:
         """Moduli and densities of no solid."""
-        at = path_text(where)
-        if not 1e5 <= self.youngs_modulus <= 2e12:
-            yield (
-                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is outside the range of solids: "
-                "a unit such as GPa may be missing"
-            )
-        if not 1.0 <= self.density <= 25_000.0:
-            yield (
-                f"{at}.density = {self.density:g} kg/m^3 is outside the range of solids: "
-                "a unit such as g/cm^3 may be missing"
-            )
+        for key, unit, (lowest, highest), missing in (
+            ("youngs_modulus", "Pa", _MODULI, "GPa"), ("density", "kg/m^3", _DENSITIES, "g/cm^3")
+        ):  # fmt: skip
+            if not lowest <= (value := getattr(self, key)) <= highest:
+                what = f"{path_text((*where, key))} = {value:g} {unit} is outside the range of solids"
+                yield f"{what}: a unit such as {missing} may be missing"
 
 
 class SandwichBending(Bent):

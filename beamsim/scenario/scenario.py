@@ -227,6 +227,7 @@ class SolvedFiles:
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 
+MANY_SAMPLES = 2e6  # of a run that does not ask for more
 _ANALYSES = {"run", "sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits"}
 """Sections whose rates and frequencies follow from the bodies."""
 
@@ -479,8 +480,7 @@ class Scenario(Schema):
         random = self._banded and highest > 0.0
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / duration)
-        # 2e6: samples that are many without being asked for
-        rate = min(rate, max(2e6 / duration, (10.0 if random else 20.0) * highest))
+        rate = min(rate, max(MANY_SAMPLES / duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
         return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 

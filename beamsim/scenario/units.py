@@ -229,30 +229,38 @@ def _unit(text: str, gravity: bool) -> Unit:
     plain = re.sub("[²³⁴¹⁻]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text)
     for spelling, meaning in (("°", " deg "), ("·", "*"), ("⋅", "*"), ("**", "^")):
         plain = plain.replace(spelling, meaning)
-    unit: Unit | None = Unit()
-    outside: list[tuple[Unit, int]] = []  # by open bracket the product before it, and the sign of its power
-    rest, first = plain.strip(), True  # first in the text, or in a bracket
-    while rest and unit is not None:
-        if outside and not first and (closing := _CLOSING.match(rest)) is not None:
-            inner = _to_power(unit, int((closing[1] or "1").strip("()")))
-            before, sign = outside.pop()
-            unit, rest = None if inner is None else before.times(inner, sign), rest[closing.end() :].lstrip()
-            continue
-        factor = _FACTOR.match(rest)
-        if factor is None or (factor[1] and first):
-            unit = None
-            break
-        sign, rest = -1 if factor[1] == "/" else 1, rest[factor.end() :].lstrip()
-        if factor[2]:
-            outside.append((unit, sign))
-            unit, first = Unit(), True
-            continue
-        inner = _named(factor[4], gravity) if factor[4] else Unit()
-        power = sign * int((factor[5] or "1").strip("()"))
-        unit, first = None if inner is None else unit.times(inner, power), False
-    if unit is None or outside or first:
+    unit, rest = _product(plain.strip(), gravity)
+    if unit is None or rest:
         raise UnitError(f"has the unit {text!r}, which is not known", "")
     return unit
+
+
+def _product(rest: str, gravity: bool) -> tuple[Unit | None, str]:
+    """The product of the units with which a text begins, up to a closing bracket, and what follows; None of others."""
+    unit: Unit | None = None
+    while rest and not (rest.startswith(")") and unit is not None):
+        factor = _FACTOR.match(rest)
+        if factor is None or (factor[1] and unit is None):
+            return None, rest
+        power, rest = -1 if factor[1] == "/" else 1, rest[factor.end() :].lstrip()
+        if factor[2]:
+            inner, rest = _in_brackets(rest, gravity)
+        else:
+            inner = _named(factor[4], gravity) if factor[4] else Unit()
+            power *= int((factor[5] or "1").strip("()"))
+        if inner is None:
+            return None, rest
+        unit = (unit or Unit()).times(inner, power)
+    return unit, rest
+
+
+def _in_brackets(rest: str, gravity: bool) -> tuple[Unit | None, str]:
+    """The unit in brackets, to its power, of which a text has what comes after the opening one, and what follows."""
+    unit, rest = _product(rest, gravity)
+    closing = _CLOSING.match(rest)
+    if unit is None or closing is None:
+        return None, rest
+    return _to_power(unit, int((closing[1] or "1").strip("()"))), rest[closing.end() :].lstrip()
 
 
 def _to_power(unit: Unit, power: int) -> Unit | None:

@@ -393,10 +393,7 @@ def assemble_beam(
     stretch = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
     springs = _end_springs(beam, name) if beam.elastic_supports else ()
     if springs:
-        pulling, dragging, stretch = _at_elastic_supports(springs, length, mesh)
-        factor = vstack([factor, pulling / np.sqrt(stiffness_scale)], format="csr")
-        if dragging.nnz:
-            drag = dragging.T @ dragging if drag is None else drag + dragging.T @ dragging
+        factor, drag, stretch = _with_end_springs(springs, length, mesh, (factor, drag), stiffness_scale)
     ends = zip((0, mesh.elements), beam.supports.kinds, strict=True)
     held = np.array([2 * node + dof for node, kind in ends for dof in HELD[kind]], dtype=np.int64)
     return BeamStructure(
@@ -406,15 +403,28 @@ def assemble_beam(
     )  # fmt: skip
 
 
-def _at_elastic_supports(springs: Sequence[Coupling], length: float, mesh: Mesh) -> tuple[Any, Any, Floats]:
-    """Rows (s, all dofs) whose products are springs and dashpots at the ends; (k, 2) stretch in rigid-body motions."""
+def _with_end_springs(
+    springs: Sequence[Coupling], length: float, mesh: Mesh, matrices: tuple[Any, Any], unit: float
+) -> tuple[Any, Any, Floats]:
+    """Factor and damping with springs and dashpots at the ends, and (k, 2) the springs' stretch in rigid-body motions.
+
+    Parameters
+    ----------
+    springs, length, mesh : of the beam.
+    matrices : factor of all dofs, and their damping, N s/m, or None.
+    unit : N/m, of the stiffness.
+    """
+    factor, drag = matrices
     rows = np.zeros((len(springs), mesh.size))
     for row, spring in zip(rows, springs, strict=True):
         order = _DERIVATIVE[spring.ends[0].direction]
         row[:] = mesh.rows(spring.ends[0].coordinate / length, order).toarray()[0] / length**order
     pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in springs], dtype=float).reshape(-1, 2).T
     pulled, dragged = (csr_array(rows * np.sqrt(of)[:, None]) for of in (pulling, dragging))
-    return pulled, dragged, rows[pulling > 0.0] @ mesh.rigid_motions
+    factor = vstack([factor, pulled / np.sqrt(unit)], format="csr")
+    if dragged.nnz:
+        drag = dragged.T @ dragged if drag is None else drag + dragged.T @ dragged
+    return factor, drag, rows[pulling > 0.0] @ mesh.rigid_motions
 
 
 def _point_mass_rows(mesh: Mesh, beam: BeamBody) -> list[Any]:

@@ -16,8 +16,8 @@ from beamsim.structures.places import SLOPE, LoadSite, ends_of
 from beamsim.structures.structure import Coupling, ReducedBasis, Structure
 from beamsim.typing import Floats
 
-# A motion below this fraction of the largest possible one is round-off.
-NOTHING = 1e-9
+NOTHING = 1e-9  # of the largest possible motion; less is round-off
+ROUNDED_COORDINATES = 1e-4  # distances of joined points that differ by less, relative to the larger, are those of these
 
 
 def held_problems(structure: Structure, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
@@ -66,9 +66,7 @@ def open_loops(scenario: Scenario, structure: Structure) -> Iterator[str]:
         others = np.where(by == name, np.inf, nearest)
         links = csgraph_from_dense(others, null_value=np.inf)
         reach, before = shortest_path(links, indices=i, return_predecessors=True)
-        # 1e-4: distances of joined points that differ by less, relative to the larger, are those of rounded
-        # coordinates.
-        if not span - reach[j] > 1e-4 * span:
+        if not span - reach[j] > ROUNDED_COORDINATES * span:
             continue
         path = [j]
         while path[-1] != i:

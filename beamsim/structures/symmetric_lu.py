@@ -163,16 +163,9 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     ScenarioError
         If round-off makes it singular.
     """
-    size, count = rigid.shape
     pinned = np.zeros(0, dtype=np.int64)
-    if count:
-        # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
-        ranked = rigid * np.linspace(1.0, 1.0 - 1e-6, size)[:, None]
-        pinned = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
-        held = np.isin(np.arange(size), pinned).astype(float)
-        free: Any = diags_array(1.0 - held)
-        stiffness = free @ stiffness @ free + diags_array(held * stiffness.diagonal())
-        stiffness.eliminate_zeros()
+    if rigid.shape[1]:
+        stiffness, pinned = _pinned(stiffness, rigid)
     try:
         return replace(symmetric_lu(stiffness, order), pinned=pinned)
     except RuntimeError:
@@ -182,6 +175,20 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
         ) from None  # fmt: skip
 
 
+def _pinned(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
+    """K with a diagonal matrix in the place of some rows and columns, and which these are; see `held_factors`."""
+    size, count = rigid.shape
+    # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
+    ranked = rigid * np.linspace(1.0, 1.0 - PREFERENCE, size)[:, None]
+    pinned: Ints = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
+    held = np.isin(np.arange(size), pinned).astype(float)
+    free: Any = diags_array(1.0 - held)
+    stiffness = free @ stiffness @ free + diags_array(held * stiffness.diagonal())
+    stiffness.eliminate_zeros()
+    return stiffness, pinned
+
+
+PREFERENCE = 1e-6  # of the first row over the last one, of rows in which rigid-body motions differ equally
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
 DENSE_COUNT = 3000
 
@@ -209,9 +216,11 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
         inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
         if error * onenormest(inverse) <= MOST_ERROR:
             return int(np.sum(lu.U.diagonal() < 0))
-    if size > DENSE_COUNT:
-        return None
+    return None if size > DENSE_COUNT else _negative_eigenvalues_of_dense(matrix)
 
+
+def _negative_eigenvalues_of_dense(matrix: Any) -> int:
+    """The same of a small matrix, by factors with pivoting."""
     diagonal = np.abs(matrix.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     _, d, _ = ldl(scale[:, None] * matrix.toarray() * scale)

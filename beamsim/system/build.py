@@ -180,12 +180,11 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, reco
         If a preload or the chosen start needs a static equilibrium that does not exist or is not the only one, or if
         the start asks for a mode that the reduction does not keep.
     """
-    try:
-        return _build(reduced_parts(scenario, shared=shared), recovered)
-    except ScenarioError as error:
-        raise scenario.located(error) from None
-    except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise scenario.located(ScenarioError(_out_of_range(scenario, error))) from None
+    with scenario.locating():
+        try:
+            return _build(reduced_parts(scenario, shared=shared), recovered)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise ScenarioError(_out_of_range(scenario, error)) from None
 
 
 def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
@@ -257,15 +256,13 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
     ScenarioError
         As `build_system`.
     """
-    try:
+    with scenario.locating():
         added = [] if ends is None else [*ends]
         parts = reduced_parts(scenario, added)
         while ends is not None and (more := places_needed(parts.structure, parts.basis, *ends, added)):
             added += more
             parts = reduced_parts(scenario, added)
         return SystemFamily(parts, _build(parts))
-    except ScenarioError as error:
-        raise scenario.located(error) from None
 
 
 def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
