@@ -10,7 +10,6 @@ inside a list or an object read it back as NaN.
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import math
 import os
@@ -37,6 +36,7 @@ from beamsim.files import (
     FileState,
     demand_memory,
     destination,
+    is_as_written,
     partial_file,
     put_in_place,
     remove_own,
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from beamsim.results.result import Result
 
 SCHEMA_VERSION = 4
-CHECKSUM = "checksum"
 JSON_ENCODED = "json_encoded"
 _CONTRADICTION = "its contents contradict each other"
 
@@ -90,7 +89,6 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
     items = items_of(result)
     items["/"].attributes |= root_attributes(result)
     items["/summary"] = Item(encode_summary(result.summary))
-    items["/"].attributes[CHECKSUM] = checksum(items)
     cut_short = result.outcome.cut_short
     examine = partial(_content, items["/"].attributes, contains=resumed or not cut_short)
     written = write_items(items, path, Content.PARTIAL if cut_short else Content.RESULT, examine)
@@ -101,7 +99,6 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
 
 ROOT = {
     "schema_version": "version of the layout",
-    "checksum": "SHA-256 of attributes, texts, axes and all arrays of up to 1 MiB",
     "command": "command that wrote the file",
     "scenario": "the case as written, YAML in SI units; sufficient to run it again",
     "title": "title of the scenario",
@@ -120,7 +117,7 @@ ROOT = {
 
 
 def root_attributes(result: Result) -> dict[str, Any]:
-    """What every result file says of its result, but for the checksum."""
+    """What every result file says of its result."""
     attributes = {
         "schema_version": SCHEMA_VERSION,
         "command": KINDS[result.KIND].command,
@@ -190,43 +187,6 @@ def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
     if not cut_short:
         return Content.RESULT
     return Content.CONTAINED if contains and same else Content.PARTIAL
-
-
-def checksum(items: Items) -> str:
-    """SHA-256 over everything but the values of large arrays, whose chunks have checksums of HDF5.
-
-    Parameters
-    ----------
-    items : of a result that is to be written, or that was read.
-
-    Returns
-    -------
-    str
-        Hexadecimal digits; the same before writing as after reading.
-    """
-    digest = hashlib.sha256()
-    for place, item in sorted(items.items()):
-        attributes: dict[str, tuple[str, Any]] = {}  # kind and values, equal for Python's and NumPy's types
-        for name, value in sorted(item.attributes.items()):
-            values = np.asarray(value)
-            if (place, name) == ("/", CHECKSUM):
-                continue
-            if values.dtype.kind in "OUS" and values.size:
-                attributes[name] = "text", np.vectorize(str, otypes="O")(values).tolist()
-            else:
-                attributes[name] = values.dtype.kind, values.tolist()
-        digest.update(repr((place, attributes)).encode())
-        array = item.array
-        if array is None:
-            continue
-        axes = () if item.scale else tuple(item.axes) or ("",) * array.ndim
-        kind = array.dtype.str if array.dtype.kind in "iufc" else "text" if array.dtype.kind in "OU" else "truth"
-        digest.update(repr((item.scale, axes, array.shape, kind)).encode())
-        if array.dtype.kind in "OU":
-            digest.update(repr([str(text) for text in array.ravel()]).encode())
-        elif array.nbytes <= CHUNK_BYTES:
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
 
 
 def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> Path:
@@ -344,8 +304,8 @@ def open_with_items(
         layouts = [each for each in cls.DATASETS if not each.optional or f"/{each.name}" in items]
         about["datasets"] = {layout.name: layout.read(items) for layout in layouts}
         result = made_of(cls, {**about, **_described_by(items["/"].attributes), **Reader(items).fields(cls)})
-        if items["/"].attributes.get(CHECKSUM) != checksum(items):
-            raise ValueError("its checksum does not fit: it was changed after it was written")
+        if not is_as_written(path):
+            raise ValueError("it was changed after it was written")
         demand_summary(result)
     return result, items
 

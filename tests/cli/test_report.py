@@ -17,8 +17,8 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.errors import MethodError
+from beamsim.files import seal
 from beamsim.report import page
-from beamsim.store.results import CHECKSUM, checksum, read_items
 from tests.helpers.commands import invoke
 
 STORED = Path(__file__).parents[1] / "data" / "results"
@@ -179,7 +179,7 @@ def hostile_report(folder):
     with h5py.File(path, "r+") as file:
         file.attrs["warnings"] = json.dumps([*HOSTILE, *UNSEEN])
         file.attrs["created"] = "".join(UNSEEN) + HOSTILE[0]
-        file.attrs[CHECKSUM] = checksum(read_items(file))
+    seal(path)
     done = invoke("report", path, "-o", folder / "hostile.html", "--json")
     assert done.exit_code == 0, done.output
     return folder / "hostile.html"

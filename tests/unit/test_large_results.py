@@ -129,7 +129,7 @@ def test_exports_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_pat
     again = export_result(path, tmp_path / "again", "csv")
     assert len(tables) == len(again)
     for one, other in zip(tables, again, strict=True):
-        assert one.name == "attributes.csv" or one.read_bytes() == other.read_bytes()  # the checksum differs
+        assert one.read_bytes() == other.read_bytes()
 
 
 def test_a_file_that_was_replaced_is_not_read_any_more(long_run, fabricated_run):
@@ -160,17 +160,12 @@ def test_a_result_is_written_over_its_own_file(long_run):
         )
 
 
-def test_damage_in_a_large_array_is_found_where_it_is_used(long_run):
-    path, run = long_run
+def test_damage_in_a_large_array_is_found_before_it_is_used(long_run):
+    path, _ = long_run
     with h5py.File(path) as file:
         at = file["/histories/velocity"].id.get_chunk_info(0).byte_offset
     data = bytearray(path.read_bytes())
     data[at + 1000] ^= 1
     path.write_bytes(data)
-    result = load(path)
-    np.testing.assert_array_equal(
-        result["histories"]["displacement"].sel(probe="tip").values,
-        run["histories"]["displacement"].sel(probe="tip").values,
-    )
-    with pytest.raises(ResultFileError, match=r"long\.h5: damaged .*run the case again"):
-        _ = result["histories"]["velocity"].sel(probe="tip").values
+    with pytest.raises(ResultFileError, match=r"long\.h5: damaged \(it was changed after it was written\)"):
+        load(path)

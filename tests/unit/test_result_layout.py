@@ -15,7 +15,7 @@ from beamsim.store.results import SCHEMA_VERSION, kind_of
 
 FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
-OF_BYTES = {"checksum"}  # differs with the last bit of a number and the order of a list
+OF_BYTES = {"checksum"}  # which kept files of earlier versions have
 
 
 def described(path):
