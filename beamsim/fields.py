@@ -311,15 +311,7 @@ def described(cls: Any, entry: Entry) -> Entry:
     return entry._replace(unit=declaration.unit, meaning=declaration.meaning)
 
 
-class Folded(NamedTuple):
-    """The axes of a design, which a file stores as one: that of the cases."""
-
-    shape: str  # of the result: the field with its shape
-    cases: Counter
-    more: Counter | None = None  # the axis of a last dimension, where an array has one more
-
-
-Along = tuple[str | Counter, ...] | Folded  # names of axes, axes that only count, or the axes of a design
+Along = tuple[str | Counter, ...]  # names of axes, or axes that only count
 
 
 @dataclass(frozen=True)

@@ -151,7 +151,7 @@ def search(workers: int, quick: bool) -> tuple[Measurement, float]:
     def once() -> float:
         begin = spent()
         result = design_study(planned, workers=workers)
-        return (spent() - begin) / result.cases
+        return (spent() - begin) / result.count
 
     once()  # compiles
     return once, 5.0

@@ -20,7 +20,6 @@ from beamsim.fields import (
     ArrayField,
     Attribute,
     Deferred,
-    Folded,
     Group,
     Key,
     Member,
@@ -44,7 +43,6 @@ from beamsim.labelled import (
     part_of,
 )
 from beamsim.store.layout import Axis, Spot, StoragePlace, place_in, root_place, spot
-from beamsim.typing import not_none
 
 ROW = "number of the row"
 """Meaning of the coordinate of rows that belong to several members, one after the other."""
@@ -222,13 +220,7 @@ class _Writer:
             place = place_in(place, member.name, declared)
         arrays = [_array(each.value) for each in values]
         mixed = {array.dtype.kind == "O" for array in arrays} == {True, False}
-        for (labels, owners, _), whole in zip(values, arrays, strict=True):
-            array, more, suffix = whole, False, ""
-            if isinstance(declared.along, Folded):
-                shape = getattr(owners[-1], declared.along.shape)
-                more = array.ndim > len(shape)
-                suffix = f"_by_{not_none(declared.along.more).name}" if more else ""
-                array = array.reshape(-1, *array.shape[len(shape) :])
+        for (labels, owners, _), array in zip(values, arrays, strict=True):
             unit, meaning = (filled(text, owners) for text in (declared.unit, declared.meaning))
             parts = [("_text" if mixed and array.dtype.kind == "O" else "", array, meaning)]
             if array.dtype.kind == "c":
@@ -238,7 +230,7 @@ class _Writer:
             for end, part, text in parts:
                 attributes = flagged(declared.flags) if declared.flags else {}
                 attributes |= {NAMES: declared.names} if declared.names else {}
-                self._part(spot(member, place, more, suffix + end), labels, part, (unit, text), attributes)
+                self._part(spot(member, place, end), labels, part, (unit, text), attributes)
 
     def _part(self, at: Spot, labels: Labels, array: Any, texts: tuple[str, str], more: dict[str, Any]) -> None:
         """The part of a variable that a member has."""
@@ -639,23 +631,17 @@ class Reader:
 
     def _array(self, member: Member, declared: ArrayField, place: StoragePlace, instance: _Read) -> Any:
         """The array of one instance, in whichever way it is stored."""
-        shape, suffixes = None, [""]
-        if isinstance(declared.along, Folded):
-            stored = np.atleast_1d(self.items["/"].attributes[declared.along.shape])
-            shape = tuple(int(size) for size in stored)
-            suffixes += [f"_by_{declared.along.more.name}"] if declared.along.more else []
-        for suffix in suffixes:
-            for ends in (("",), ("_real", "_imag"), ("_text",)):
-                spots = [spot(member, place, bool(suffix), suffix + end) for end in ends]
-                if any(at.path not in self.items for at in spots):
-                    continue
-                parts = [self._part(at, instance.labels) for at in spots]
-                if any(part is MISSING for part in parts):
-                    continue
-                return self._made(member, spots[0], parts, shape)
+        for ends in (("",), ("_real", "_imag"), ("_text",)):
+            spots = [spot(member, place, end) for end in ends]
+            if any(at.path not in self.items for at in spots):
+                continue
+            parts = [self._part(at, instance.labels) for at in spots]
+            if any(part is MISSING for part in parts):
+                continue
+            return self._made(member, spots[0], parts)
         return MISSING
 
-    def _made(self, member: Member, at: Spot, parts: list[Any], shape: tuple[int, ...] | None) -> Any:
+    def _made(self, member: Member, at: Spot, parts: list[Any]) -> Any:
         """The value of a field that is stored as an array, or as two of them."""
         if parts[0].dtype == object:
             if member.type not in ("str", "tuple[str, ...]", "NDArray[Any]"):
@@ -663,12 +649,12 @@ class Reader:
             words = [str(word) for word in np.ravel(np.asarray(parts[0]))]
             if member.scalar is str:
                 return words[0]
-            return tuple(words) if member.type.startswith("tuple") else _unfolded(shape, np.array(words, dtype=str))
+            return tuple(words) if member.type.startswith("tuple") else np.array(words, dtype=str)
         if member.scalar is not None or (not parts[0].ndim and not at.axes):
             return _of_type(np.asarray(parts[0])[()], member)
         if member.type.startswith("tuple"):
             return tuple(np.asarray(parts[0]).tolist())
-        return _when_used(partial(_unfolded, shape), *parts)
+        return _when_used(_joined, *parts)
 
     def _part(self, at: Spot, labels: Labels) -> Any:
         """What a member has of a variable, not read if it is large; `MISSING` if the member does not have it."""
@@ -775,10 +761,9 @@ class _Columns(Mapping[str, Any]):
         return len(self.attributes)
 
 
-def _unfolded(shape: tuple[int, ...] | None, *arrays: Any) -> Any:
-    """The numbers of one array, or complex ones of their two parts; of cases in the shape of their design."""
-    values = np.asarray(arrays[0]) if len(arrays) == 1 else np.asarray(arrays[0]) + 1j * np.asarray(arrays[1])
-    return values if shape is None else values.reshape(*shape, *values.shape[1:])
+def _joined(*arrays: Any) -> Any:
+    """The numbers of one array, or complex ones of their two parts."""
+    return np.asarray(arrays[0]) if len(arrays) == 1 else np.asarray(arrays[0]) + 1j * np.asarray(arrays[1])
 
 
 def _when_used(make: Callable[..., Any], *arrays: Any) -> Any:

@@ -17,7 +17,6 @@ from beamsim.fields import (
     OUTCOME,
     ArrayField,
     Attribute,
-    Folded,
     Group,
     Key,
     Member,
@@ -115,8 +114,6 @@ def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
                 text = f"JSON list of the names that {last(at.path)} has values for"
                 yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
             yield from _of_spot(at, d, member, place)
-            if isinstance(d.along, Folded) and d.along.more is not None:
-                yield from _of_spot(spot(member, place, True, f"_by_{d.along.more.name}"), d, member, place)
         case Attribute() as d:
             yield from _attributes(member, d, place)
         case Group() as d if place.dims:

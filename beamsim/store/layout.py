@@ -18,7 +18,6 @@ from beamsim.fields import (
     ArrayField,
     Attribute,
     Counter,
-    Folded,
     Group,
     Member,
     Members,
@@ -149,20 +148,17 @@ def _own_axes(cls: Any, place: StoragePlace) -> dict[str, Axis]:
 
 
 def along(declared: ArrayField) -> tuple[str | Counter, ...]:
-    """The axes of an array; of the cases of a design the one that a file stores, and the one that some have more."""
-    if isinstance(declared.along, Folded):
-        return tuple(each for each in (declared.along.cases, declared.along.more) if each is not None)
+    """The axes of an array."""
     return declared.along or ()
 
 
-def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = "") -> Spot:
+def spot(member: Member, place: StoragePlace, suffix: str = "") -> Spot:
     """Where an array, number or text of a class, or a column of a table, is.
 
     Parameters
     ----------
     member : declared as a `ArrayField` or an `Attribute`.
     place : of its class, with its axes; with one more dimension where it is a mapping by name.
-    more : whether it has the last axis that some of a design have.
     suffix : of the name of the variable.
 
     Returns
@@ -176,8 +172,7 @@ def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = 
     if declared.scale:
         axes = rows or [place.axes[member.stored_name]]
     else:
-        names = along(declared)[: 1 if isinstance(declared.along, Folded) and not more else None]
-        axes = rows + [place.axes[each.name if isinstance(each, Counter) else each] for each in names]
+        axes = rows + [place.axes[each.name if isinstance(each, Counter) else each] for each in along(declared)]
     for k, axis in enumerate(axes):
         if axis.table:
             kept = place.dims[len(axis.place.dims) :]

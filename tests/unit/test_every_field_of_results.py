@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.fields import ArrayField, Attribute, Counter, Folded, Group, Key, Members, Table, members_of
+from beamsim.fields import ArrayField, Attribute, Counter, Group, Key, Members, Table, members_of
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
@@ -19,7 +19,6 @@ from beamsim.store.results import read_items, write_items
 pytestmark = pytest.mark.quick
 
 SCENARIO = SimpleNamespace(title="made up", bodies_of_places={}, file_records=lambda **_: {})
-CASES = (2, 3)
 WORDS = {"parameter": "energy", "quantity": "acceleration"}  # others can be any text
 QUANTITIES = {"probes": ("displacement", "absolute_acceleration"), "snubbers": ("force", "penetration")}
 STORED = load_scenario({"chain": {"masses": [1.0], "springs": [1.0]}})
@@ -67,11 +66,7 @@ class Maker:
             case ArrayField(scale=True):
                 return self.array(member.type, (self.size(member.stored_name, sizes),))
             case ArrayField():
-                if isinstance(d.along, Folded):
-                    more = () if d.along.more is None or self.rng.random() < 0.5 else (self.size(d.along.more, sizes),)
-                    shape = (*CASES, *more)
-                else:
-                    shape = tuple(self.size(axis, sizes) for axis in d.along or ())
+                shape = tuple(self.size(axis, sizes) for axis in d.along or ())
                 if d.per is not None:
                     return {name: self.array(member.type, shape) for name in self.names()}
                 return self.array(member.type, shape)

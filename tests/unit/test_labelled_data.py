@@ -150,7 +150,7 @@ def test_every_declared_dataset_comes_back_from_a_file(kind, tmp_path):
     rng = np.random.default_rng(3)
     makers = {
         float: rng.random, int: lambda shape: rng.integers(0, 9, shape), bool: lambda shape: rng.random(shape) > 0.5,
-        str: lambda shape: np.array(NAMES[: shape[0]] if shape else NAMES[0], dtype=object),
+        str: lambda shape: np.resize(np.array(NAMES, dtype=object), shape),
     }  # fmt: skip
     for layout in resolve_name(KINDS[kind].result).DATASETS:
         sizes = {name: 3 + k for k, (name, of) in enumerate(layout.variables.items()) if of.dims == (name,)}
