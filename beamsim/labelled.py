@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -262,12 +262,13 @@ class Dataset(Mapping[str, LabelledArray]):
         """The parts of a variable by label along its first dimension; none where the dataset lacks it."""
         return self[name].by_label() if f"/{self.name}/{name}" in self.items_by_path else {}
 
-    def groups(self, column: str) -> dict[Any, Dataset]:
+    def groups(self, column: str, names: Iterable[Any] | None = None) -> dict[Any, Dataset]:
         """The rows of a table by what they belong to; what is not along the rows stays as it is.
 
         Parameters
         ----------
         column : numbers the names along a dimension of this dataset, such as ``station_body`` those along ``body``.
+        names : those that it numbers where they are of another dataset.
 
         Returns
         -------
@@ -275,7 +276,9 @@ class Dataset(Mapping[str, LabelledArray]):
             By name, in order.
         """
         rows, found = self[column], {}
-        for number, name in enumerate(self.items_by_path[f"/{rows.attributes[NAMES]}"].values.tolist()):
+        if names is None:
+            names = self.items_by_path[f"/{rows.attributes[NAMES]}"].values.tolist()
+        for number, name in enumerate(names):
             own, items = rows.values == number, dict(self.items_by_path)
             for path, item in items.items():
                 dims = (last(path),) if item.scale else tuple(map(last, item.axes))

@@ -90,9 +90,10 @@ def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
 
 
 def _fatigue(result: RunResult, _: Changes) -> Iterator[str]:
-    for name, body in result.fatigue.items():
-        interval = "" if body.damage_low is None else f" ({body.damage_low:.2g} to {body.damage_high:.2g}, 95 %)"
-        yield f"damage of {name} {body.damage:.2g}{interval} at {damage_place(body)}"
+    for name, body in result.summary["fatigue"].items():
+        low, high = body.get("damage_low"), body.get("damage_high")
+        interval = "" if low is None else f" ({low:.2g} to {high:.2g}, 95 %)"
+        yield f"damage of {name} {body['damage']:.2g}{interval} at {damage_place(body)}"
 
 
 def _against(result: RunResult) -> Iterator[str]:

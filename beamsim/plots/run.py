@@ -13,9 +13,6 @@ from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
-    Fatigue,
-    Impacts,
-    Rainflow,
     RandomResponse,
     RunResult,
     SignalStatistics,
@@ -50,7 +47,7 @@ from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.system.structural import FORCE_UNITS
-from beamsim.typing import Bools, Floats, Ints, not_none
+from beamsim.typing import Bools, Floats, not_none
 
 MOST_STATES = 2**16  # samples in a phase portrait or force-deflection loop
 CELLS = 20, 120  # along each axis of a phase portrait that is a density, at least and at most
@@ -480,41 +477,38 @@ def crossings(response: RandomResponse) -> Chart:
     return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0))
 
 
-def _strongest(impacts: Impacts, unit: str) -> list[str]:
-    """The snubbers (m), or stops of hinges (rad), that are drawn, in their order: those with the largest peaks."""
-    hit = [name for name, snubber in impacts.snubbers.items() if snubber.number and snubber.gap_unit == unit]
-    kept = sorted(hit, key=lambda name: -impacts.snubbers[name].peak_force_n)[:MOST_CURVES]
-    return [name for name in hit if name in kept]
+def _strongest(result: RunResult, unit: str) -> dict[str, Dataset]:
+    """Impacts by snubber (m) or stop of a hinge (rad): of those with the largest peaks, in their order."""
+    peaks = result["impact_statistics"].by_label("peak_force_n")
+    every = result["impacts"].groups("snubber", peaks)
+    hit = [name for name, of in every.items() if of["impact"].values.size and peaks[name].unit == FORCE_UNITS[unit]]
+    kept = sorted(hit, key=lambda name: -peaks[name].item())[:MOST_CURVES]
+    return {name: every[name] for name in hit if name in kept}
 
 
-def _of_snubber(impacts: Impacts, name: str) -> Ints:
-    return np.flatnonzero(impacts.snubber == list(impacts.snubbers).index(name))
-
-
-def impact_map(impacts: Impacts, end: float, unit: str = "m") -> Chart:
+def impact_map(impacts: Mapping[str, Dataset], many: int, end: float, unit: str = "m") -> Chart:
     """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
 
     Parameters
     ----------
-    impacts : of the run.
+    impacts : by snubber.
+    many : number of all impacts of the run.
     end : of the run, s, with which the axis ends: a few impacts are seen where they are in it.
     unit : m of snubbers, rad of stops of hinges.
     """
-    many = impacts.begin.size
     size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
     marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": many > 20_000}
     curves = [
-        Curve(name, impacts.peak_time[which], impacts.peak_force[which], {**marks, "marker": _MARKS[k]})
-        for k, name in enumerate(_strongest(impacts, unit))
-        for which in [_of_snubber(impacts, name)]
+        Curve(name, of["peak_time"].values, of["peak_force"].values, {**marks, "marker": _MARKS[k]})
+        for k, (name, of) in enumerate(impacts.items())
     ]
     return Chart(("Time", plain_scale("s")), _PEAKS[unit], curves, x_ends=(-0.02 * end, 1.02 * end), y_ends=(0.0, None))
 
 
-def plot_peak_forces(impacts: Impacts, ax: Axes, unit: str = "m") -> None:
-    """Histogram of the impacts' peak forces; with the unit rad of the moments of stops of hinges."""
-    names, (label, force_unit) = _strongest(impacts, unit), _PEAKS[unit]
-    peaks = [impacts.peak_force[_of_snubber(impacts, name)] for name in names]
+def plot_peak_forces(impacts: Mapping[str, Dataset], ax: Axes, unit: str = "m") -> None:
+    """Histogram of the impacts' peak forces by snubber; with the unit rad of the moments of stops of hinges."""
+    names, (label, force_unit) = list(impacts), _PEAKS[unit]
+    peaks = [of["peak_force"].values for of in impacts.values()]
     newton = scale_for(force_unit, *peaks)
     forces = [peak * newton.factor for peak in peaks]
     top = max((float(x.max()) for x in forces), default=1.0)
@@ -527,13 +521,13 @@ def plot_peak_forces(impacts: Impacts, ax: Axes, unit: str = "m") -> None:
     legend(ax)
 
 
-def cycles(counted: Mapping[str, Rainflow], label: str, of: str, title: str = "") -> Chart:
+def cycles(counted: Mapping[str, Dataset], label: str, unit: str, of: str, title: str = "") -> Chart:
     """Number of counted cycles whose range is larger, over the range.
 
     Parameters
     ----------
     counted : cycles by name.
-    label : of the axis of ranges, without the unit.
+    label, unit : of the axis of ranges.
     of : what the cycles are counted of, for a legend that leaves some out.
     title : of the panel.
 
@@ -541,49 +535,60 @@ def cycles(counted: Mapping[str, Rainflow], label: str, of: str, title: str = ""
     -------
     A curve for each name with cycles.
     """
-    drawn = {name: rainflow for name, rainflow in counted.items() if rainflow.range.size}
+    drawn = {name: rainflow for name, rainflow in counted.items() if rainflow["range"].values.size}
     curves = []
     for name, rainflow in drawn.items():
-        ranges, number = rainflow.exceedance()
+        order = np.argsort(-rainflow["range"].values, kind="stable")
+        ranges, number = rainflow["range"].values[order], np.cumsum(rainflow["count"].values[order])
         x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
         curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
-    up = (label, next((rainflow.unit for rainflow in drawn.values()), ""))
+    up = (label, unit if drawn else "")
     return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
 
 
-def damage_place(body: Fatigue) -> str:
+def damage_place(body: Mapping[str, Any]) -> str:
     """Where on a body the damage is largest, and of a plate by which stress.
+
+    Parameters
+    ----------
+    body : its entry ``fatigue`` of the summary.
 
     Returns
     -------
     For people: x = 250 mm, or (135 mm, 60 mm), sigma_x.
     """
-    x = amount(body.position, "m")
-    if body.across is None:
+    x = amount(body["position"], "m")
+    if "across" not in body:
         return f"x = {x}"
-    stress = "tau_xy" if body.component == "xy" else f"sigma_{body.component}"
-    return f"({x}, {amount(body.across, 'm')}), {stress}"
+    stress = "tau_xy" if body["component"] == "xy" else f"sigma_{body['component']}"
+    return f"({x}, {amount(body['across'], 'm')}), {stress}"
 
 
 def impact_figures(result: RunResult) -> dict[str, Picture]:
-    """Those of impacts, and of the stress ranges of each body where its damage is largest, if they were asked for."""
-    figures, impacts, fatigue = {}, result.impacts, result.fatigue
-    if impacts is not None and impacts.begin.size:
-        maps: list[Chart] = []
-        histograms: list[Any] = []
-        for unit in ("m", "rad"):
-            if names := _strongest(impacts, unit):
-                counted = {name: impacts.snubbers[name].rainflow for name in names}
-                maps.append(impact_map(impacts, float(result["histories"]["time"].values[-1]), unit))
-                ranges = cycles(counted, "Force range" if unit == "m" else "Moment range", "snubbers")
-                histograms += [partial(plot_peak_forces, impacts, unit=unit), ranges]
-        figures["impact_map"] = Picture(result.title, maps)
-        figures["impact_histogram"] = Picture(result.title, histograms)
-    if fatigue:
-        damage = [f"{name}: damage {of.damage:.2g} at {damage_place(of)}" for name, of in fatigue.items()]
-        counted, title = {name: body.rainflow for name, body in fatigue.items()}, "\n".join(damage[:MOST_CURVES])
-        figures["stress_cycles"] = Picture(result.title, [cycles(counted, "Stress range", "bodies", title)])
-    return figures
+    """Those of impacts, if there are any."""
+    many, end = result["impacts"]["impact"].values.size, float(result["histories"]["time"].values[-1])
+    maps: list[Chart] = []
+    histograms: list[Any] = []
+    for unit, label in (("m", "Force range"), ("rad", "Moment range")):
+        if impacts := _strongest(result, unit):
+            every = result["impact_statistics"].groups("cycle_snubber")
+            maps.append(impact_map(impacts, many, end, unit))
+            ranges = cycles({name: every[name] for name in impacts}, label, FORCE_UNITS[unit], "snubbers")
+            histograms += [partial(plot_peak_forces, impacts, unit=unit), ranges]
+    return (
+        {"impact_map": Picture(result.title, maps), "impact_histogram": Picture(result.title, histograms)}
+        if many
+        else {}
+    )
+
+
+def stress_cycles(result: RunResult) -> Picture:
+    """The stress ranges of each body where its damage is largest."""
+    damage = [
+        f"{name}: damage {of['damage']:.2g} at {damage_place(of)}" for name, of in result.summary["fatigue"].items()
+    ]
+    counted, title = result["fatigue"].groups("cycle_body"), "\n".join(damage[:MOST_CURVES])
+    return Picture(result.title, [cycles(counted, "Stress range", "Pa", "bodies", title)])
 
 
 SHOWN = ("peak_force", "peak_moment", "peak_displacement", "contact_share")  # values with a tornado
@@ -648,6 +653,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
     if random is not None:
         figures["random"] = random_picture(result, random)
-    if result.impacts is not None or result.fatigue:
+    if "impacts" in result.datasets:
         figures |= impact_figures(result)
+    if "fatigue" in result.datasets:
+        figures["stress_cycles"] = stress_cycles(result)
     return figures | body_figures(result)

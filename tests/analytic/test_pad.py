@@ -42,10 +42,10 @@ def test_a_material(tmp_path, loss_factor):
     assert known["dashpot"] == pytest.approx(loss_factor * stiffness / (2 * np.pi * 65), rel=1e-12)
     (tmp_path / "pad.yaml").write_text(pad(*given)[1].replace("position: 100 %", "mass: 1"))
     (tmp_path / "case.yaml").write_text(CHAIN)
-    impacts = beamsim.run(load_scenario(tmp_path / "case.yaml")).impacts
+    impacts = beamsim.run(load_scenario(tmp_path / "case.yaml"))["impacts"]
     ratio = known["dashpot"] / (2 * np.sqrt(stiffness * 0.05))
     expected = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
-    assert impacts.restitution[0] == pytest.approx(expected, rel=1e-8)
+    assert impacts["restitution"].values[0] == pytest.approx(expected, rel=1e-8)
 
 
 def table(folder, way, force):

@@ -20,17 +20,19 @@ def result():
 
 
 def test_every_impact_is_in_the_pictures(result):
-    impacts, histogram = result.impacts, Figure().subplots()
-    chart = impact_map(impacts, end=40.0)
+    impacts, histogram = result["impacts"], Figure().subplots()
+    by_snubber = impacts.groups("snubber", result["histories"].labels("snubber"))
+    many = impacts["impact"].values.size
+    chart = impact_map(by_snubber, many, end=40.0)
     assert chart.x_ends == pytest.approx((-0.8, 40.8))  # the run, not what lies between two impacts
     drawn = np.concatenate([np.stack([curve.x, curve.y], axis=1) for curve in chart.curves])
-    both = np.stack([impacts.peak_time, impacts.peak_force], axis=1)
+    both = np.stack([impacts["peak_time"].values, impacts["peak_force"].values], axis=1)
     np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(both, axis=0), rtol=1e-14)
-    plot_peak_forces(impacts, histogram)
-    assert sum(patch.get_xy()[1:-1:2, 1].sum() for patch in histogram.patches) == impacts.begin.size
-    counted = {name: snubber.rainflow for name, snubber in impacts.snubbers.items()}
-    curves = cycles(counted, "Force range", "snubbers").curves
+    plot_peak_forces(by_snubber, histogram)
+    assert sum(patch.get_xy()[1:-1:2, 1].sum() for patch in histogram.patches) == many
+    counted = result["impact_statistics"].groups("cycle_snubber")
+    curves = cycles(counted, "Force range", "N", "snubbers").curves
     for curve, rainflow in zip(curves, counted.values(), strict=True):
-        assert curve.x[-1] == rainflow.count.sum()
+        assert curve.x[-1] == rainflow["count"].values.sum()
         assert np.all(np.diff(curve.y) <= 0.0)
     assert {"impact_map", "impact_histogram"} <= set(result.plot())

@@ -240,14 +240,13 @@ def _asked_for(
             fields |= {"random": random, "outcome": largest_known(result.outcome, random, settings)}
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
-        fields["impacts"] = evaluation.computed("statistics of impacts", impacts.result, result.impacts)
+        datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())
     if settings.fatigue is not None and (stresses := motion.stresses) is not None:
         end, extremes = motion.marched.end, motion.extremes[STRESS]
-        damage = evaluation.computed(
-            "the damage of stress", lambda: fatigue_of(system, stresses, end, extremes), result.fatigue
-        )
-        fields["fatigue"] = damage
-        notes += fatigue_warnings(damage, settings.fatigue)
+        damage = evaluation.computed("the damage of stress", lambda: fatigue_of(system, stresses, end, extremes), None)
+        if damage is not None:
+            datasets["fatigue"] = damage
+            notes += fatigue_warnings(damage, settings.fatigue)
     if settings.srs is not None:
         if needed.has("srs_over_limit"):
             srs = evaluation.computed("shock response spectra", lambda: shock_response(system, motion.known), None)

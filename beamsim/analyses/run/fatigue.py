@@ -8,15 +8,17 @@ the order of this bound, until it is below the largest damage.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
+from beamsim.analyses.run.impacts import BLOCKS, LEAST, columns_of_cycles, jackknife
+from beamsim.analyses.run.layouts import FATIGUE
 from beamsim.analyses.run.observers import ChunkObserver
-from beamsim.analyses.run.result import Fatigue, Rainflow
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Stop
 from beamsim.responses.histories import reached
 from beamsim.results.values import STRESS, Extreme
@@ -127,7 +129,7 @@ class StressObserver(ChunkObserver):
         return reversals(chunk.turning_points(one, np.arange(chunk.time.size)).value)
 
 
-def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, extremes: Extreme) -> dict[str, Fatigue]:
+def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, extremes: Extreme) -> Dataset:
     """Fatigue of each body at its station with the largest damage; of a plate also over the components of the stress.
 
     Parameters
@@ -139,7 +141,8 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
 
     Returns
     -------
-    By body.
+    Dataset
+        Of the layout `FATIGUE`.
 
     Raises
     ------
@@ -149,28 +152,37 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
     stresses.check_complete()
     settings = not_none(not_none(system.scenario.run).fatigue)
     stress, variation = not_none(system.stress), stresses.variation()
-    fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
+    limit, across, names = settings.endurance_limit or 0.0, stress.stations.across, list(dict.fromkeys(stress.bodies))
     components = {body.body: COMPONENTS[: body.moments] for body in system.bodies if body.moments > 1}
-    for name in dict.fromkeys(stress.bodies):
+    rows, counted = list[dict[str, Any]](), list[Floats]()
+    for name in names:
         stations = np.flatnonzero(np.array(stress.bodies) == name)
         station, turns = _worst(stations, stresses, (extremes[2] - extremes[0], variation), settings)
         cycles, number = distinct_cycles(turns), int(np.searchsorted(stations, station))
         done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
         of_body = components.get(name)
-        fatigue[name] = Fatigue(
-            name=name,
-            position=float(stress.stations.position[station]),
-            across=None if across is None or np.isnan(across[station]) else float(across[station]),
-            component=None if of_body is None else of_body[number * len(of_body) // stations.size],
-            cycles=float(cycles[:, 2].sum()),
-            largest_range_pa=float(cycles[:, 0].max(initial=0.0)),
-            equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
-            damage=done,
-            life_s=end / done if done > 0.0 else float("inf"),
-            rainflow=Rainflow("Pa", *cycles.T),
+        counted.append(cycles)
+        rows.append({
+            "position": float(stress.stations.position[station]),
+            "across": np.nan if across is None else float(across[station]),
+            "component": None if of_body is None else of_body[number * len(of_body) // stations.size],
+            "cycles": float(cycles[:, 2].sum()),
+            "largest_range_pa": float(cycles[:, 0].max(initial=0.0)),
+            "equivalent_range_pa": equivalent_range(cycles, settings.exponent, limit),
+            "damage": done,
+            "life_s": end / done if done > 0.0 else float("inf"),
             **(damage_interval(turns, done, settings) if system.scenario.excitation.stationary else {}),
-        )
-    return fatigue
+        })  # fmt: skip
+    values: dict[str, Any] = {"body": names, **columns_of_cycles(counted, "body")}
+    of_all = {name: [row.get(name, np.nan) for row in rows] for name in (*rows[0], "damage_low", "damage_high")}
+    unknown = ("across", "component", "damage_low", "damage_high")
+    values |= {name: None if name in unknown and not any(map(known, of)) else of for name, of in of_all.items()}
+    return FATIGUE.dataset(values)
+
+
+def known(value: float | str | None) -> bool:
+    """Whether there is a value."""
+    return value is not None and value == value  # NaN is not
 
 
 def _worst(
@@ -224,7 +236,7 @@ def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[st
 
     Returns
     -------
-    Fields of `Fatigue`, a ratio to either side of the damage; none of a record with few cycles.
+    Columns of `FATIGUE`, a ratio to either side of the damage; none of a record with few cycles.
     """
     parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
     each = np.array([
@@ -238,12 +250,12 @@ def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[st
     return {"damage_low": low, "damage_high": high}
 
 
-def fatigue_warnings(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:
+def fatigue_warnings(fatigue: Dataset, settings: StressLife) -> Iterator[str]:
     """A warning for each body that fails within the run: seldom what is simulated."""
-    for name, body in bodies.items():
-        if body.damage >= 1.0:
+    for body in fatigue.rows("body"):
+        if body["damage"] >= 1.0:
             yield (
-                f"the damage of {name} = {body.damage:.3g} is failure within the run: ranges are up to "
-                f"{body.largest_range_pa:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa for "
-                f"{settings.cycles:.3g} cycles; a unit such as MPa may be missing"
+                f"the damage of {body['body']} = {body['damage']:.3g} is failure within the run: ranges are up to "
+                f"{body['largest_range_pa']:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa "
+                f"for {settings.cycles:.3g} cycles; a unit such as MPa may be missing"
             )

@@ -17,28 +17,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.layouts import IMPACT_STATISTICS, IMPACTS, OF_SNUBBERS
 from beamsim.analyses.run.observers import ChunkObserver
-from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.contacts.laws import PRESSING
 from beamsim.contacts.sliders import STICK
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop
 from beamsim.scenario.connections import FrictionBase, OfHinge
 from beamsim.signals.rainflow import distinct_cycles, reversals
 from beamsim.system.equations import RowsOf
-from beamsim.system.structural import SnubberInfo, StructuralSystem
+from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Bools, Floats, Ints, not_none
 
 SKIPPED = 0.1  # share of a run that is left out at its beginning
 CONFIDENCE = 0.95
 BLOCKS = 20
 LEAST = 40  # impacts, or slides, in these for an interval
+
+AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
 
 Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 
@@ -65,8 +68,8 @@ class ImpactObserver(ChunkObserver):
             self._of_chunks.append([_contacts(later, j) for j in range(len(self._system.snubbers))])
             self._end = chunk.end
 
-    def result(self) -> Impacts:
-        """Of a motion that goes on after ``run.from``.
+    def result(self) -> dict[str, Dataset]:
+        """The datasets of a motion that goes on after ``run.from``, by name.
 
         Raises
         ------
@@ -77,36 +80,71 @@ class ImpactObserver(ChunkObserver):
         return _counted(self._system, self._of_chunks, self._end)
 
 
-def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float) -> Impacts:
-    """Impacts of contacts by chunk and snubber, up to the end of the motion, s."""
+def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float) -> dict[str, Dataset]:
+    """Impacts of contacts by chunk and snubber, up to the end of the motion, s, and their statistics."""
     run = not_none(system.scenario.run)
     settings, begin, stationary = not_none(run.impacts), run.from_, system.scenario.excitation.stationary
-    each, statistics = [], {}
-    for snubber, of_snubber in zip(system.snubbers, zip(*of_chunks, strict=True), strict=True):
+    each, statistics, cycles, intervals = [], [], [], []
+    for j, of_snubber in enumerate(zip(*of_chunks, strict=True)):
         contacts = _joined(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
         counted = every.taken(every.peak_force >= settings.force_threshold)
-        statistics[snubber.name] = _statistics(snubber, (begin, end), every, counted, contacts, stationary=stationary)
         each.append(counted)
+        statistics.append(_statistics((begin, end), every, counted))
+        cycles.append(distinct_cycles(_with_rests(contacts)))
+        intervals += [(j, row) for row in (_intervals(every, counted, begin, end) if stationary else ())]
+    units = [contact_units(snubber.gap_unit) for snubber in system.snubbers]
+    values: dict[str, Any] = {
+        "snubber": [snubber.name for snubber in system.snubbers],
+        **{name: [of[name] for of in statistics] for name in OF_SNUBBERS},
+        **columns_of_cycles(cycles, "snubber"),
+    }
+    if intervals:
+        values |= {
+            "interval": np.arange(1, len(intervals) + 1),
+            "interval_snubber": [j for j, _ in intervals],
+            **{name: [getattr(row, name) for _, row in intervals] for name in FigureInterval._fields},
+        }
+    of_cycles = " | ".join(dict.fromkeys(of["force_unit"] for of in units))
+    of_statistics = IMPACT_STATISTICS.dataset(values, {"snubber": units}, force_unit=of_cycles)
+    table = _table(each, settings.minimum_rest, settings.force_threshold)
+    return {"impacts": table, "impact_statistics": of_statistics}
+
+
+def columns_of_cycles(cycles: Sequence[Floats], owner: str) -> dict[str, Any]:
+    """Counted cycles (n, 3) of each owner, ``snubber`` or ``body``, as columns of one table."""
+    spans, means, counts = np.concatenate(cycles).T
+    return {
+        "cycle": np.arange(1, spans.size + 1),
+        f"cycle_{owner}": np.repeat(np.arange(len(cycles)), [of.shape[0] for of in cycles]),
+        "range": spans, "mean": means, "count": counts,
+    }  # fmt: skip
+
+
+def _table(each: Sequence[_Impacts], minimum_rest: float, force_threshold: float) -> Dataset:
+    """The impacts of each snubber as one table, in order of time."""
     snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
     order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
-
-    def column(name: str) -> Any:
-        return np.concatenate([getattr(impacts, name) for impacts in each])[order]
-
-    columns = (field.name for field in fields(_Impacts) if field.name != "square")
-    return Impacts(
-        minimum_rest_s=settings.minimum_rest,
-        force_threshold_n=settings.force_threshold,
-        snubber=snubber_of[order],
-        snubbers=statistics,
-        **{name: column(name) for name in columns},
-    )
+    columns: dict[str, Any] = {
+        field.name: np.concatenate([getattr(impacts, field.name) for impacts in each])[order]
+        for field in fields(_Impacts)
+        if field.name != "square"
+    }
+    before, after = columns["approach_speed"], columns["separation_speed"]
+    begins = before > AT_REST * np.nanmax(before, initial=0.0)
+    columns |= {
+        "minimum_rest_s": minimum_rest,
+        "force_threshold_n": force_threshold,
+        "impact": np.arange(1, order.size + 1),
+        "snubber": snubber_of[order],
+        "restitution": np.where(begins, after / np.where(begins, before, 1.0), np.nan),
+    }
+    return IMPACTS.dataset(columns)
 
 
 @dataclass(frozen=True)
 class _Impacts:
-    """Impacts, or contacts from closing to opening, at one snubber in order of time, arrays (n,); see `Impacts`."""
+    """Impacts, or contacts from closing to opening, at one snubber in order of time, arrays (n,); see `IMPACTS`."""
 
     begin: Floats
     end: Floats
@@ -270,44 +308,33 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
     return out
 
 
-def _statistics(
-    snubber: SnubberInfo,
-    span: tuple[float, float],
-    every: _Impacts,
-    counted: _Impacts,
-    contacts: _Contacts,
-    *,
-    stationary: bool,
-) -> SnubberImpacts:
+def _statistics(span: tuple[float, float], every: _Impacts, counted: _Impacts) -> dict[str, float]:
+    """Numbers of one snubber, see `OF_SNUBBERS`."""
     duration = span[1] - span[0]
     contact = float(every.contact_time.sum())
     impulse, square = float(every.impulse.sum()), float(every.square.sum())
-    return SnubberImpacts(
-        name=snubber.name,
-        turns=snubber.turns,
-        number=counted.begin.size,
-        cut=int(counted.cut.sum()),
-        below_threshold=every.begin.size - counted.begin.size,
-        rate_hz=counted.begin.size / duration if duration > 0 else np.nan,
-        contact_share=contact / duration if duration > 0 else np.nan,
-        mean_contact_time_s=_mean(counted.contact_time),
-        longest_contact_time_s=float(counted.contact_time.max(initial=0.0)),
-        peak_force_n=float(counted.peak_force.max(initial=0.0)),
-        mean_peak_force_n=_mean(counted.peak_force),
-        mean_impulse_n_s=_mean(counted.impulse),
-        highest_approach_speed_m_s=_highest(counted.approach_speed),
-        mean_approach_speed_m_s=_mean(counted.approach_speed),
-        restitution=_restitution(counted),
-        mean_energy_lost_j=_mean(counted.energy_lost),
-        impulse_n_s=impulse,
-        energy_lost_j=float(every.energy_lost.sum()),
-        mean_force_n=impulse / duration if duration > 0 else np.nan,
-        rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
-        mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
-        rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
-        rainflow=Rainflow(snubber.force_unit, *distinct_cycles(_with_rests(contacts)).T),
-        intervals=_intervals(every, counted, *span) if stationary else (),
-    )
+    return {
+        "number": counted.begin.size,
+        "cut": int(counted.cut.sum()),
+        "below_threshold": every.begin.size - counted.begin.size,
+        "rate_hz": counted.begin.size / duration if duration > 0 else np.nan,
+        "contact_share": contact / duration if duration > 0 else np.nan,
+        "mean_contact_time_s": _mean(counted.contact_time),
+        "longest_contact_time_s": float(counted.contact_time.max(initial=0.0)),
+        "peak_force_n": float(counted.peak_force.max(initial=0.0)),
+        "mean_peak_force_n": _mean(counted.peak_force),
+        "mean_impulse_n_s": _mean(counted.impulse),
+        "highest_approach_speed_m_s": _highest(counted.approach_speed),
+        "mean_approach_speed_m_s": _mean(counted.approach_speed),
+        "restitution": _restitution(counted),
+        "mean_energy_lost_j": _mean(counted.energy_lost),
+        "impulse_n_s": impulse,
+        "energy_lost_j": float(every.energy_lost.sum()),
+        "mean_force_n": impulse / duration if duration > 0 else np.nan,
+        "rms_force_n": float(np.sqrt(square / duration)) if duration > 0 else np.nan,
+        "mean_force_in_contact_n": impulse / contact if contact > 0 else np.nan,
+        "rms_force_in_contact_n": float(np.sqrt(square / contact)) if contact > 0 else np.nan,
+    }
 
 
 def _restitution(impacts: _Impacts) -> float:
@@ -347,6 +374,15 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
     "rms_force_n": lambda s: np.sqrt(s["every square"] / s["time"]),
 }
 """Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
+
+
+class FigureInterval(NamedTuple):
+    """One value of a random input with its interval."""
+
+    figure: str
+    value: float  # without the first part of the run, in its SI unit
+    low: float  # 95 %
+    high: float
 
 
 def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[FigureInterval, ...]:

@@ -232,6 +232,140 @@ FRICTION_INTERVALS = Layout(
     },
     optional=True,
 )
+_IMPACT, _CYCLE, _INTERVAL, _BODY = ("impact",), ("cycle",), ("interval",), ("body",)
+IMPACTS = Layout(
+    "impacts",
+    "Every impact of the run that is counted, in order of time. Those of stops of hinges are in N m and rad where "
+    "others are in N and m.",
+    {
+        "minimum_rest_s": Variable((), "s", "contacts of one snubber that are less far apart are one impact"),
+        "force_threshold_n": Variable((), "N", "impacts with a smaller peak force are left out"),
+        "impact": Variable(_IMPACT, "1", "number of the impact", int),
+        "snubber": Variable(_IMPACT, "1", "number of the snubber, from 0", int, names="histories/snubber"),
+        "begin": Variable(
+            _IMPACT, "s", "time at which the impact begins, or the run where it is in contact then"
+        ),
+        "end": Variable(_IMPACT, "s", "time at which the impact ends, or the run where that is before"),
+        "contact_time": Variable(
+            _IMPACT, "s", "time in contact; less than end - begin where contacts are joined"
+        ),
+        "contacts": Variable(_IMPACT, "1", "contacts that are joined in the impact", int),
+        "peak_force": Variable(_IMPACT, "N", "largest force"),
+        "peak_time": Variable(_IMPACT, "s", "time of the largest force"),
+        "impulse": Variable(_IMPACT, "N s", "integral of the force"),
+        "approach_speed": Variable(
+            _IMPACT, "m/s", "rate of penetration when the impact begins; NaN where the run begins in contact"
+        ),
+        "separation_speed": Variable(
+            _IMPACT, "m/s", "separation speed at the end of the impact; NaN where the run ends in contact"
+        ),
+        "energy_lost": Variable(
+            _IMPACT, "J", "energy lost in the snubber from the beginning of the impact to that of the next"
+        ),
+        "cut": Variable(
+            _IMPACT, "1", "whether the impact lasts when the run begins or ends", bool, flags=("whole", "cut")
+        ),
+        "restitution": Variable(
+            _IMPACT, "1", "separation speed over approach speed; NaN where either is unknown or none"
+        ),
+    },
+    optional=True,
+)  # fmt: skip
+OF_SNUBBERS = {
+    "number": Variable(_SNUBBER, "1", "impacts that are counted", int),
+    "cut": Variable(_SNUBBER, "1", "of them those that last when the run begins or ends", int),
+    "below_threshold": Variable(
+        _SNUBBER, "1", "impacts left out, whose peak force is below the threshold", int
+    ),
+    "rate_hz": Variable(_SNUBBER, "Hz", "impacts per second"),
+    "contact_share": Variable(_SNUBBER, "1", "share of the time in contact, with the impacts left out"),
+    "mean_contact_time_s": Variable(_SNUBBER, "s", "mean time in contact of an impact"),
+    "longest_contact_time_s": Variable(_SNUBBER, "s", "longest time in contact of an impact"),
+    "peak_force_n": Variable(_SNUBBER, "{force_unit}", "largest peak force"),
+    "mean_peak_force_n": Variable(_SNUBBER, "{force_unit}", "mean peak force"),
+    "mean_impulse_n_s": Variable(_SNUBBER, "{force_unit} s", "mean impulse of an impact"),
+    "highest_approach_speed_m_s": Variable(
+        _SNUBBER, "{gap_unit}/s", "largest approach speed; NaN where none is known"
+    ),
+    "mean_approach_speed_m_s": Variable(_SNUBBER, "{gap_unit}/s", "mean approach speed"),
+    "restitution": Variable(
+        _SNUBBER, "1", "root of the mean square of separation speeds over that of approach speeds"
+    ),
+    "mean_energy_lost_j": Variable(_SNUBBER, "J", "mean energy lost in an impact"),
+    # of all contact, below the threshold or not
+    "impulse_n_s": Variable(_SNUBBER, "{force_unit} s", "integral of the contact force over the run"),
+    "energy_lost_j": Variable(_SNUBBER, "J", "energy lost in the snubber over the run"),
+    "mean_force_n": Variable(_SNUBBER, "{force_unit}", "mean contact force over the run"),
+    "rms_force_n": Variable(_SNUBBER, "{force_unit}", "root mean square of the contact force over the run"),
+    "mean_force_in_contact_n": Variable(
+        _SNUBBER, "{force_unit}", "mean contact force over the time in contact"
+    ),
+    "rms_force_in_contact_n": Variable(
+        _SNUBBER, "{force_unit}", "root mean square of the contact force over the time in contact"
+    ),
+}  # fmt: skip
+"""Numbers of the impacts at each snubber, as the summary has them."""
+
+
+def _cycles(owner: str, names: str, unit: str) -> dict[str, Variable]:
+    """Cycles counted as in ASTM E1049, those of one owner after those of another, in the order in which they close."""
+    return {
+        "cycle": Variable(_CYCLE, "1", "number of the counted cycle", int),
+        f"cycle_{owner}": Variable(_CYCLE, "1", f"number of the {owner}, from 0", int, names=names),
+        "range": Variable(_CYCLE, unit, "range of the cycle, largest less smallest value"),
+        "mean": Variable(_CYCLE, unit, "mean of the two"),
+        "count": Variable(_CYCLE, "1", "1 of a whole cycle, 0.5 of a half one"),
+    }
+
+
+IMPACT_STATISTICS = Layout(
+    "impact_statistics",
+    "Statistics of the impacts at each snubber, means over those that are counted, NaN without one; rainflow counts of "
+    "the contact forces; of a random input intervals of the statistics.",
+    {
+        "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
+        **OF_SNUBBERS,
+        **_cycles("snubber", "impact_statistics/snubber", "{force_unit}"),
+        "interval": Variable(_INTERVAL, "1", "number of the interval", int, optional=True),
+        "interval_snubber": Variable(
+            _INTERVAL, "1", "number of the snubber, from 0", int, names="impact_statistics/snubber"
+        ),
+        "figure": Variable(_INTERVAL, "1", "name of the value", str),
+        "value": Variable(_INTERVAL, "", "the value without the first part of the run, in its SI unit"),
+        "low": Variable(_INTERVAL, "", "lower end of the interval, 95 %"),
+        "high": Variable(_INTERVAL, "", "upper end of the interval, 95 %"),
+    },
+    optional=True,
+)  # fmt: skip
+FATIGUE = Layout(
+    "fatigue",
+    "Damage of each body where it is largest, and the rainflow count of its bending stress there.",
+    {
+        "body": Variable(_BODY, "1", "name of the body", str),
+        "position": Variable(_BODY, "m", "where the damage is largest, on a plate its x"),
+        "across": Variable(_BODY, "m", "on a plate its y; NaN on a beam", optional=True),
+        "component": Variable(
+            _BODY, "", "on a plate the component of the stress: x, y or xy", str, optional=True
+        ),
+        "cycles": Variable(_BODY, "1", "cycles counted"),
+        "largest_range_pa": Variable(_BODY, "Pa", "largest stress range"),
+        "equivalent_range_pa": Variable(
+            _BODY, "Pa", "constant range that does the same damage in as many cycles"
+        ),
+        "damage": Variable(_BODY, "1", "damage of the run by Palmgren and Miner; 1 is failure"),
+        "life_s": Variable(
+            _BODY, "s", "time to damage 1 if the run is repeated; infinite without damage"
+        ),
+        # not known of an input that is not random, or of few cycles
+        "damage_low": Variable(
+            _BODY, "1", "lower end of the interval of the damage, 95 %, of the mean of runs with other seeds; NaN "
+            "where there is none", optional=True,
+        ),
+        "damage_high": Variable(_BODY, "1", "upper end of that interval", optional=True),
+        **_cycles("body", "fatigue/body", "Pa"),
+    },
+    optional=True,
+)  # fmt: skip
 CONTACT = Layout(
     "contact",
     "The motion of several bodies when the largest contact force of all snubbers acts.",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,11 @@ from beamsim.analyses.run.layouts import (
     BODIES,
     CONTACT,
     EVENTS,
+    FATIGUE,
     FRICTION_INTERVALS,
     HISTORIES,
+    IMPACT_STATISTICS,
+    IMPACTS,
     MATCHED,
     SENSITIVITIES,
     SRS,
@@ -36,178 +38,24 @@ from beamsim.fields import (
     list_of,
     members,
     record,
-    stored,
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import INPUTS
 from beamsim.labelled import Dataset
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
-from beamsim.results.values import BY_ENTRY, VALUES, of_angles
+from beamsim.results.values import BY_ENTRY, VALUES
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.system.structural import MODES, ContactUnits
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.system.structural import MODES
+from beamsim.typing import Complexes, Floats
 
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
-AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
 _FREQUENCY = ("frequency_hz",)
 _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
-
-
-@declared
-class FigureInterval:
-    """One figure of a random input with its interval."""
-
-    figure: str = dataset("1", "name of the figure")
-    value: float = dataset("", "its value without the first part of the run, in its SI unit")
-    low: float = dataset("", "lower end of the interval, 95 %")
-    high: float = dataset("", "upper end of the interval, 95 %")
-
-
-@declared(along=_CYCLE)
-class Rainflow:
-    """Cycles counted as in ASTM E1049, in the order in which they close."""
-
-    unit: str = attribute("", "unit of range and mean")
-    range: Floats = dataset("{unit}", "range of the cycle, largest less smallest value")
-    mean: Floats = dataset("{unit}", "mean of the two")
-    count: Floats = dataset("1", "1 of a whole cycle, 0.5 of a half one")
-
-    def exceedance(self) -> tuple[Floats, Floats]:
-        """Ranges, largest first, and the number of cycles that have this range or a larger one."""
-        order = np.argsort(-self.range, kind="stable")
-        return self.range[order], np.cumsum(self.count[order])
-
-
-@declared
-class SnubberImpacts(ContactUnits):
-    """Impacts at one snubber; means are over the impacts that are counted, nan without one."""
-
-    name: str = key("name of the snubber")
-    number: int = attribute("1", "impacts that are counted")
-    cut: int = attribute("1", "of them those that last when the run begins or ends")
-    below_threshold: int = attribute("1", "impacts left out, whose peak force is below the threshold")
-    rate_hz: float = attribute("Hz", "impacts per second")
-    contact_share: float = attribute("1", "share of the time in contact, with the impacts left out")
-    mean_contact_time_s: float = attribute("s", "mean time in contact of an impact")
-    longest_contact_time_s: float = attribute("s", "longest time in contact of an impact")
-    peak_force_n: float = attribute("{force_unit}", "largest peak force")
-    mean_peak_force_n: float = attribute("{force_unit}", "mean peak force")
-    mean_impulse_n_s: float = attribute("{force_unit} s", "mean impulse of an impact")
-    highest_approach_speed_m_s: float = attribute("{gap_unit}/s", "largest approach speed; NaN where none is known")
-    mean_approach_speed_m_s: float = attribute("{gap_unit}/s", "mean approach speed")
-    restitution: float = attribute("1", "root of the mean square of separation speeds over that of approach speeds")
-    mean_energy_lost_j: float = attribute("J", "mean energy lost in an impact")
-    # of all contact, below the threshold or not
-    impulse_n_s: float = attribute("{force_unit} s", "integral of the contact force over the run")
-    energy_lost_j: float = attribute("J", "energy lost in the snubber over the run")
-    mean_force_n: float = attribute("{force_unit}", "mean contact force over the run")
-    rms_force_n: float = attribute("{force_unit}", "root mean square of the contact force over the run")
-    mean_force_in_contact_n: float = attribute("{force_unit}", "mean contact force over the time in contact")
-    rms_force_in_contact_n: float = attribute(
-        "{force_unit}", "root mean square of the contact force over the time in contact"
-    )
-    rainflow: Rainflow = group("rainflow", Rainflow)  # of the force
-    # of a random input
-    intervals: tuple[FigureInterval, ...] = table(
-        "intervals", FigureInterval, Counter("number", "number of the figure"), default=()
-    )
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers by name."""
-        left_out = ("name", "turns", "rainflow", "intervals")
-        called = of_angles if self.gap_unit == "rad" else str
-        values = {called(f.name): getattr(self, f.name) for f in fields(self) if f.name not in left_out}
-        if self.intervals:
-            values["intervals"] = {called(row.figure): [row.low, row.high] for row in self.intervals}
-        return values
-
-
-@declared(along=_IMPACT)
-class Impacts:
-    """Every impact of the run that is counted, in order of time, and the statistics of each snubber.
-
-    Those of stops of hinges are in N m and rad where others are in N and m.
-    """
-
-    minimum_rest_s: float = attribute("s", "contacts of one snubber that are less far apart are one impact")
-    force_threshold_n: float = attribute("N", "impacts with a smaller peak force are left out")
-    snubber: Ints = dataset("1", "number of the snubber, from 0", names="histories/snubber")
-    begin: Floats = dataset("s", "time at which the impact begins, or the run where it is in contact then")
-    end: Floats = dataset("s", "time at which the impact ends, or the run where that is before")
-    contact_time: Floats = dataset("s", "time in contact; less than end - begin where contacts are joined")
-    contacts: Ints = dataset("1", "contacts that are joined in the impact")
-    peak_force: Floats = dataset("N", "largest force")
-    peak_time: Floats = dataset("s", "time of the largest force")
-    impulse: Floats = dataset("N s", "integral of the force")
-    approach_speed: Floats = dataset(
-        "m/s", "rate of penetration when the impact begins; NaN where the run begins in contact"
-    )
-    separation_speed: Floats = dataset(
-        "m/s", "separation speed at the end of the impact; NaN where the run ends in contact"
-    )
-    energy_lost: Floats = dataset(
-        "J", "energy lost in the snubber from the beginning of the impact to that of the next"
-    )
-    cut: Bools = dataset("1", "whether the impact lasts when the run begins or ends", flags=("whole", "cut"))
-    snubbers: dict[str, SnubberImpacts] = members("snubbers", SnubberImpacts, "snubber", rows="impacts_rainflow")
-
-    @property
-    @stored(dataset("1", "separation speed over approach speed; NaN where either is unknown or none"))
-    def restitution(self) -> Floats:
-        """(n,) nan where one is unknown, or the impact begins at rest."""
-        begins = self.approach_speed > AT_REST * np.nanmax(self.approach_speed, initial=0.0)
-        return np.where(begins, self.separation_speed / np.where(begins, self.approach_speed, 1.0), np.nan)
-
-    def summary(self) -> dict[str, Any]:
-        """Statistics by snubber."""
-        return {name: snubber.summary() for name, snubber in self.snubbers.items()}
-
-    def total(self) -> dict[str, float]:
-        """Those of all snubbers together."""
-        each = list(self.snubbers.values())
-        total = {
-            "number": sum(s.number for s in each),
-            "rate_hz": sum(s.rate_hz for s in each),
-            "energy_lost_j": sum(s.energy_lost_j for s in each),
-        }
-        for unit in dict.fromkeys(s.gap_unit for s in each):
-            called = of_angles if unit == "rad" else str
-            alike = [s for s in each if s.gap_unit == unit]
-            total[called("peak_force_n")] = max(s.peak_force_n for s in alike)
-            total[called("impulse_n_s")] = sum(s.impulse_n_s for s in alike)
-        return total
-
-
-@declared
-class Fatigue:
-    """Rainflow count of the bending stress of one body where its damage by an S-N line is largest."""
-
-    name: str = key("name of the body")
-    position: float = attribute("m", "where the damage is largest, on a plate its x")
-    cycles: float = attribute("1", "cycles counted")
-    largest_range_pa: float = attribute("Pa", "largest stress range")
-    equivalent_range_pa: float = attribute("Pa", "constant range that does the same damage in as many cycles")
-    damage: float = attribute("1", "damage of the run by Palmgren and Miner; 1 is failure")
-    life_s: float = attribute("s", "time to damage 1 if the run is repeated; infinite without damage")
-    rainflow: Rainflow = group("rainflow", Rainflow)
-    across: float | None = attribute("m", "on a plate its y", default=None)
-    component: str | None = attribute("", "on a plate the component of the stress: x, y or xy", default=None)
-    # None of an input that is not random, or of few cycles
-    damage_low: float | None = attribute(
-        "1", "lower end of the interval of the damage, 95 %, of the mean of runs with other seeds", default=None
-    )
-    damage_high: float | None = attribute("1", "upper end of that interval", default=None)
-
-    def summary(self) -> Mapping[str, Any]:
-        """The numbers by name."""
-        left_out = ("name", "rainflow")
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
-        return {name: value for name, value in values.items() if value is not None}
 
 
 @declared
@@ -559,17 +407,14 @@ class RunResult(Result):
     KIND = "run"
     SUMMARY = _SUMMARY
     DATASETS = (
-        INPUTS, HISTORIES, EVENTS, BODIES, CONTACT, FRICTION_INTERVALS, SRS, MATCHED, SENSITIVITIES, MODES,
+        INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SRS,
+        MATCHED, SENSITIVITIES, MODES,
     )  # fmt: skip
 
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
         "signals", Spectrum, "signal", rows="spectra"
     )
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
-    impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them
-    fatigue: dict[str, Fatigue] = members(
-        "fatigue", Fatigue, "body", default_factory=dict
-    )  # by body, where run.fatigue asks for it
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""

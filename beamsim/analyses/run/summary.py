@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.fatigue import known
 from beamsim.analyses.run.histories import friction_summary
+from beamsim.analyses.run.layouts import OF_SNUBBERS
 from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
 from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
 from beamsim.analyses.run.result import (
@@ -41,6 +43,7 @@ from beamsim.results.values import (
     largest_at,
     limited,
     margins,
+    of_angles,
     values_of,
 )
 from beamsim.scenario.excitation import RandomInput, Shock
@@ -139,6 +142,46 @@ def sensitivity_summary(sensitivities: Dataset) -> dict[str, dict[str, dict[str,
     return summary
 
 
+def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
+    """By snubber the numbers of its impacts, and their intervals."""
+    summary = {}
+    for name in statistics.labels("snubber"):
+        called = _called(statistics, name)
+        of_snubber = statistics.sel(snubber=name)
+        summary[name] = {called(entry): of_snubber[entry].item() for entry in OF_SNUBBERS}
+    if "interval" in statistics:
+        for name, rows in statistics.groups("interval_snubber").items():
+            if of := rows.rows("interval"):
+                called = _called(statistics, name)
+                summary[name]["intervals"] = {called(row["figure"]): [row["low"], row["high"]] for row in of}
+    return summary
+
+
+def _called(statistics: Dataset, snubber: str) -> Callable[[str], str]:
+    """What entries are called for a snubber: a stop of a hinge has moments."""
+    return of_angles if statistics["peak_force_n"].sel(snubber=snubber).unit == "N m" else str
+
+
+def impact_total(statistics: Dataset) -> dict[str, float]:
+    """Numbers of the impacts of all snubbers together."""
+    total = {name: sum(statistics[name].values.tolist()) for name in ("number", "rate_hz", "energy_lost_j")}
+    alike: dict[Callable[[str], str], list[Dataset]] = {}
+    for name in statistics.labels("snubber"):
+        alike.setdefault(_called(statistics, name), []).append(statistics.sel(snubber=name))
+    for called, of_unit in alike.items():
+        total[called("peak_force_n")] = max(of["peak_force_n"].item() for of in of_unit)
+        total[called("impulse_n_s")] = sum(of["impulse_n_s"].item() for of in of_unit)
+    return total
+
+
+def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
+    """By body the numbers of its damage that are known."""
+    return {
+        row["body"]: {name: value for name, value in row.items() if name != "body" and known(value)}
+        for row in fatigue.rows("body")
+    }
+
+
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     bodies = result.datasets.get("bodies")
@@ -147,7 +190,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     for name, left in result["histories"].by_label("snubber_residual_crush").items():
         if not np.isnan(left.item()):
             crushed[f"residual_crush_{left.unit}"][name] = left.item()
-    impacts, random = result.impacts, result.random
+    random, statistics = result.random, result.datasets.get("impact_statistics")
     each = ((s, line) for s in result.spectra.values() for line in s.unresolved)
     unresolved = [{"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s, line in each]
     srs, matched = result.datasets.get("srs"), result.datasets.get("matched")
@@ -157,10 +200,10 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "inputs": input_summary(result["inputs"]) if "inputs" in result.datasets else None,
         "samples": result["histories"]["time"].values.size,
         "friction": friction_summary(result.datasets) if result["histories"].labels("friction") else None,
-        "impacts": None if impacts is None else impacts.summary(),
-        "impacts_total": None if impacts is None else impacts.total(),
+        "impacts": None if statistics is None else impact_summary(statistics),
+        "impacts_total": None if statistics is None else impact_total(statistics),
         "sensitivities": sensitivity_summary(result["sensitivities"]) if "sensitivities" in result.datasets else None,
-        "fatigue": {name: body.summary() for name, body in result.fatigue.items()} or None,
+        "fatigue": fatigue_summary(result["fatigue"]) if "fatigue" in result.datasets else None,
         "random": None if random is None else random.summary(),
         "random_linear": None if random is None else random.prediction() or None,
         "srs": None if srs is None else highest_of_srs(srs),
