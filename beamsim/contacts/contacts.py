@@ -275,12 +275,12 @@ class Contacts:
         -------
         (m,) phases.
         """
-        touching, before, phases = self.arrays.touching[contact], phases[contact], phases.copy()
+        phases = phases.copy()
+        for j in self.pressed[self.pressing == contact].tolist():
+            touching, then = self.arrays.touching[contact], self.laws[j].phases[phases[j]].otherwise
+            if touching[following] != touching[phases[contact]] and then is not None:
+                phases[j] = then
         phases[contact] = following
-        if self.pressed.size and touching[following] != touching[before]:
-            for j in self.pressed[self.pressing == contact].tolist():
-                then = self.laws[j].phases[phases[j]].otherwise
-                phases[j] = phases[j] if then is None else then
         return phases
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:

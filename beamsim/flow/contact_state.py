@@ -12,7 +12,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -80,18 +80,12 @@ class ContactState:
         -------
         ContactState
         """
-        of, phases, neighbour = equations.equations, equations.phases, None
-        n, N, internal = of.system.size, of.states, of.internal
-        if known is not None:
-            neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, phases)
-        if neighbour is None:
+        of, modes = equations.equations, None if known is None else _modes_beside(known, equations)
+        if modes is None:
             modes = _solved_modes(equations, longest_window)
-        else:
-            modes = BlockForm(neighbour, [])
-            modes = modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
-        if 2 * n < N and not of.contacts.coupled(phases):
-            alone = block_diagonalise(equations.internal_rates[:, internal], longest_window)
-            modes = modes.joined(alone.placed(np.eye(N)[:, internal], np.eye(N)[internal]))
+        if of.contacts.internal_states and not of.contacts.coupled(equations.phases):
+            alone = block_diagonalise(equations.internal_rates[:, of.internal], longest_window)
+            modes = modes.joined(alone.placed(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
         right, left, lam = modes.simple
         upper = np.flatnonzero(lam.imag >= 0.0)
         modes = BlockForm(SimpleModes(right[:, upper], left[upper], lam[upper]), modes.blocks)
@@ -180,14 +174,11 @@ def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sour
     term_basis = [basis.setdefault(key, len(basis)) for key in keys]
     term_source = [*of_source.tolist(), *range(F, F + lam.size)]
     vectors = [forced[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
-    free, window = F + lam.size, min(horizon, float(sources.longest_piece.max()))
-    for block in modes.blocks:
-        for p, matrix in enumerate(_series(block, window)):
-            some = np.flatnonzero(matrix.any(axis=0))
-            term_basis += [basis.setdefault((block.centre, p), len(basis))] * some.size
-            term_source += (free + some).tolist()
-            vectors.append(block.weight * (block.right @ matrix[:, some]).T)
-        free += block.matrix.shape[0]
+    window = min(horizon, float(sources.longest_piece.max()))
+    for key, source, of_terms in _terms_of_blocks(modes.blocks, F + lam.size, window) if modes.blocks else ():
+        term_basis += [basis.setdefault(key, len(basis))] * source.size
+        term_source += source.tolist()
+        vectors.append(of_terms)
     number = np.cumsum(exists).reshape(exists.shape) - 1  # of the terms of sources
     lowered = np.full(F, -1)
     lowered[rising] = number[rising, sources.power[rising] - 1]
@@ -206,6 +197,24 @@ def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sour
         terms_of_sources=(driven, lowered),
         forced_at_start=np.ascontiguousarray(forced[:, 0]),
     )  # fmt: skip
+
+
+def _terms_of_blocks(
+    blocks: Sequence[Block], first: int, window: float
+) -> Iterator[tuple[tuple[complex, int], Ints, Complexes]]:
+    """The free motion of blocks, by basis functions: exponent and power, sources (t,) and vectors (t, N) of the terms.
+
+    Parameters
+    ----------
+    blocks : of the contact state.
+    first : source of the first of them.
+    window : s, for which the series of a block must hold.
+    """
+    for block in blocks:
+        for p, matrix in enumerate(_series(block, window)):
+            some = np.flatnonzero(matrix.any(axis=0))
+            yield (block.centre, p), first + some, block.weight * (block.right @ matrix[:, some]).T
+        first += block.matrix.shape[0]
 
 
 def responses(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> Complexes:
@@ -298,6 +307,16 @@ def _with_series(
     for f, power, vector in series:
         forced[f, power] += vector
     return forced
+
+
+def _modes_beside(known: ContactState, equations: StateEquations) -> BlockForm | None:
+    """The modes of a contact state from those of one that has few other phases; None where that is not exact."""
+    of = equations.equations
+    neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, equations.phases)
+    if neighbour is None:
+        return None
+    modes, n, N = BlockForm(neighbour, []), of.system.size, of.states
+    return modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
 
 
 class _Acting(NamedTuple):

@@ -174,11 +174,11 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     simple : eigenvalues with a block of their own; of a conjugate pair both.
     blocks : blocks of size two (rigid-body modes, near-critical damping).
     """
-    n, half = shapes.shape[0], 0.5 * damping
+    half = 0.5 * damping
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
-    scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
-    separate = np.abs(root) > SEPARATE_PAIR * np.maximum(scale, 1.0 / window)
+    rate = np.maximum(np.sqrt(np.abs(omega_squared)) + np.abs(half), 1.0 / window)  # of each mode, 1/s
+    separate = np.abs(root) > SEPARATE_PAIR * rate
     s = np.flatnonzero(separate)
     lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
     # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
@@ -188,19 +188,11 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     other = np.concatenate([lam[s.size :], lam[: s.size]])
     mode = np.concatenate([s, s])
     difference = lam - other
-    X = np.empty((2 * n, lam.size), dtype=complex)
-    X[:n] = shapes[:, mode] / difference
-    X[n:] = shapes[:, mode] * (lam / difference)
-    Xi = np.empty((lam.size, 2 * n), dtype=complex)
-    Xi[:, :n] = -other[:, None] * shapes[:, mode].T
-    Xi[:, n:] = shapes[:, mode].T
-    blocks = [
-        _second_order_block(
-            shapes[:, i], float(omega_squared[i]), float(damping[i]), max(float(scale[i]), 1.0 / window)
-        )
-        for i in np.flatnonzero(~separate)
-    ]
-    return BlockForm(SimpleModes(X, Xi, lam), blocks)
+    X = np.vstack([shapes[:, mode] / difference, shapes[:, mode] * (lam / difference)])
+    Xi = np.hstack([-other[:, None] * shapes[:, mode].T, shapes[:, mode].T], dtype=complex)
+    together = np.flatnonzero(~separate)
+    of_blocks = zip(shapes.T[together], omega_squared[together], damping[together], rate[together], strict=True)
+    return BlockForm(SimpleModes(X, Xi, lam), [_second_order_block(*of_block) for of_block in of_blocks])
 
 
 def _second_order_block(shape: Floats, omega_squared: float, damping: float, rate: float) -> Block:

@@ -82,6 +82,12 @@ class Motion:
         self.time, self.piece = 0.0, 0
 
 
+def too_many_evaluations(time: float, evaluations: int) -> Outcome:
+    """The outcome of a motion that ended at a time, s, since so many evaluations did not suffice."""
+    text = f"{evaluations} evaluations of the contact gaps do not suffice"
+    return Outcome.of(OutcomeKind.STOPPED, "evaluation_limit", text, at=Where(time, "s"))
+
+
 SEGMENTS_OF_REPORT = 2048  # between two reports of progress
 EVALUATIONS_AT_ONCE = 50_000  # of the compiled march, between which it may be stopped: less than half a second
 SPENT = 500_000  # evaluations, seconds of work, after which those of the whole motion are estimated
@@ -148,10 +154,7 @@ class March:
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
-                self.outcome = Outcome.of(
-                    OutcomeKind.STOPPED, "evaluation_limit",
-                    f"{self.evaluations} evaluations of the contact gaps do not suffice", at=Where(motion.time, "s"),
-                )  # fmt: skip
+                self.outcome = too_many_evaluations(motion.time, self.evaluations)
             elif self.events > self.max_events:
                 self.outcome = too_many_events(motion.time, self.max_events)
             elif self.stop():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -581,10 +581,15 @@ class Scenario(Schema):
             lists += [((*self.body_path(name), key), name, getattr(body, key, ())) for key in keys]
         for path, name, items in lists:
             yield from (Located((*path, index), name, item, bodies) for index, item in enumerate(items))
+        for path, item in self._of_hinges(keys) if self.joints else ():
+            yield Located(path, default, item, bodies)
+
+    def _of_hinges(self, keys: Sequence[str]) -> Iterator[tuple[Path, Any]]:
+        """Stops and friction of hinges under the keys ``snubbers`` and ``friction``, with their paths."""
         for index, joint in enumerate(self.joints):
             for own in ("all_stops",) * ("snubbers" in keys) + ("all_friction",) * ("friction" in keys):
                 for path, item in getattr(joint, own, ()):
-                    yield Located(("joints", index, *path), default, item, bodies)
+                    yield ("joints", index, *path), item
 
     @property
     def located_snubbers(self) -> tuple[Located, ...]:

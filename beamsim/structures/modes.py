@@ -205,8 +205,12 @@ def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) ->
     _, closed, modes = np.linalg.svd(x, full_matrices=False)
     closed, modes = closed[::-1].copy(), modes[::-1].T
     if rigid:
-        scale = np.linalg.norm(shape, axis=1, keepdims=True)
-        rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
-        restrained = int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(omega.size)))
-        closed[: rigid - restrained] = 0.0
+        closed[: rigid - _restrained(shape, rigid)] = 0.0
     return closed, modes
+
+
+def _restrained(shape: Floats, rigid: int) -> int:
+    """How many of the rigid-body coordinates, which are the first ones, springs with shapes (m, n) restrain."""
+    scale = np.linalg.norm(shape, axis=1, keepdims=True)
+    rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
+    return int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(shape.shape[1])))

@@ -288,9 +288,9 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
             return float(omega)
         undecided |= count is None
         if model.size > DENSE_COUNT and count is not None and count > known + 3 and omega > last:
-            # Of a large model counts are dear, and its modes come about evenly: where the next one is expected.
-            expected = (omega - last) / (count - known)
-            limits = [last + expected / 2, *(limit for limit in limits if limit < last + expected / 2)]
+            # of a large model counts are dear, and its modes come about evenly: half way to where the next is expected
+            half_way = last + (omega - last) / (count - known) / 2
+            limits = [half_way, *(limit for limit in limits if limit < half_way)]
     return np.nan if undecided else 0.0
 
 

@@ -45,7 +45,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import CONSTANT, INTERNAL, PENETRATION, PRESSING, PRESSING_RATE, RATE, REACTION
 from beamsim.inputs.signal import Signal
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
@@ -312,9 +312,7 @@ class StateEquations:
         every, joining = np.arange(c.count), 0
         contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
         if self.held.shape[1]:
-            joins = self._resting[contact] & (a.guard[contact, phases[contact], place, RATE] != 0.0)
-            order, joining = np.argsort(~joins, kind="stable"), int(joins.sum())
-            contact, place = contact[order], place[order]
+            contact, place, joining = self._joining_first(contact, place)
         rows, after = (a.guard[every, phases] @ self.law)[contact, place], a.next[contact, phases[contact], place]
         for g in range(joining):
             rows[g] = self._joining(int(contact[g]), int(after[g]))
@@ -326,12 +324,14 @@ class StateEquations:
         all_rows = np.concatenate([rows, *fresh])
         return EventFunctions(contact.size, contact, after, all_rows, all_rows[: contact.size], reset, joining)
 
-    @property
-    def _resting(self) -> Bools:
-        """(m,) contacts whose motion others hold: those at the same place, for example."""
-        shape = self.equations.contacts.shape
+    def _joining_first(self, contact: Ints, place: Ints) -> tuple[Ints, Ints, int]:
+        """Contacts and guards (g,), and how many, the first ones then, are of contacts that join others at rest."""
+        shape, guard = self.equations.contacts.shape, self.equations.contacts.arrays.guard
         left = np.linalg.norm(shape - (shape @ self.held) @ self.held.T, axis=1)
-        return np.asarray(left <= SMALLEST * np.linalg.norm(shape, axis=1))
+        resting = left <= SMALLEST * np.linalg.norm(shape, axis=1)  # whose motion others hold, at the same place say
+        joins = resting[contact] & (guard[contact, self.phases[contact], place, RATE] != 0.0)
+        order = np.argsort(~joins, kind="stable")
+        return contact[order], place[order], int(joins.sum())
 
     def _joining(self, contact: int, stuck: int) -> Floats:
         """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.

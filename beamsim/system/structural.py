@@ -253,9 +253,9 @@ class StructuralSystem:
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
-        motion, number = np.zeros((times.size, len(places))), self.parts.acting.signals
+        motion = np.zeros((times.size, len(places)))
         for each in self.parts.moved:
-            displacement = self.forcing.signal[number[each.path, "displacement"]]
+            displacement = self.forcing.signal[self.parts.acting.signals[each.path, "displacement"]]
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
         return motion
 
