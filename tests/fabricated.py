@@ -12,7 +12,8 @@ from beamsim.analyses.designs.cases import CaseOutcome
 from beamsim.analyses.designs.responses import limited_response, means
 from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.run.spectra import spectrum
+from beamsim.analyses.run.spectra import Label, spectra_of_samples
+from beamsim.analyses.run.summary import spectral_lines
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
 from beamsim.scenario.body import Located
@@ -96,13 +97,10 @@ def fabricate(
         {"event": number + 1, "time": instants[:n], "snubber": np.zeros_like(number), "closing": number % 2 == 0}
     )
     settings = SimpleNamespace(last=duration / 2, periods=None, window="hann", frequencies=())
-    spectra = {
-        (name, quantity): spectrum(
-            time, histories[quantity].sel(probe=name).values, settings, frequency, name, quantity, unit
-        )
-        for name in probes
-        for quantity, unit in (("absolute_acceleration", "m/s^2"), ("displacement", "m"))
-    }
+    quantities = (("absolute_acceleration", "m/s^2"), ("displacement", "m"))
+    labels = [Label(name, *of) for name in probes for of in quantities]
+    samples = np.array([histories[label.quantity].sel(probe=label.name).values for label in labels])
+    spectra = spectra_of_samples(time, samples, labels, settings, frequency, {})
     x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
     curve = (x / x[-1]) ** 2
     along = {
@@ -132,11 +130,7 @@ def fabricate(
         "events": int(n),
         "energy_error": 3e-13,
         "processor_time_s": 0.0012,
-        "spectral_lines": [
-            {"probe": s.probe, "quantity": s.quantity, "order": line.order, "frequency_hz": line.frequency_hz,
-             "amplitude": line.amplitude, "amplitude_db": line.amplitude_db, "kind": line.kind}
-            for s in spectra.values() for line in s.lines
-        ],
+        "spectral_lines": spectral_lines(spectra),
         "static_force_n": dict.fromkeys(snubbers, float("nan")),
         "blocked_force_n": dict.fromkeys(snubbers, 0.0),
         "gap_m": dict.fromkeys(snubbers, 0.0),
@@ -153,12 +147,11 @@ def fabricate(
     }  # fmt: skip
     if not chain:
         summary |= {"largest_bending_stress_pa": 2e7, "largest_bending_stress_position_m": 0.0}
-    datasets = {"histories": histories, "events": events, "modes": modes}
+    datasets = {"histories": histories, "events": events, "spectra": spectra, "modes": modes}
     return RunResult(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
         outcome=outcome,
         datasets=datasets | ({} if chain else {"bodies": BODIES.dataset(along)}),
-        spectra=spectra,
         summary=summary,
         warnings=("a fabricated warning",),
         wall_time_s=0.25,

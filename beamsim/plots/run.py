@@ -16,7 +16,6 @@ from beamsim.analyses.run.result import (
     RandomResponse,
     RunResult,
     SignalStatistics,
-    Spectrum,
     misfit_of_matched,
 )
 from beamsim.fields import place_in_words
@@ -94,7 +93,7 @@ def histories(
         return []
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
-    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    excitation = result.excitation_hz
     # the close-up: six periods, or an eighth of a run without excitation frequency
     start = max(begin, end - (6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)))
     curves = [Curve(name, time, x) for name, x in values.items()]
@@ -143,43 +142,59 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     Neighbouring lines of a random motion differ by tens of dB and would cover a plot: of those the root mean square in
     bands is shown.
     """
-    shown = [s for s in result.spectra.values() if s.quantity == quantity]
-    if not shown:
+    spectra = result["spectra"]
+    shown = np.flatnonzero(spectra["quantity"].values == quantity)
+    if not shown.size:
         return Chart(("Frequency", HERTZ), (quantity, ""), [])
-    forced = np.isfinite(shown[0].excitation_hz)
-    unit = shown[0].excitation_hz if forced else 1.0  # Hz
+    frequency, levels = spectra["frequency_hz"].values, spectra["amplitude_db"].values[shown]
+    forced = np.isfinite(result.excitation_hz)
+    unit = result.excitation_hz if forced else 1.0  # Hz
     # the end of the frequencies at which there is something to see
-    top = max(float(np.max(s.amplitude_db)) for s in shown)
-    last = max(float(s.frequency_hz[s.amplitude_db > top - SPECTRUM_DB][-1]) for s in shown) / unit
-    chosen = [line.frequency_hz / unit for s in shown for line in s.lines if line.kind == "chosen"]
-    seen = max([float(np.clip(last, 4.0, 12.0)) if forced else last, *chosen])
-    end = min(1.05 * seen, float(shown[0].frequency_hz[-1]) / unit) or 1.0
-    curves = [Curve(s.probe, s.frequency_hz / unit, s.amplitude_db) for s in shown]
+    top = float(levels.max())
+    last = float(frequency[(levels > top - SPECTRUM_DB).any(axis=0)][-1]) / unit
+    chosen = np.isin(spectra["line_signal"].values, shown) & (spectra["line_kind"].values == "chosen")
+    seen = max(
+        [float(np.clip(last, 4.0, 12.0)) if forced else last, *spectra["line_frequency_hz"].values[chosen] / unit]
+    )
+    end = min(1.05 * seen, float(frequency[-1]) / unit) or 1.0
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
+    places = frequency / unit
     if result.scenario.excitation.stationary:
-        count = max(int(np.searchsorted(curves[0].x, end)) // MOST_BANDS, 1)
-        across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
-        curves = [Curve(s.probe, *s.in_bands(count)) for s in shown]
+        count = max(int(np.searchsorted(places, end)) // MOST_BANDS, 1)
+        across = (f"Frequency in bands of {count * float(np.diff(places[:2])[0]):.2g} Hz", HERTZ)
+        places, levels = in_bands(frequency, levels, count)
+    names = spectra["name"].values[shown].tolist()
     return Chart(
-        across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes",
-        marks=list(_marked_lines(shown[0], unit, end)), x_ends=(0.0, end), y_ends=(top - 100.0, top + 6.0),
-        note=_doubts(result, "spectral_lines", "lines", quantity),
+        across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
+        [Curve(name, places, level) for name, level in zip(names, levels, strict=True)], of="probes",
+        marks=list(_marked_lines(spectra, int(shown[0]), unit, end)), x_ends=(0.0, end),
+        y_ends=(top - 100.0, top + 6.0), note=_doubts(result, "spectral_lines", "lines", quantity),
     )  # fmt: skip
 
 
-def _marked_lines(s: Spectrum, unit: float, end: float) -> Iterator[Curve]:
-    """The lines of a spectrum by their kind, and those that are doubtful."""
-    falls = s.window == "decaying"
-    doubtful = [
-        line for line in s.lines if line.frequency_hz <= end * unit and (line.relative_change or 0.0) > ALLOWED_CHANGE
-    ]
+def in_bands(frequency: Floats, levels: Floats, count: int) -> tuple[Floats, Floats]:
+    """Middles of bands of ``count`` lines (F,), Hz, and the root mean square of the lines (K, F) in each, dB."""
+    whole = frequency.size - frequency.size % count
+    middles, of_bands = (x[..., :whole].reshape(*x.shape[:-1], -1, count) for x in (frequency, levels))
+    return middles.mean(axis=-1), 10.0 * np.log10(np.mean(10.0 ** (of_bands / 10.0), axis=-1))
+
+
+def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Iterator[Curve]:
+    """The lines of a spectrum, that of a signal with this number, by their kind, and those that are doubtful."""
+    of_signal = spectra["line_signal"].values == signal
+    frequency, level, kinds, change = (
+        spectra[f"line_{name}"].values[of_signal]
+        for name in ("frequency_hz", "amplitude_db", "kind", "relative_change")
+    )
+    falls = spectra["window"].values[signal] == "decaying"
+    doubtful = (frequency <= end * unit) & (change > ALLOWED_CHANGE)
     for kind, mark in (*_LINE_MARKS.items(), ("doubtful", "s")):
-        lines = doubtful if kind == "doubtful" else [line for line in s.lines if line.kind == kind]
+        these = doubtful if kind == "doubtful" else kinds == kind
         label, style = DECAYING_LINES if kind == "other" and falls else "", {"color": DARK, "markerfacecolor": "white"}
         if kind == "doubtful":
             label, style = DOUBTFUL_LINES, {"color": _CLOSED, "markerfacecolor": "none"}
-        if lines:
-            places = [(line.frequency_hz / unit, line.amplitude_db) for line in lines]
+        if these.any():
+            places = list(zip((frequency[these] / unit).tolist(), level[these].tolist(), strict=True))
             yield marked(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
 
 
@@ -206,7 +221,7 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     displacement, velocity, closed = _phases(result, kind, name)
     time = result["histories"]["time"].values[-MOST_STATES:]
     w, v, closed = displacement.values[-MOST_STATES:], velocity.values[-MOST_STATES:], closed[-MOST_STATES:]
-    early = time < min((s.start_s for s in result.spectra.values()), default=0.0)
+    early = time < (result["spectra"]["start_s"].item() if "spectra" in result.datasets else 0.0)
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
         (~early & ~closed, "free", {"color": _FREE, "linewidth": 0.9, "zorder": 2}),
@@ -630,8 +645,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["friction"] = friction_loops(result, moved)
     if springs := of_run.by_label("spring_force"):
         panels["spring_force"] = [spring_forces(result, springs)]
-    if result.spectra:
-        panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(s.quantity for s in result.spectra.values())]
+    if (spectra := result.datasets.get("spectra")) is not None:
+        panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(spectra["quantity"].values.tolist())]
     if random is not None and random.level is not None:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:

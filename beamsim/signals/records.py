@@ -149,6 +149,10 @@ class SpectrumRecord(ABC):
         """Peak, deviation and root mean square."""
 
     @abstractmethod
+    def rms(self) -> float:
+        """The root mean square alone, mean included."""
+
+    @abstractmethod
     def amplitudes(self, window: Window) -> Complexes:
         """(F,) single-sided amplitudes under a window, phases since the start, the weighted mean first.
 
@@ -202,9 +206,12 @@ class SampledRecord(SpectrumRecord):
 
     def levels(self) -> Levels:
         """See `SpectrumRecord`."""
+        return Levels(float(np.max(np.abs(self.x))), float(np.max(np.abs(self.x - np.mean(self.x)))), self.rms())
+
+    def rms(self) -> float:
+        """See `SpectrumRecord`."""
         peak = float(np.max(np.abs(self.x)))  # a motion without bound has squares beyond all numbers
-        rms = peak * float(np.sqrt(np.mean((self.x / peak) ** 2))) if peak else 0.0
-        return Levels(peak, float(np.max(np.abs(self.x - np.mean(self.x)))), rms)
+        return peak * float(np.sqrt(np.mean((self.x / peak) ** 2))) if peak else 0.0
 
     def amplitudes(self, window: Window) -> Complexes:
         """See `SpectrumRecord`; up to half the rate."""
@@ -250,8 +257,11 @@ class MotionRecord(SpectrumRecord):
         """See `SpectrumRecord`."""
         part, column = self.part, self.column
         low, high, mean = part.extrema.low[column], part.extrema.high[column], part.means[column]
-        rms = np.sqrt(max(part.mean_squares[column], 0.0))
-        return Levels(float(max(-low, high)), float(max(mean - low, high - mean)), float(rms))
+        return Levels(float(max(-low, high)), float(max(mean - low, high - mean)), self.rms())
+
+    def rms(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
 
     def deviations_of_quarters(self) -> tuple[float, float]:
         """Root mean squares of the first and the last quarter of the time, about the mean of all."""
@@ -476,8 +486,9 @@ class Remainder:
 
     @classmethod
     def of(
-        cls, record: SpectrumRecord, frequency_hz: Floats, amplitude: Complexes, window: Window, curve: Complexes
-    ) -> Remainder:
+        cls, record: SpectrumRecord, frequency_hz: Floats, amplitude: Complexes, window: Window, curve: Complexes,
+        near_hz: Floats | None = None,
+    ) -> Remainder:  # fmt: skip
         """Near lines that were fitted together.
 
         Parameters
@@ -486,57 +497,58 @@ class Remainder:
         frequency_hz, amplitude : (k,) Hz, and amplitudes with their phases in the run's own time.
         window : under which they were fitted.
         curve : (F,) complex amplitudes of the record under the window, see `SpectrumRecord.amplitudes`.
+        near_hz : those near which it is asked for; all by default.
 
         Returns
         -------
         Remainder
         """
-        place = np.asarray(frequency_hz) * record.duration
-        bins = np.rint(place).astype(np.int64)[:, None] + np.arange(-LOBE, LOBE + 1)
+        place, near = frequency_hz * record.duration, frequency_hz if near_hz is None else near_hz
+        bins = np.rint(near * record.duration).astype(np.int64)[:, None] + np.arange(-LOBE, LOBE + 1)
         inside = (bins >= LOBE) & (bins < curve.size)
         since_start = amplitude * np.exp(2j * np.pi * frequency_hz * record.start)
-        distance = bins[:, :, None] - place, bins[:, :, None] + place
-        ahead, behind = (_lobe(window, each) for each in distance)
+        ahead, behind = (_lobe(window, bins[:, :, None] + to) for to in (-place, place))
         of_lines = (ahead * since_start - behind * since_start.conj()) / 1j
         left = np.where(inside, curve[np.where(inside, bins, 0)] - of_lines.sum(axis=2), 0.0)
         return cls(window, bins, inside, left, of_lines, np.abs(left).max(axis=1, initial=0.0))
 
-    def best_pair(self, lines: Sequence[int], known: float | None) -> tuple[tuple[float, float], float]:
-        """The two frequencies which explain best what lies near a line.
+    def best_pairs(self, lines: Sequence[Sequence[int]], known: Sequence[float]) -> tuple[Floats, Floats]:
+        """The two frequencies which explain best what lies near a line, for each of several lines.
 
         Parameters
         ----------
-        lines : its number, and those of lines that the pair replaces, too.
-        known : bins; frequency that the first of the pair has, where it is known.
+        lines : (P,) the number of the line, and those of lines that the pair replaces, too.
+        known : (P,) bins; frequency that the first of the pair has, nan where it is not known.
 
         Returns
         -------
-        pair, ratio : frequencies in bins, and what they leave over what the lines leave, root mean squares.
+        pairs, ratios : (P, 2) frequencies in bins, and (P,) what they leave over what the lines leave, root mean
+            squares.
         """
-        line = lines[0]
-        inside, middle = self.inside[line], int(self.bins[line, LOBE])
-        bins = (self.bins[line, inside] - middle) * _PLACES_PER_BIN
-        curve = (self.left[line] + self.of_lines[line][:, list(lines)].sum(axis=1))[inside]
+        line = np.array([numbers[0] for numbers in lines], dtype=np.int64)
+        inside, middle = self.inside[line], self.bins[line, LOBE]
+        replaced = [self.of_lines[numbers[0]][:, list(numbers)].sum(axis=1) for numbers in lines]
+        curve = np.where(inside, self.left[line] + np.reshape(replaced, inside.shape), 0.0)
+        bins, offset = np.arange(-LOBE, LOBE + 1) * _PLACES_PER_BIN, np.arange(-_REACH, _REACH + 1, _STEP)
         lobe, least = _tabulated_lobe(self.window), _NEAREST * _PLACES_PER_BIN
-        known_place = None if known is None else np.array([(known - middle) * _PLACES_PER_BIN])
-        known_lobe = (
-            None if known_place is None else _lobe(self.window, (bins - known_place[:, None]) / _PLACES_PER_BIN)
-        )
-        low, high, step, width = 0.0, 0, _STEP, _REACH  # places of the two from the middle, in shares of a bin
-        for _ in range(_FINER + 1):
-            offset = np.arange(-width, width + 1, step)
-            firsts = round(low) + offset if known_place is None else known_place
-            seconds = high + offset
-            two = lobe[_FARTHEST + bins - seconds[:, None]]
-            one = lobe[_FARTHEST + bins - firsts[:, None]] if known_lobe is None else known_lobe
-            remaining = _remaining(curve, one, two)
-            remaining[np.abs(np.subtract.outer(firsts, seconds)) < least] = np.inf
-            first, second = np.unravel_index(int(remaining.argmin()), remaining.shape)
-            low, high = float(firsts[first]), int(seconds[second])
-            step, width = step // 4, step
-        error = np.sqrt(max(float(remaining[first, second]), 0.0))
-        pair = middle + low / _PLACES_PER_BIN, middle + high / _PLACES_PER_BIN
-        return pair, error / float(np.linalg.norm(self.left[line]))
+        own, given = np.arange(line.size), np.flatnonzero(~np.isnan(known))
+        of_known = (np.asarray(known)[given] - middle[given]) * _PLACES_PER_BIN  # places from the middle
+        lobe_of_known = _lobe(self.window, (bins - of_known[:, None]) / _PLACES_PER_BIN)
+        best, error = np.zeros((line.size, 2)), np.zeros(line.size)
+        for step in _STEP // 4 ** np.arange(_FINER + 1):
+            firsts, seconds = (np.rint(of)[:, None].astype(np.int64) + offset for of in best.T)
+            one, two = (lobe[_FARTHEST + bins - each[:, :, None]] for each in (firsts, seconds))
+            places = firsts.astype(float)
+            one[given], places[given] = lobe_of_known[:, None], of_known[:, None]
+            remaining = _remaining(curve, one * inside[:, None], two * inside[:, None])
+            remaining[np.abs(places[:, :, None] - seconds[:, None]) < least] = np.inf
+            first, second = np.unravel_index(remaining.reshape(line.size, -1).argmin(axis=1), remaining.shape[1:])
+            best = np.stack([firsts[own, first], seconds[own, second]], axis=1).astype(float)
+            error, offset = remaining[own, first, second], np.arange(-step, step + 1, step // 4 or 1)
+            best[given, 0] = 0.0
+        best[given, 0] = of_known
+        ratios = np.sqrt(np.maximum(error, 0.0)) / np.linalg.norm(self.left[line], axis=1)
+        return middle[:, None] + best / _PLACES_PER_BIN, ratios
 
 
 # of a line of a pair from a point of the curve that it is to explain, in the last steps
@@ -550,13 +562,14 @@ def _tabulated_lobe(window: Window) -> Complexes:
 
 
 def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:
-    """(n, m) squared norms of what least squares with every pair of shapes (n, b) and (m, b) leaves of a curve (b,)."""
-    first, second = (x / np.sqrt(np.einsum("nb,nb->n", x, x.conj()).real)[:, None] for x in (one, two))
-    shared = first.conj() @ second.T
-    on_first = first.conj() @ curve
-    beyond = second.conj() @ curve - shared.conj() * on_first[:, None]  # of the second across the first
+    """(P, n, m) squared norms of what least squares with pairs of shapes (P, n, b) and (P, m, b) leave of (P, b)."""
+    first, second = (x / np.linalg.norm(x, axis=2)[:, :, None] for x in (one, two))
+    shared = first.conj() @ second.transpose(0, 2, 1)
+    on_first, on_second = ((x.conj() @ curve[:, :, None]) for x in (first, second))
+    beyond = on_second.transpose(0, 2, 1) - shared.conj() * on_first  # of the second across the first
     size = np.maximum(1.0 - np.abs(shared) ** 2, np.finfo(float).tiny)
-    return np.asarray(np.vdot(curve, curve).real - np.abs(on_first)[:, None] ** 2 - np.abs(beyond) ** 2 / size)
+    whole = np.linalg.norm(curve, axis=1)[:, None, None] ** 2
+    return np.asarray(whole - np.abs(on_first) ** 2 - np.abs(beyond) ** 2 / size)
 
 
 def _lobe(window: Window, bins: Floats) -> Complexes:

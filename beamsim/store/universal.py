@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from beamsim.dofs import DIRECTIONS
 from beamsim.files import replacing
-from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
+from beamsim.labelled import NAMES, Dataset, Item, Items, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION, NODES, Stations
@@ -39,13 +39,12 @@ ORDERS = ("order", "harmonic")
 """Dimensions along which the functions of a variable are those of one harmonic after the other."""
 
 OF_CHANNELS = {
-    "/spectra/amplitude": ("/signals", "spectrum"),
     "/channels_predicted_spectrum_frequency/amplitude": ("/channels_predicted_spectrum", "predicted spectrum"),
     "/channels_measured_spectrum_frequency/amplitude": ("/channels_measured_spectrum", "measured spectrum"),
     "/channels_predicted_time/predicted_history": ("/channels", "predicted"),
     "/channels_measured_time/measured_history": ("/channels", "measured"),
 }
-"""Variables whose quantity is that of a signal or channel, with the dataset of these and words for the label."""
+"""Variables whose quantity is that of a channel, with the dataset of these and words for the label."""
 
 
 class Whose(NamedTuple):
@@ -226,6 +225,9 @@ def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
         if item.array is None or item.scale or item.array.dtype.kind != "f" or name.endswith("_imag"):
             continue
         dataset = last(parent(path))
+        if path == "/spectra/amplitude":
+            yield from _of_spectra(items)
+            continue
         if path in OF_CHANNELS:
             yield from _of_channels(items, path)
             continue
@@ -319,13 +321,24 @@ def members_along(items: Items, axis: str) -> Iterator[tuple[Whose, slice]]:
             yield Whose(called, number), slice(int(begin), int(end))
 
 
+def _of_spectra(items: Items) -> Iterator[tuple[str, str, Function]]:
+    """The spectra of a run."""
+    spectra = Dataset("spectra", items)
+    names, quantities = (spectra[column].values.tolist() for column in ("name", "quantity"))
+    for name, quantity, amplitude in zip(names, quantities, spectra["amplitude"].by_label().values(), strict=True):
+        if quantity in ORDINATES:
+            label = f"{name} {quantity} spectrum".replace("_", " ")
+            frequency = spectra["frequency_hz"].values
+            yield "probe", name, Function(quantity, amplitude.unit, label, frequency, amplitude.values, GENERAL)
+
+
 def _of_channels(items: Items, path: str) -> Iterator[tuple[str, str, Function]]:
     """Histories and amplitude spectra of several quantities, one after the other."""
     about, text = OF_CHANNELS[path]
     columns = {last(place): item.values for place, item in items.items() if parent(place) == about}
     (axis,), values = items[path].axes, items[path].values
     for whose, x, rows, of_time in _abscissae(items, axis):
-        name = str(columns["place" if "place" in columns else "probe"][whose.number])
+        name = str(columns["place"][whose.number])
         quantity, unit = (str(columns[key][whose.number]) for key in ("quantity", "unit"))
         if quantity in ORDINATES:
             kind = "snubber" if quantity in ("force", "penetration") else "probe"

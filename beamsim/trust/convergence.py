@@ -243,7 +243,7 @@ class Convergence:
     sensitivity: DivergenceTimes = field(default_factory=DivergenceTimes)
     processor_time_s: float = 0.0
     reason: str = ""  # why there is no comparison
-    lines: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of each line of each spectrum
+    lines: Floats | None = None  # of each line of all spectra, where there are spectra
     compared_s: float = math.inf  # length of the first part that is compared, where a motion is not kept as a whole
 
     def summary(self) -> dict[str, Any]:

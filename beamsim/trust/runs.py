@@ -33,11 +33,10 @@ from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
-from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, Spectrum, highest_of_srs, srs_over_limit
-from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
+from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of, resting
 from beamsim.analyses.run.summary import (
     STATIC_ENTRIES,
-    resting,
     spectral_lines,
     values_of_motion,
     values_of_part,
@@ -87,7 +86,10 @@ WINDOWS = 8  # parts of the motion after the sequences have diverged
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes
 SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
-SpectrumKey = tuple[str, str]  # probe and quantity
+RMS_OF_PROBES = (
+    ("rms_displacement_m", "displacement", 1.0), ("rms_acceleration_g", MAIN_QUANTITY, STANDARD_GRAVITY)
+)  # fmt: skip
+"""Entries of root mean squares, the quantity of each, and its unit."""
 
 
 @dataclass(frozen=True)
@@ -203,12 +205,11 @@ def run(
     else:
         limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
         values = compared({entry: result.summary[entry] for entry in limited})
-        result, spectra = with_convergence(result, checked, values), {}
-        for key, s in result.spectra.items():
-            sizes = checked.lines.get(key, [None] * len(s.lines))
-            lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
-            spectra[key] = replace(s, lines=lines)
-        result = replace(result, spectra=spectra, summary={**result.summary, "spectral_lines": spectral_lines(spectra)})
+        result = with_convergence(result, checked, values)
+        if checked.lines is not None:
+            spectra = result["spectra"].assign(line_relative_change=checked.lines)
+            summary = {**result.summary, "spectral_lines": spectral_lines(spectra)}
+            result = replace(result, datasets={**result.datasets, "spectra": spectra}, summary=summary)
     return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
@@ -226,9 +227,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     """
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
-    probes = solution.result["histories"].labels("probe")
-    of_probes = {key: s for key, s in solution.result.spectra.items() if key[0] in probes}
-    first, derived = Model(solution.motion), DerivedValues(solution.result, of_probes)
+    first, derived = Model(solution.motion), DerivedValues(solution.result)
     modes = first.motion.system.kept_modes
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -268,7 +267,7 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         changes |= relative_changes([derived.reported()], derived.again(second))
         scatter = {} if derived.result.random is None else derived.scatter()
     changes, lines = _with_lines(derived, changes)
-    for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
+    for entry, quantity, _ in RMS_OF_PROBES:
         if isinstance(of_probes := changes.get(entry), dict):
             changes[entry] = {
                 name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
@@ -357,7 +356,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
         return Convergence(reason=part.motion.outcome.text)
     datasets = {name: of for name, of in part.result.datasets.items() if name != "srs"}
     part = part._replace(result=replace(part.result, random=None, datasets=datasets))
-    checked = replace(convergence_of(part, shared), compared_s=compared_s, lines={})
+    checked = replace(convergence_of(part, shared), compared_s=compared_s, lines=None)
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, whole.disturbed)
@@ -388,56 +387,67 @@ def _after(first: Model, early: Values | None, windows: Sequence[Values], derive
             if not exceeded and abs(whole - before) <= SAME_VALUE * max(abs(whole), abs(before)):
                 continue
         yield key
-    yield from (f"spectral_lines.{' '.join(key)}" for key in derived.spectra)
+    yield from (f"spectral_lines.{signal}" for signal in derived.lines)
     yield from (key for key, _ in named(derived.reported()) if not key.startswith("line_"))
 
 
-def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, dict[SpectrumKey, tuple[float, ...]]]:
+def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, Floats | None]:
     """The changes with the largest of the lines of each spectrum, over its strongest line, and those of each line.
 
     The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
     static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
-    other lines, which may be leakage.
+    other lines, which may be leakage, nor a line of an output.
     """
     changes = dict(changes)
     amplitudes, frequencies = (dict(places(changes.pop(f"line_{of}", {}))) for of in ("amplitude", "frequency"))
-    of_lines: dict[SpectrumKey, tuple[float, ...]] = {}
-    largest: dict[str, float] = {}
-    for key, s in derived.spectra.items():
-        names = [f"{' '.join(key)} {k}" for k in range(len(s.lines))]
-        amplitude = [amplitudes.get(name, np.nan) for name in names]
-        both = np.maximum(amplitude, [frequencies.get(name, 0.0) for name in names])
-        physical = np.array([line.kind != "residual" for line in s.lines])
-        sizes = np.array([line.amplitude for line in s.lines]) * physical
-        if sizes.size == 0 or sizes.max() == 0:
+    if not derived.lines:
+        return {**changes, "spectral_lines": {}}, None
+    of_lines, largest = np.full(derived.result["spectra"]["line"].values.size, np.nan), dict[str, float]()
+    for signal, lines in derived.lines.items():
+        names, physical = derived.places(signal), lines["line_kind"].values != "residual"
+        sizes = lines["line_amplitude"].values * physical
+        if not sizes.any():
             continue
-        shown = physical.copy()
-        shown[0] &= sizes[0] >= WORTH_LISTING * sizes.max()
-        of_lines[key] = tuple(np.where(shown, both, np.nan).tolist())
-        largest[" ".join(key)] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
+        amplitude = np.array([amplitudes.get(name, np.nan) for name in names])
+        both = np.maximum(amplitude, [frequencies.get(name, 0.0) for name in names])
+        shown = physical & (sizes >= np.where(lines["line_kind"].values == "mean", WORTH_LISTING * sizes.max(), 0.0))
+        of_lines[lines["line"].values - 1] = np.where(shown, both, np.nan)
+        largest[signal] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
     return {**changes, "spectral_lines": largest}, of_lines
 
 
 @dataclass(frozen=True)
 class DerivedValues:
-    """The spectra and statistics of a run.
+    """The spectra of probes and the statistics of a run, and the same figures of the motions of other models.
 
     Parameters
     ----------
     result : of the run.
-    spectra : those of its probes, by probe and quantity.
     """
 
     result: RunResult
-    spectra: Mapping[SpectrumKey, Spectrum]
+
+    @cached_property
+    def lines(self) -> dict[str, Dataset]:
+        """The spectra of probes by signal, each with its lines alone."""
+        spectra, probes = self.result.datasets.get("spectra"), set(self.result["histories"].labels("probe"))
+        if spectra is None:
+            return {}
+        of_signals = zip(spectra.groups("line_signal").items(), spectra["name"].values.tolist(), strict=True)
+        return {signal: lines.sel(signal=signal) for (signal, lines), name in of_signals if name in probes}
+
+    def places(self, signal: str) -> list[str]:
+        """Names of the lines of a signal in the changes, the mean first."""
+        return [f"{signal} {k}" for k in range(self.lines[signal]["line"].values.size)]
 
     def reported(self) -> Values:
         """The figures as they are in the result."""
-        reported = {
-            key: (np.reshape([[line.frequency_hz, line.amplitude] for line in s.lines], (-1, 2)).T, s.rms or 0.0)
-            for key, s in self.spectra.items()
-        }
-        figures = _by_name({key: (*lines, rms) for key, (lines, rms) in reported.items()})
+        figures = self._of_spectra(
+            {
+                signal: (of["line_frequency_hz"].values, of["line_amplitude"].values, of["rms"].item())
+                for signal, of in self.lines.items()
+            }
+        )
         if self.result.random is not None:
             figures["random"] = {
                 f"{s.name} {s.quantity} {key}": getattr(s, key)
@@ -467,12 +477,7 @@ class DerivedValues:
             One for each part.
         """
         system, motion = model.motion.system, model.motion.known
-        of_parts = [
-            _by_name(
-                {key: (*found_again(records[key], s), records[key].levels().rms) for key, s in self.spectra.items()}
-            )
-            for records in self._records(system, motion, parts)
-        ]
+        of_parts = [self._found_again(records) for records in self._records(system, motion, parts)]
         if self.result.random is not None:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
@@ -486,27 +491,51 @@ class DerivedValues:
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
-        periods = next((s.duration_s * s.excitation_hz for s in self.spectra.values()), np.inf)
+        spectra = self.result["spectra"] if self.lines else None
+        periods = np.nan if spectra is None else spectra["duration_s"].item() * spectra["excitation_hz"].item()
         return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
 
     def _records(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
-    ) -> Iterator[Mapping[SpectrumKey, SpectrumRecord]]:
-        if not self.spectra:
-            yield from ({} for _ in range(parts))
-            return
-        s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
-        keys = [(channel.name, channel.quantity) for channel in channels.channels]
+    ) -> list[dict[str, SpectrumRecord]]:
+        """Records of the signals of probes in equal parts of what is analysed."""
+        if not self.lines:
+            return [{} for _ in range(parts)]
+        spectra, channels = self.result["spectra"], system.channels.of_keys(ACCELERATION, DISPLACEMENT)
+        signals, start_s = [f"{of.name} {of.quantity}" for of in channels.channels], spectra["start_s"].item()
         if isinstance(motion, Histories):
-            yield dict(zip(keys, _sampled(motion, s.start_s, channels), strict=True))
-            return
-        span = s.start_s, min(s.start_s + s.duration_s, motion.end)
-        listed = max((line.frequency_hz for of in self.spectra.values() for line in of.lines), default=0.0)
-        records = records_of(system, motion, channels, span, listed)
-        divided = records[0].part.divided(parts)
-        for part in divided:
-            pieces = [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
-            yield dict(zip(keys, pieces, strict=True))
+            return [dict(zip(signals, _sampled(motion, start_s, channels), strict=True))]
+        span, listed = (start_s, min(start_s + spectra["duration_s"].item(), motion.end)), spectra["line_frequency_hz"]
+        records = records_of(system, motion, channels, span, float(listed.values.max(initial=0.0)))
+        divided = [records] if parts == 1 else [
+            [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
+            for part in records[0].part.divided(parts)
+        ]  # fmt: skip
+        return [dict(zip(signals, pieces, strict=True)) for pieces in divided]
+
+    def _found_again(self, records: Mapping[str, SpectrumRecord]) -> Values:
+        """Lines and root mean squares of the signals of another motion."""
+        return self._of_spectra(
+            {signal: (*found_again(records[signal], of), records[signal].rms()) for signal, of in self.lines.items()}
+        )
+
+    def _of_spectra(self, of_signals: Mapping[str, tuple[Floats, Floats, float]]) -> Values:
+        """Values from frequencies and amplitudes of lines and the root mean square, by signal."""
+        values: Values = {
+            f"line_{name}": {
+                place: float(x)
+                for signal, columns in of_signals.items()
+                for place, x in zip(self.places(signal), columns[:2][k], strict=True)
+            }
+            for k, name in enumerate(("frequency", "amplitude"))
+        }
+        for entry, quantity, unit in RMS_OF_PROBES:
+            values[entry] = {
+                signal.removesuffix(f" {quantity}"): rms / unit
+                for signal, (_, _, rms) in of_signals.items()
+                if signal.endswith(f" {quantity}")
+            }
+        return values
 
     def _statistics(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
@@ -543,16 +572,3 @@ def _of_shock(srs: Dataset) -> Values:
     if over := srs_over_limit(srs):
         values["srs_over_limit"] = {name: ratio for name, (ratio, _) in over.items()}
     return values
-
-
-def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Values:
-    """From frequencies and amplitudes of lines and the root mean square, by spectrum."""
-    lines = [(f"{' '.join(key)} {k}", float(f), float(a)) for key, (fs, amplitudes, _) in spectra.items()
-             for k, (f, a) in enumerate(zip(fs, amplitudes, strict=True))]  # fmt: skip
-    rms = {key: value for key, (_, _, value) in spectra.items()}
-    return {
-        "line_frequency": {name: f for name, f, _ in lines},
-        "line_amplitude": {name: a for name, _, a in lines},
-        "rms_displacement_m": {key[0]: x for key, x in rms.items() if key[1] != MAIN_QUANTITY},
-        "rms_acceleration_g": {key[0]: x / STANDARD_GRAVITY for key, x in rms.items() if key[1] == MAIN_QUANTITY},
-    }

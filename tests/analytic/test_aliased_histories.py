@@ -10,6 +10,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.sweep import plot_spectrogram
 from beamsim.responses.histories import NOTABLE, between_samples, share_above_half_rate
 from beamsim.scenario import load_scenario
+from tests.helpers.spectra import lines_of
 
 RATE = 1000.0
 
@@ -61,7 +62,7 @@ def test_a_run_names_the_histories_that_are_sampled_too_slowly():
     }
     expected = {f"m1 {quantity}": share for quantity, share in shares.items()}
     assert result.summary["aliased_in_histories"] == pytest.approx(expected, rel=5e-3)
-    lines = [line.frequency_hz for line in result.spectra["m1", "displacement"].lines[1:]]
+    lines = [line.frequency_hz for line in lines_of(result, "displacement", "m1")[1:]]
     assert lines == pytest.approx(a, rel=1e-9)
     assert "aliased_in_histories" not in beamsim.run(two_tones(500.0)).summary
 

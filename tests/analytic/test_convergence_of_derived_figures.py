@@ -10,6 +10,7 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
 from beamsim.cli.tables import table_rows
 from beamsim.plots.run import DOUBTFUL_LINES
 from beamsim.scenario import load_scenario
+from tests.helpers.spectra import lines_of, spectrum_of
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.1}}
 TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "100 kN/m", "gap": 0}
@@ -23,7 +24,7 @@ def beam(**more):
 
 
 def by_frequency(result, quantity="absolute_acceleration"):
-    return {round(line.frequency_hz, 6): line for line in result.spectra["tip", quantity].lines}
+    return {round(line.frequency_hz, 6): line for line in lines_of(result, quantity, "tip")}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     name = "tip absolute_acceleration"
     assert f"spectral_lines.{name}" in result.summary["doubtful"]
     assert "rms_acceleration_g.tip" in result.summary["doubtful"]
-    spectrum = result.spectra["tip", "absolute_acceleration"]
+    spectrum = spectrum_of(result, "absolute_acceleration", "tip")
     strongest = max(line.amplitude for line in spectrum.lines)
     # changes of amplitude alone: the orders of the excitation keep their frequency
     sizes = [line.relative_change * line.amplitude for line in spectrum.lines if line.kind != "other"]
@@ -67,7 +68,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert any("relative change" in text for text in rows)
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
     stored = beamsim.load(beamsim.write_result(result, tmp_path / "run.h5"))
-    kept = stored.spectra["tip", "absolute_acceleration"]
+    kept = spectrum_of(stored, "absolute_acceleration", "tip")
     np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
     assert stored.summary["convergence"] == result.summary["convergence"]
     assert "tip" in stored.summary["convergence"]["rms_acceleration_g"]
@@ -94,7 +95,7 @@ def test_a_free_line_is_found_again_at_its_own_frequency():
                   excitation={"kind": "none"}, reduction={"modes": 3}, run=released)  # fmt: skip
     result = beamsim.run(coarse)
     shift = result.summary["convergence"]["open_frequencies_hz"]
-    lines = [line for line in result.spectra["tip", "displacement"].lines if line.kind == "other"]
+    lines = [line for line in lines_of(result, "displacement", "tip") if line.kind == "other"]
     assert len(lines) >= 2
     for k, line in enumerate(lines[:2], 1):
         assert line.frequency_hz == pytest.approx(result.summary["open_frequencies_hz"][k - 1], rel=1e-3)

@@ -9,6 +9,7 @@ import pytest
 
 import beamsim
 from beamsim.cli.tables import table_rows
+from tests.helpers.spectra import lines_of, spectrum_of
 
 WINDOWS = ["hann", "decaying", "flattop"]
 
@@ -16,7 +17,7 @@ WINDOWS = ["hann", "decaying", "flattop"]
 def lines_of_mass(scenario, window, quantity="displacement", probe="m1"):
     run = {**scenario["run"], "spectrum": {"window": window}, "convergence": "off"}
     result = beamsim.run(beamsim.load_scenario({**scenario, "run": run, "probes": [{"name": "m1", "mass": 1}]}))
-    spectrum = result.spectra[probe, quantity]
+    spectrum = spectrum_of(result, quantity, probe)
     return np.array([(line.frequency_hz, line.amplitude) for line in spectrum.lines if line.kind == "other"])
 
 
@@ -81,7 +82,7 @@ def test_two_frequencies_of_the_base(bins):
     """The second is 0.7 to 2.2 over the duration above the first; after 5 s the start has decayed to 1e-14."""
     hz, level = np.array([10.0, 10.0 + bins / 5.0]), np.array([1.0, 2.0])
     result = beamsim.run(beamsim.load_scenario(shaken(*zip(hz.tolist(), level.tolist(), strict=True))))
-    lines = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    lines = lines_of(result, "absolute_acceleration", "m1")[1:]
     assert [line.frequency_hz for line in lines] == pytest.approx(hz, rel=1e-9)
     assert [line.amplitude for line in lines] == pytest.approx(level * transmitted(hz), rel=1e-7)
     assert all(line.remainder < 1e-7 for line in lines)
@@ -96,7 +97,7 @@ def test_a_line_beside_an_order_of_the_excitation():
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 10.0},
         "run": {"duration": 5.0, "start": {"displacement": [0.01]}, "convergence": "off"},
     }  # fmt: skip
-    lines = beamsim.run(beamsim.load_scenario(scenario)).spectra["m1", "displacement"].lines[1:]
+    lines = lines_of(beamsim.run(beamsim.load_scenario(scenario)), "displacement", "m1")[1:]
     forced = 1.0 / (own**2 - (20 * np.pi) ** 2)  # of -sin: the free vibration begins with the opposite velocity
     free = np.hypot(0.01, forced * 20 * np.pi / own)
     assert [line.kind for line in lines] == ["fundamental", "other"]
@@ -108,7 +109,7 @@ def test_lines_that_are_not_resolved_are_marked():
     """Three tones within 1.5 over the duration: what one line leaves, and a part of the run that tells them apart."""
     close = ((10.0, 1.0), (10.15, 2.0), (10.3, 1.0))
     result = beamsim.run(beamsim.load_scenario(shaken(*close)))
-    (line,) = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    (line,) = lines_of(result, "absolute_acceleration", "m1")[1:]
     assert line.remainder > 0.1
     marked = next(x for x in result.summary["unresolved_lines"] if x["quantity"] == "absolute_acceleration")
     assert marked["frequency_hz"] == line.frequency_hz
@@ -121,7 +122,7 @@ def test_lines_that_are_not_resolved_are_marked():
     assert marked["separating_duration_s"] == pytest.approx(longer, rel=0.25)
     changes = {"run.duration": 5.0 + 1.02 * longer, "run.spectrum.last": 1.02 * longer}
     result = beamsim.run(beamsim.load_scenario(shaken(*close), changes))
-    lines = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    lines = lines_of(result, "absolute_acceleration", "m1")[1:]
     expected = [(f, a * transmitted(f)) for f, a in close]
     np.testing.assert_allclose([(line.frequency_hz, line.amplitude) for line in lines], expected, rtol=1e-6)
 
@@ -134,9 +135,11 @@ def test_a_line_that_decays_is_marked():
         "chain": chain, "probes": [{"name": "m1", "mass": 1}],
         "run": {"duration": 5.0, "start": {"displacement": [0.01]}, "spectrum": {"window": "hann"}},
     }  # fmt: skip
-    spectrum = beamsim.run(beamsim.load_scenario(scenario)).spectra["m1", "displacement"]
-    assert [round(line.frequency_hz, 2) for line in spectrum.lines[1:]] == [10.0]
-    assert spectrum.unresolved[0].remainder == spectrum.lines[1].remainder > 0.02
+    result = beamsim.run(beamsim.load_scenario(scenario))
+    lines = lines_of(result, "displacement", "m1")
+    assert [round(line.frequency_hz, 2) for line in lines[1:]] == [10.0]
+    unresolved = next(x for x in result.summary["unresolved_lines"] if x["quantity"] == "displacement")
+    assert unresolved["remainder"] == lines[1].remainder > 0.02
 
 
 @pytest.mark.parametrize(("window", "periods"), [("hann", 5.3), ("flattop", 5.3), ("hann", 10.2)])
@@ -171,11 +174,11 @@ def test_the_line_of_stick_and_slip_is_its_rate(pytestconfig):
     ]
     rate = (sticks.size - 2) / (sticks[-1] - sticks[1])
     for quantity in ("absolute_acceleration", "displacement"):
-        spectrum = result.spectra["block", quantity]
+        spectrum = spectrum_of(result, quantity, "block")
         assert spectrum.window == "hann"
         first = next(line for line in spectrum.lines if line.kind == "other")
         assert first.frequency_hz == pytest.approx(rate, rel=1e-4)
-    lines = [line for line in result.spectra["block", "absolute_acceleration"].lines if line.kind == "other"]
+    lines = [line for line in lines_of(result, "absolute_acceleration", "block") if line.kind == "other"]
     orders = np.array([line.frequency_hz for line in lines]) / rate
     np.testing.assert_allclose(orders, np.arange(1, orders.size + 1), rtol=2e-4)
 

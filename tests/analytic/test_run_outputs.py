@@ -12,6 +12,7 @@ from beamsim.structures.places import UPWARDS
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from tests.helpers.observed import rows
+from tests.helpers.spectra import spectrum_of
 
 BEAM = {"length": 0.8, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 EI, LINE = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
@@ -296,7 +297,7 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
             read["histories"]["output_unit"].sel(output=name).item()
             == result["histories"]["output_unit"].sel(output=name).item()
         )
-    spectrum = read.spectra["force_left", "reaction_force"]
+    spectrum = spectrum_of(read, "reaction_force", "force_left")
     assert spectrum.rms == result.summary["rms_output"]["force_left"]
     densities = {(each.name, each.quantity): each for each in read.random.signals}
     assert densities["force_left", "reaction_force"].unit == "N"

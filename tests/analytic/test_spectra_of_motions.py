@@ -5,6 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.cli.tables import table_rows
+from tests.helpers.spectra import spectra_by_signal, spectrum_of
 
 BEAM = {
     "length": 0.7, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700,
@@ -29,7 +30,7 @@ def run(case, **changes):
 
 
 def lines_of(result, quantity="absolute_acceleration"):
-    return next(s for s in result.spectra.values() if s.quantity == quantity).lines
+    return spectrum_of(result, quantity).lines
 
 
 def test_every_line_of_a_released_beam_is_a_mode():
@@ -60,13 +61,13 @@ def test_lines_and_rms_of_a_mass_on_a_spring():
         "run": {"duration": 7.7, "sample_rate": 11.0, "start": {"displacement": [0.02]}},
     }
     result = run(case)
-    spectrum = next(s for s in result.spectra.values() if s.quantity == "displacement")
+    spectrum = spectrum_of(result, "displacement")
     (line,) = (line for line in spectrum.lines if line.kind == "other")
     assert line.frequency_hz == pytest.approx(5.3, abs=1e-3)
     assert line.amplitude == pytest.approx(0.02, rel=1e-4)
     turn = 2 * np.pi * 5.3 * 7.7
     assert spectrum.rms == pytest.approx(0.02 * np.sqrt(0.5 + np.sin(2 * turn) / (4 * turn)), rel=1e-10)
-    assert result.summary["rms_displacement_m"][spectrum.probe] == spectrum.rms
+    assert result.summary["rms_displacement_m"][spectrum.name] == spectrum.rms
 
 
 def test_a_shock_is_seen_from_its_beginning():
@@ -76,7 +77,7 @@ def test_a_shock_is_seen_from_its_beginning():
         "run": {"duration": 2.0},
     }
     by_default, through_hann = run(shock), run(shock, run__spectrum__window="hann")
-    window = {s.window for s in by_default.spectra.values()}
+    window = set(by_default["spectra"]["window"].values.tolist())
     assert window == {"decaying"}
     first, second = (
         {line.frequency_hz for line in lines_of(r) if line.kind == "other"} for r in (by_default, through_hann)
@@ -96,14 +97,14 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
                 "spectrum": {"frequencies": [5.3, 9.0]}},
     }  # fmt: skip
     result = run(case)
-    spectrum = next(s for s in result.spectra.values() if s.quantity == "displacement")
+    spectrum = spectrum_of(result, "displacement")
     chosen = {line.frequency_hz: line.amplitude for line in spectrum.lines if line.kind == "chosen"}
     assert chosen == pytest.approx({5.3: 0.02, 9.0: 0.0}, rel=1e-9, abs=1e-12)
     assert not any(line.kind == "other" for line in spectrum.lines)
     assert spectrum.frequency_hz[-1] >= 9.0 - 0.2
     assert any("9 Hz" in text for _, text in table_rows(result))
     stored = beamsim.load(beamsim.write_result(result, tmp_path / "run.h5"))
-    kept = stored.spectra[spectrum.probe, "displacement"].lines
+    kept = spectrum_of(stored, "displacement", spectrum.name).lines
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
         (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines
     ]
@@ -122,7 +123,7 @@ BETWEEN_STOPS = {
 def test_lines_of_a_mass_between_stops_are_multiples_of_its_frequency(highest):
     """Its acceleration has harmonics far beyond the curve, which showed as a peak at 35.5 Hz and as lines."""
     result = run(BETWEEN_STOPS, **({} if highest is None else {"run__spectrum__to": highest}))
-    spectrum = next(s for s in result.spectra.values() if s.quantity == "absolute_acceleration")
+    spectrum = spectrum_of(result, "absolute_acceleration")
     found = [line for line in spectrum.lines if line.kind != "mean"]
     closings = result["events"]["time"].values[
         result["events"]["closing"].values & (result["events"]["snubber"].values == 0)
@@ -141,8 +142,9 @@ def test_lines_of_a_mass_between_stops_are_multiples_of_its_frequency(highest):
 
 def test_lines_and_levels_do_not_depend_on_how_far_the_curve_goes():
     few, many = (run(BETWEEN_STOPS, run__spectrum__to=highest) for highest in (60.0, 2000.0))
-    for key, spectrum in few.spectra.items():
-        others, least = many.spectra[key].lines, 1e-6 * max(line.amplitude for line in spectrum.lines)
+    others_of = spectra_by_signal(many["spectra"])
+    for key, spectrum in spectra_by_signal(few["spectra"]).items():
+        others, least = others_of[key].lines, 1e-6 * max(line.amplitude for line in spectrum.lines)
         for line in spectrum.lines:
             same = min(others, key=lambda k, at=line.frequency_hz: abs(k.frequency_hz - at))
             assert same.frequency_hz == pytest.approx(line.frequency_hz, rel=1e-6)

@@ -8,6 +8,7 @@ import pytest
 from independent import Beam, Stop, integrate
 
 import beamsim
+from tests.helpers.spectra import lines_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 ONE_SIDED = ["one_sided_45hz", "one_sided_65hz", "one_sided_78hz", "one_sided_160hz"]
@@ -29,7 +30,7 @@ def orders(name, quantity="absolute_acceleration", above_db=-60.0):
     """Orders of the tip's spectral lines that stand above a level."""
     return {
         round(line.order, 3)
-        for line in result(name).spectra["tip", quantity].lines
+        for line in lines_of(result(name), quantity, "tip")
         if line.amplitude_db > above_db and line.kind != "mean"
     }
 
@@ -125,11 +126,11 @@ def test_small_excitation_on_a_prestressed_snubber_is_linear(name):
     assert r.summary["linear"]
     assert r.summary["contact_share"]["tip"] == 1.0
     assert np.all(r["histories"]["snubber_force"].sel(snubber="tip").values > 0)
-    line = max((x for x in r.spectra["tip", "displacement"].lines if x.kind != "mean"), key=lambda x: x.amplitude)
+    line = max((x for x in lines_of(r, "displacement", "tip") if x.kind != "mean"), key=lambda x: x.amplitude)
     assert line.order == pytest.approx(1.0, abs=1e-3)
     assert all(
         x.amplitude < 0.02 * line.amplitude
-        for x in r.spectra["tip", "displacement"].lines
+        for x in lines_of(r, "displacement", "tip")
         if x.kind in ("superharmonic", "subharmonic")
     )
     assert r["histories"]["displacement"].sel(probe="tip").values.mean() > 0

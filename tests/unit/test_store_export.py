@@ -12,6 +12,7 @@ from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
+from tests.helpers.spectra import spectrum_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -55,7 +56,7 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
     assert by_label["stop force"]["rsp_dir"] == 3
     spectrum = by_label["middle displacement spectrum"]
     assert (spectrum["func_type"], spectrum["abscissa_spec_data_type"]) == (0, 18)
-    stored = result.spectra["middle", "displacement"]
+    stored = spectrum_of(result, "displacement", "middle")
     np.testing.assert_allclose(spectrum["x"], stored.frequency_hz, rtol=1e-12)
     np.testing.assert_allclose(spectrum["data"], stored.amplitude, rtol=1e-11, atol=1e-30)
     assert acceleration["id3"].strip() == "01-JAN-26 00:00:00"

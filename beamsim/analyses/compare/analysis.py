@@ -15,10 +15,16 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison, RecordComparison, outcome_of_comparison
+from beamsim.analyses.compare.result import (
+    ChannelComparison,
+    ComparedSpectrum,
+    Comparison,
+    RecordComparison,
+    outcome_of_comparison,
+)
 from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
-from beamsim.analyses.run.result import RunResult, Spectrum
-from beamsim.analyses.run.spectra import amplitude_db, spectrum
+from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.spectra import amplitude_db, sampled_records
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.channels import channel_named, demand_amplitudes, holds_name, read_signals, unusable
@@ -31,6 +37,7 @@ from beamsim.scenario.quantities import motion_dimension
 from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
 from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
 from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple, settled_from
+from beamsim.signals.records import Window
 from beamsim.typing import Floats
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
@@ -115,7 +122,7 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
 def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
     """A channel compared with the history of a run: harmonics in phase, histories without a delay, spectra."""
     place, quantity, signal = pair
-    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    excitation = result.excitation_hz
     unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
@@ -228,7 +235,7 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
     """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
-        duration = max((s.duration_s for s in result.spectra.values()), default=np.inf)
+        duration = result["spectra"]["duration_s"].item() if "spectra" in result.datasets else np.inf
         share = min(duration / float(time[-1] - time[0]), 1.0)
         return float(time[-round(share * (time.size - 1))])  # whole periods: one end of the two
     if not np.isfinite(excitation):
@@ -268,24 +275,25 @@ def _harmonics(
     return harmonics_of(predicted, fundamental, every), harmonics_of(measured, fundamental, every)
 
 
-def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> Spectrum:
-    """That of a history; one that was measured stays as it is."""
+def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> ComparedSpectrum:
+    """That of a history under a Hann window; one that was measured stays as it is."""
     if signal.of_frequency:
-        amplitude = np.abs(signal.y)
-        return Spectrum(
-            place, quantity, unit, signal.x, amplitude, amplitude_db(amplitude, float(amplitude.max())), excitation,
-            "as measured", 0.0, 0.0, (),
-        )  # fmt: skip
-    steps = np.diff(signal.x)
-    mean = float(np.mean(steps))
-    at = int(np.argmax(np.abs(steps - mean)))
-    if abs(steps[at] - mean) > 1e-3 * mean:
-        raise unusable(
-            f"{signal.label} is not evenly sampled (the step after sample {at + 1} is {steps[at]:.6g} s, the mean "
-            f"{mean:.6g} s)",
-            "resample it, or export it without gaps",
-        )
-    return spectrum(signal.x, np.asarray(signal.y, dtype=float), SpectrumSettings(), excitation, place, quantity, unit)
+        frequency, amplitude = signal.x, np.abs(signal.y)
+        peak = float(amplitude.max())
+    else:
+        steps = np.diff(signal.x)
+        mean = float(np.mean(steps))
+        at = int(np.argmax(np.abs(steps - mean)))
+        if abs(steps[at] - mean) > 1e-3 * mean:
+            raise unusable(
+                f"{signal.label} is not evenly sampled (the step after sample {at + 1} is {steps[at]:.6g} s, the mean "
+                f"{mean:.6g} s)",
+                "resample it, or export it without gaps",
+            )
+        (record,) = sampled_records(signal.x, np.asarray(signal.y, dtype=float)[None], SpectrumSettings(), excitation)
+        amplitude, peak = np.abs(record.amplitudes(Window.named("hann"))), record.levels().peak
+        frequency = np.arange(amplitude.size) / record.duration
+    return ComparedSpectrum(place, quantity, unit, frequency, amplitude, amplitude_db(amplitude, peak))
 
 
 def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:

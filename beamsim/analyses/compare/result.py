@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import (
     Counter,
     Entry,
@@ -73,6 +72,18 @@ class ComparedChannel:
     source: str = attribute("", "file of the measurement")
 
 
+@declared(along=("frequency_hz",))
+class ComparedSpectrum:
+    """Single-sided spectrum of a record."""
+
+    place: str = attribute("", "name of the probe or output")
+    quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
+    unit: str = attribute("", "unit of the quantity")
+    frequency_hz: Floats = axis("Hz", "frequency")
+    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity}")
+    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity}")
+
+
 ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
 
 
@@ -106,8 +117,8 @@ class ChannelComparison(ComparedChannel):
     predicted_history: Floats = dataset("{unit}", "predicted {quantity}", along=("predicted_time",))
     measured_time: Floats = axis("s", "time")
     measured_history: Floats = dataset("{unit}", "measured {quantity}", along=("measured_time",))
-    predicted_spectrum: Spectrum = group("predicted_spectrum", Spectrum)
-    measured_spectrum: Spectrum = group("measured_spectrum", Spectrum)
+    predicted_spectrum: ComparedSpectrum = group("predicted_spectrum", ComparedSpectrum)
+    measured_spectrum: ComparedSpectrum = group("measured_spectrum", ComparedSpectrum)
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
     aliased_share: float | None = attribute(
         "1",

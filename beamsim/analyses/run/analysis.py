@@ -33,10 +33,10 @@ from beamsim.analyses.run.motion import (
     refuse_long_histories,
     steps_in_time,
 )
-from beamsim.analyses.run.result import RunResult, Spectrum
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
-from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_run
+from beamsim.analyses.run.summary import figures_of_parts, summary_of_run, values_of_motion
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import is_as_written, reading
 from beamsim.hdf5 import open_hdf5
@@ -152,9 +152,10 @@ def solved(
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
         evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
-    spectra: dict[tuple[str, str], Spectrum] = {}
+    figures, spectra = values_of_motion(motion), None
     if everything or needed.root_mean_squares:
-        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
+        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion, figures), spectra)
+    datasets |= {} if spectra is None else {"spectra": spectra}
     datasets |= bodies_of_run(motion, evaluation) if everything else {}
     if everything and motion.contact is not None:
         datasets["contact"] = contact_of_run(system, motion.contact)
@@ -165,11 +166,10 @@ def solved(
         scenario=scenario,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         datasets={**datasets, "events": motion.events, "modes": system.modes},
-        spectra=spectra,
     )
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(motion, spectra, needed, evaluation)
+    summary = summary_of_run(motion, figures, spectra, needed, evaluation)
     if everything and sampled is not None:
         unknown = dict[str, float]()
         aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
@@ -178,7 +178,6 @@ def solved(
         "warnings of jumps", lambda: jump_warnings(motion, summary["peak_acceleration_g"]), list[str](), minor=True
     )
     fields, notes = _asked_for(result, motion, needed, evaluation)
-    fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))

@@ -6,7 +6,6 @@ periodic motion is in its result.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -240,8 +239,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
-    forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
-    frequencies = [forced, *result["modes"]["open_frequencies_hz"].values]
+    frequencies = [result.excitation_hz, *result["modes"]["open_frequencies_hz"].values]
     period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))

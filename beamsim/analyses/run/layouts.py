@@ -218,6 +218,56 @@ MATCHED = Layout(
     },
     optional=True,
 )
+_LINE = ("line",)
+SPECTRA = Layout(
+    "spectra",
+    "Single-sided spectra of the last part of the run, of probes and outputs, and the lines of all, one signal after "
+    "the other.",
+    {
+        "excitation_hz": Variable((), "Hz", "frequency of the excitation; NaN where there is none, or several"),
+        "start_s": Variable((), "s", "beginning of the part that is analysed"),
+        "duration_s": Variable((), "s", "its duration"),
+        "resolution_hz": Variable((), "Hz", "distance from which on lines are told apart: 4 over the duration"),
+        "rate_hz": Variable(
+            (), "Hz", "rate of the samples that spectra of a time-stepped motion are made of", optional=True
+        ),
+        "signal": Variable(_SIGNAL, "1", "name and quantity of the signal", str),
+        "name": Variable(_SIGNAL, "1", "name of the probe or output", str),
+        "quantity": Variable(_SIGNAL, "1", "absolute_acceleration or displacement; of an output what it is", str),
+        "window": Variable(_SIGNAL, "1", "window", str),
+        "rms": Variable(_SIGNAL, "{unit}", "root mean square over the part that is analysed, mean included"),
+        "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),
+        "amplitude": Variable(_SIGNAL + _FREQUENCY, "{unit}", "single-sided peak amplitude"),
+        "amplitude_db": Variable(_SIGNAL + _FREQUENCY, "dB", "20 log10(amplitude / max |x|)"),
+        "line": Variable(_LINE, "1", "number of the line", int),
+        "line_signal": Variable(_LINE, "1", "number of the signal, from 0", int, names="spectra/signal"),
+        "line_order": Variable(_LINE, "1", "frequency over excitation frequency; NaN where there is none"),
+        "line_frequency_hz": Variable(_LINE, "Hz", "frequency of the line"),
+        "line_amplitude": Variable(_LINE, "", "amplitude of the line, zero to peak, in the unit of its signal"),
+        "line_amplitude_db": Variable(_LINE, "dB", "20 log10(amplitude / max |x|)"),
+        "line_phase_deg": Variable(_LINE, "degree", "phase of the line as a sine of the run's time"),
+        "line_kind": Variable(
+            _LINE, "1", "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode", str
+        ),
+        "line_remainder": Variable(
+            _LINE, "1",
+            "amplitude that all lines together leave within 4 over the duration of this line, over its own amplitude; "
+            "above 0.02 it is not one steady line, but several near one another, or one that changes. NaN of the mean, "
+            "under half a window, and where a record holds a few periods of the excitation alone",
+        ),
+        "line_separating_duration_s": Variable(
+            _LINE, "s",
+            "of a line that is not a steady one the duration that tells the two lines apart that explain the curve "
+            "best; NaN of others, where they are farther apart than the resolution, and where no two are found",
+        ),
+        "line_relative_change": Variable(
+            _LINE, "1",
+            "of the amplitude, or of the frequency if larger, relative change with 1.5 times the modes and twice the "
+            "elements; NaN of a line of no mode, and where there is no comparison",
+        ),
+    },
+    optional=True,
+)  # fmt: skip
 _NUMBER = ("number",)
 FRICTION_INTERVALS = Layout(
     "friction_intervals",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -18,6 +19,7 @@ from beamsim.analyses.run.layouts import (
     IMPACTS,
     MATCHED,
     SENSITIVITIES,
+    SPECTRA,
     SRS,
 )
 from beamsim.fields import (
@@ -38,7 +40,6 @@ from beamsim.fields import (
     list_of,
     members,
     record,
-    table,
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import INPUTS
@@ -49,83 +50,13 @@ from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.structural import MODES
 from beamsim.typing import Complexes, Floats
 
-MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
+MAIN_QUANTITY = "absolute_acceleration"  # of probes
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _FREQUENCY = ("frequency_hz",)
 _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
-
-
-@declared
-class SpectralLine:
-    """One line of the table of harmonics."""
-
-    order: float = dataset("1", "frequency over excitation frequency")  # nan where there is no excitation frequency
-    frequency_hz: float = dataset("Hz", "frequency of the line")
-    amplitude: float = dataset("{unit}", "amplitude of the line, zero to peak")
-    amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
-    phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
-    kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode")
-    # nan of the mean, under half a window, and where a record holds a few periods of the excitation alone
-    remainder: float | None = dataset(
-        "1",
-        "amplitude that all lines together leave within 4 over the duration of this line, over its own amplitude",
-        default=None,
-    )
-    relative_change: float | None = dataset(  # nan of a line of no mode; None where there is no comparison
-        "1",
-        "of the amplitude, or of the frequency if larger, relative change with 1.5 times the modes and twice the "
-        "elements",
-        default=None,
-    )
-
-
-@declared
-class UnresolvedLine:
-    """A line that is not one steady line: several lines near one another, or one that changes during the record."""
-
-    frequency_hz: float = dataset("Hz", "frequency of the line")
-    remainder: float = dataset("1", "amplitude that all lines together leave near it, over its own amplitude")
-    resolution_hz: float = dataset("Hz", "distance from which on lines are told apart: 4 over the duration")
-    separating_duration_s: float = dataset(
-        "s",
-        "duration that tells the two lines apart that explain the curve best; NaN where they are farther apart than "
-        "the resolution, and where no two are found",
-    )
-
-
-@declared(along=_FREQUENCY)
-class Spectrum:
-    """Single-sided spectrum of one quantity of one probe, and its lines."""
-
-    probe: str = attribute("", "name of the probe or output")
-    quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
-    unit: str = attribute("", "unit of the quantity")
-    frequency_hz: Floats = axis("Hz", "frequency")
-    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity}")
-    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity}")
-    excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none, or several")
-    window: str = attribute("", "window")
-    start_s: float = attribute("s", "beginning of the part that is analysed")
-    duration_s: float = attribute("s", "its duration")
-    lines: tuple[SpectralLine, ...] = table("lines", SpectralLine, Counter("line", "number of the line"), default=())
-    unresolved: tuple[UnresolvedLine, ...] = table(
-        "unresolved", UnresolvedLine, Counter("number", "number of the line"), default=()
-    )
-    rate_hz: float | None = attribute(
-        "Hz", "rate of the samples that a spectrum of a time-stepped motion is made of", default=None
-    )
-    rms: float | None = attribute(
-        "{unit}", "root mean square over the part that is analysed, mean included", default=None
-    )
-
-    def in_bands(self, count: int) -> tuple[Floats, Floats]:
-        """Middles of bands of ``count`` lines, Hz, and the root mean square of the lines in each, dB."""
-        whole = self.frequency_hz.size - self.frequency_hz.size % count
-        frequency, level = (x[:whole].reshape(-1, count) for x in (self.frequency_hz, self.amplitude_db))
-        return frequency.mean(axis=1), 10.0 * np.log10(np.mean(10.0 ** (level / 10.0), axis=1))
 
 
 def over_limit(
@@ -407,14 +338,17 @@ class RunResult(Result):
     KIND = "run"
     SUMMARY = _SUMMARY
     DATASETS = (
-        INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SRS,
-        MATCHED, SENSITIVITIES, MODES,
+        INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SPECTRA,
+        SRS, MATCHED, SENSITIVITIES, MODES,
     )  # fmt: skip
 
-    spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
-        "signals", Spectrum, "signal", rows="spectra"
-    )
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
+
+    @property
+    def excitation_hz(self) -> float:
+        """Frequency of the excitation, Hz; NaN where there is none, or several, and where there are no spectra."""
+        spectra = self.datasets.get("spectra")
+        return math.nan if spectra is None else float(spectra["excitation_hz"].item())
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
@@ -423,7 +357,8 @@ class RunResult(Result):
         if entry.name in ("random", "random_linear") and self.random is not None and keys[0] not in RATIOS:
             return next(s.unit for s in self.random.recorded if f"{s.name} {s.quantity}" == place[0])
         if entry.name == "spectral_lines" and keys == ("amplitude",):
-            return self.spectra[record["probe"], record["quantity"]].unit
+            signal = f"{record['probe']} {record['quantity']}"
+            return self["spectra"]["amplitude"].sel(signal=signal).unit
         if entry.name == "against" and keys[-1] in ("exact", "stepped"):
             return str(record["unit"])
         if entry.name == "sensitivities":

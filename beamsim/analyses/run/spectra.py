@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.layouts import SPECTRA
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectrum, UnresolvedLine
+from beamsim.analyses.run.result import ALLOWED_REMAINDER, MAIN_QUANTITY
 from beamsim.flow.channels import MotionPart, outputs_of
 from beamsim.flow.trajectory import Trajectory
+from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
@@ -40,7 +41,7 @@ FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 LASTING = 0.8  # the same after a shock, from which on the motion lasts, as stick and slip on a belt that was started
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
-# The rule for a line, see `spectrum_of`.
+# The rule for a line, see `lines_of`.
 WORTH_LISTING = 1e-3  # of the largest line: 60 dB
 _OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
 _OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 10 dB over an octave on either side
@@ -62,38 +63,197 @@ def spectral(system: StructuralSystem) -> ChannelSet:
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
-def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
+def resting(name: str, quantity: str, figures: Mapping[str, Any]) -> bool:
+    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
+
+    Parameters
+    ----------
+    name, quantity : as a spectrum names them.
+    figures : values of the motion or the summary, in which such a peak is 0.
+
+    Returns
+    -------
+    False of other quantities than displacement, absolute acceleration and those of outputs.
+    """
+    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
+    return bool(figures.get(peak, {}).get(name) == 0.0)
+
+
+class Label(NamedTuple):
+    """Of which signal a spectrum is."""
+
+    name: str  # of the probe or output
+    quantity: str
+    unit: str
+
+    @property
+    def signal(self) -> str:
+        """Name and quantity."""
+        return f"{self.name} {self.quantity}"
+
+
+def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
     """Spectra of every probe and output, whatever the output rate; of a time-stepped motion those of its samples.
 
     Parameters
     ----------
     motion : of which the last part is looked at; its scenario says what is asked for.
+    figures : values of the motion; what rests by them has no lines.
 
     Returns
     -------
-    By name and quantity of the channel.
+    `SPECTRA`; None without a probe and an output.
     """
     system = motion.system
     settings, excitation_hz = not_none(system.scenario.run).spectrum, system.excitation_frequency_hz
     channels, trajectory = spectral(system), motion.trajectory
-    labels = [(channel.name, channel.quantity, channel.unit) for channel in channels.channels]
+    labels = [Label(channel.name, channel.quantity, channel.unit) for channel in channels.channels]
+    if not labels:
+        return None
     if trajectory is None or trajectory.end <= 0.0:
         histories = not_none(motion.histories)
         samples = np.hstack([histories.of(key) for key in channels.places]).T
-        pairs = zip(labels, samples, strict=True)
-        return {of[:2]: spectrum(histories.time, x, settings, excitation_hz, *of) for of, x in pairs}
+        return spectra_of_samples(histories.time, samples, labels, settings, excitation_hz, figures)
     begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
+    records = records_of(system, trajectory, channels, (begin, trajectory.end))
+    windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
-    spectra = {}
-    records = records_of(system, trajectory, channels, (begin, trajectory.end))
-    for of, record in zip(labels, records, strict=True):
+    return _spectra(labels, records, windows, excitation_hz, figures, residual, settings.frequencies)
+
+
+def spectra_of_samples(
+    time: Floats, samples: Floats, labels: Sequence[Label], settings: SpectrumSettings, excitation_hz: float,
+    figures: Mapping[str, Any],
+) -> Dataset:  # fmt: skip
+    """Spectra of the last part of records of samples.
+
+    Parameters
+    ----------
+    time, samples, settings, excitation_hz : as of `sampled_records`; a Hann window if the settings name none.
+    labels : (K,) of the signals.
+    figures : as of `spectra_of`.
+
+    Returns
+    -------
+    `SPECTRA`.
+    """
+    records = sampled_records(time, samples, settings, excitation_hz)
+    windows = [settings.window or "hann"] * len(records)
+    return _spectra(labels, records, windows, excitation_hz, figures, (), settings.frequencies, records[0].rate)
+
+
+def sampled_records(
+    time: Floats, samples: Floats, settings: SpectrumSettings, excitation_hz: float
+) -> list[SampledRecord]:  # fmt: skip
+    """The last part of records of samples, of which there are spectra.
+
+    Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
+    "other".
+
+    Parameters
+    ----------
+    time : (n,) s, equally spaced.
+    samples : (K, n) the signals, in their units.
+    settings : which part.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+
+    Raises
+    ------
+    ValueError
+        When the records are empty or of another length than the time.
+    """
+    time, samples = np.asarray(time, dtype=float), np.asarray(samples, dtype=float)
+    if samples.ndim != 2 or time.shape != samples.shape[1:] or not time.size:
+        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {samples.shape}")
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    length = _samples_analysed(time.size, rate, settings, excitation_hz)
+    return [SampledRecord(time[-length:], x[-length:], rate) for x in samples]
+
+
+def _spectra(
+    labels: Sequence[Label], records: Sequence[SpectrumRecord], windows: Sequence[str], excitation_hz: float,
+    figures: Mapping[str, Any], residual_hz: Sequence[float], chosen_hz: Sequence[float], rate_hz: float | None = None,
+) -> Dataset:  # fmt: skip
+    r"""Single-sided peak-amplitude spectra of records of one part of a motion, and the table of their lines.
+
+    With the window :math:`w` of the N samples of the record and :math:`\bar x` their weighted mean,
+
+    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
+              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
+
+    (the line at half the sample rate is not doubled); of a motion in closed form the sums are integrals. The division
+    by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin shows its own amplitude with every
+    window; the mean is taken out first because it would otherwise leak into the first bins. Spectra go up to the
+    highest frequency that the records cover.
+
+    Phases of lines are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
+    0 or 180 degrees, its sign. The mean is the first line, the others follow by frequency. There are none where a
+    record is not finite.
+
+    Parameters
+    ----------
+    labels, records, windows : of each signal, the part that is analysed, and the window of its curve.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    figures : as of `spectra_of`.
+    residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
+    chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
+        excitation has this frequency; they replace what is nearer than a bin.
+    rate_hz : Hz, of samples.
+    """
+    forced, duration = 0.0 < excitation_hz < np.inf, records[0].duration
+    curves, levels = [], [record.levels() for record in records]
+    columns: dict[str, list[Any]] = {name: [] for name in SPECTRA.variables if name.startswith("line_")}
+    for number, (label, record, window) in enumerate(zip(labels, records, windows, strict=True)):
         check_stop()
-        window = settings.window or _suited_window(system.scenario, record)
-        spectra[of[:2]] = spectrum_of(
-            record, window, excitation_hz, *of, residual_hz=residual, chosen_hz=settings.frequencies
-        )
-    return spectra
+        shape = Window.named(window)
+        curves.append(np.abs(record.amplitudes(shape)))
+        if resting(label.name, label.quantity, figures) or not np.isfinite(levels[number].peak):
+            continue
+        fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
+        every, frequency = np.append(fit.mean + 0j, fit.amplitude), np.array([0.0, *fit.frequency_hz])
+        size, none = np.abs(every), np.full(every.size, np.nan)
+        remainder, separating = none.copy(), none.copy()
+        if fit.remainder is not None:
+            remainder[1:] = fit.remainder.size / size[1:]
+            many = np.flatnonzero(remainder > ALLOWED_REMAINDER)
+            if many.size:
+                pairs, _ = fit.remainder.best_pairs([[k - 1] for k in many.tolist()], [np.nan] * many.size)
+                apart = np.abs(np.diff(pairs)[:, 0])
+                separating[many] = np.where(apart < LOBE, LOBE / apart * duration, np.nan)
+        of_lines = {
+            "signal": [number] * size.size,
+            "order": frequency / excitation_hz if forced else none,
+            "frequency_hz": frequency,
+            "amplitude": size,
+            "amplitude_db": amplitude_db(size, levels[number].peak),
+            "phase_deg": np.degrees(np.angle(every)),
+            "kind": ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)],
+            "remainder": remainder,
+            "separating_duration_s": separating,
+            "relative_change": none,
+        }
+        for name, values in of_lines.items():
+            columns[f"line_{name}"].extend(values)
+    amplitude = np.array(curves)
+    values = {
+        "excitation_hz": excitation_hz,
+        "start_s": records[0].start,
+        "duration_s": duration,
+        "resolution_hz": LOBE / duration,
+        "rate_hz": rate_hz,
+        "signal": [label.signal for label in labels],
+        "name": [label.name for label in labels],
+        "quantity": [label.quantity for label in labels],
+        "window": windows,
+        "rms": [level.rms for level in levels],
+        "frequency_hz": np.arange(amplitude.shape[1]) / duration,
+        "amplitude": amplitude,
+        "amplitude_db": np.array([amplitude_db(x, level.peak) for x, level in zip(curves, levels, strict=True)]),
+        "line": 1 + np.arange(len(columns["line_signal"])),
+        **columns,
+    }
+    return SPECTRA.dataset(values, {"signal": [{"unit": label.unit} for label in labels]})
 
 
 def coverage_notes(motion: RunMotion) -> list[str]:
@@ -108,26 +268,32 @@ def coverage_notes(motion: RunMotion) -> list[str]:
     One sentence, or none.
     """
     system, trajectory = motion.system, motion.trajectory
-    highest = float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
-    if not spectral(system).channels:
-        return []
     if trajectory is None or trajectory.end <= 0.0:
-        time = not_none(motion.histories).time
-        rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-        if rate >= 2.0 * highest or trajectory is not None:
-            return []
-        return [
-            f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content "
-            f"above {0.5 * rate:g} Hz is aliased; raise run.sample_rate"
-        ]
-    settings = not_none(system.scenario.run).spectrum
-    duration = _duration(settings, trajectory.end, system.excitation_frequency_hz)
-    shown = _highest_shown(system, trajectory, duration)
-    if shown >= highest or shown < MOST_FREQUENCIES / duration:
+        return _aliasing_notes(motion)
+    duration = _duration(not_none(system.scenario.run).spectrum, trajectory.end, system.excitation_frequency_hz)
+    shown, highest = MOST_FREQUENCIES / duration, _highest_kept(system)
+    if shown >= highest or _highest_shown(system, trajectory, duration) < shown or not spectral(system).channels:
         return []
     return [
         f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has "
         f"{highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"
+    ]
+
+
+def _highest_kept(system: StructuralSystem) -> float:
+    """Frequency of the highest mode kept, Hz."""
+    return float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
+
+
+def _aliasing_notes(motion: RunMotion) -> list[str]:
+    """A note where spectra are made of samples of a time-stepped motion that do not cover every mode kept."""
+    time, highest = not_none(motion.histories).time, _highest_kept(motion.system)
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    if rate >= 2.0 * highest or motion.trajectory is not None or not spectral(motion.system).channels:
+        return []
+    return [
+        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content "
+        f"above {0.5 * rate:g} Hz is aliased; raise run.sample_rate"
     ]
 
 
@@ -198,166 +364,6 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     return "hann"
 
 
-def amplitude_db(amplitude: Floats, peak: float) -> Floats:
-    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
-    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
-    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
-    return level
-
-
-def spectrum(time: Floats, x: Floats, settings: SpectrumSettings, excitation_hz: float, *of: str) -> Spectrum:
-    """Spectrum of the last part of a record of samples, see `spectrum_of`.
-
-    Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
-    "other".
-
-    Parameters
-    ----------
-    time : (n,) s, equally spaced.
-    x : (n,) the signal, in the unit.
-    settings : part and window; a Hann window if it names none.
-    excitation_hz : Hz, nan where there is no single excitation frequency.
-    of : name of the probe, quantity and unit.
-
-    Returns
-    -------
-    Spectrum
-
-    Raises
-    ------
-    ValueError
-        When the record is empty or its two arrays differ in length.
-    """
-    time = np.asarray(time, dtype=float)
-    x = np.asarray(x, dtype=float)
-    if x.ndim != 1 or x.size == 0 or time.shape != x.shape:
-        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
-    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-    length = _samples_analysed(time.size, rate, settings, excitation_hz)
-    record = SampledRecord(time[-length:], x[-length:], rate)
-    return spectrum_of(record, settings.window or "hann", excitation_hz, *of, chosen_hz=settings.frequencies)
-
-
-def spectrum_of(
-    record: SpectrumRecord, window: str, excitation_hz: float, *of: str, residual_hz: tuple[float, ...] = (),
-    chosen_hz: tuple[float, ...] = (),
-) -> Spectrum:  # fmt: skip
-    r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
-
-    With the window :math:`w` of the N samples of the record and :math:`\bar x` their weighted mean,
-
-    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
-              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
-
-    (the line at half the sample rate is not doubled); of a motion in closed form the sums are integrals. The division
-    by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin shows its own amplitude with every
-    window; the mean is taken out first because it would otherwise leak into the first bins.
-
-    Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
-    0 or 180 degrees, its sign.
-
-    Parameters
-    ----------
-    record : the part that is analysed.
-    window : of the curve.
-    excitation_hz : Hz, nan where there is no single excitation frequency.
-    of : name of the probe, quantity and unit.
-    residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
-    chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
-        excitation has this frequency; they replace what is nearer than a bin.
-
-    Returns
-    -------
-    Spectrum
-        Up to the highest frequency that the record covers; the mean is the first line, the others follow by frequency.
-        Without lines where the record is not finite.
-    """
-    (probe, quantity, unit), shape, levels = of, Window.named(window), record.levels()
-    forced, peak = 0.0 < excitation_hz < np.inf, levels.peak
-    examined = _examined(record, excitation_hz, shape.one_sided)
-    curve = None if examined is None else record.amplitudes(examined)
-    lines, unresolved = [], list[UnresolvedLine]()
-    if np.isfinite(peak):
-        candidates, mean, c = _lines(record, levels, examined, curve, excitation_hz, chosen_hz)
-        remaining = np.full(c.size, np.nan)
-        if curve is not None and examined is not None and c.size and not examined.one_sided:
-            remainder = Remainder.of(record, np.array([k.frequency_hz for k in candidates]), c, examined, curve)
-            remaining = remainder.size / np.abs(c)
-            many = np.flatnonzero(remaining > ALLOWED_REMAINDER).tolist()
-            unresolved = [_unresolved(remainder, k, candidates[k], record.duration, float(remaining[k])) for k in many]
-        every = np.append(mean + 0j, c)
-        size, phase = np.abs(every), np.degrees(np.angle(every))
-        each = zip(size.tolist(), amplitude_db(size, peak).tolist(), phase.tolist(), strict=True)
-        lines = [SpectralLine(0.0 if forced else np.nan, 0.0, *next(each), "mean", np.nan)]
-        for k, of_line, left in zip(candidates, each, remaining.tolist(), strict=True):
-            order = k.frequency_hz / excitation_hz if forced else np.nan
-            kind = _kind_of(k, chosen_hz, residual_hz, 2.0 / record.duration)
-            lines.append(SpectralLine(order, k.frequency_hz, *of_line, kind, left))
-    amplitude = np.abs(record.amplitudes(shape))
-    return Spectrum(
-        probe=probe,
-        quantity=quantity,
-        unit=unit,
-        frequency_hz=np.arange(amplitude.size) / record.duration,
-        amplitude=amplitude,
-        amplitude_db=amplitude_db(amplitude, peak),
-        excitation_hz=excitation_hz,
-        window=window,
-        start_s=record.start,
-        duration_s=record.duration,
-        lines=tuple(lines),
-        unresolved=tuple(unresolved),
-        rate_hz=record.rate if isinstance(record, SampledRecord) else None,
-        rms=levels.rms,
-    )
-
-
-def _unresolved(remainder: Remainder, k: int, line: _Candidate, duration: float, share: float) -> UnresolvedLine:
-    """What is known of a line, number k, that leaves a share of its amplitude: it is several lines, or changes."""
-    (low, high), _ = remainder.best_pair([k], None)
-    needed = LOBE / abs(high - low) * duration if abs(high - low) < LOBE else np.nan
-    return UnresolvedLine(line.frequency_hz, share, LOBE / duration, float(needed))
-
-
-def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats]:
-    """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
-
-    The lines of the other record are found as those of the spectrum were. Orders of the excitation keep their
-    frequency. Any other line is sought near its own, since a natural frequency depends on the model, but no nearer to
-    another line. A line that the other record does not have is fitted at its old frequency, together with those found.
-    """
-    lines, excitation_hz = known.lines[1:], known.excitation_hz
-    wanted = np.array([line.frequency_hz for line in lines])
-    examined = _examined(record, excitation_hz, Window.named(known.window).one_sided)
-    curve = None if examined is None else record.amplitudes(examined)
-    candidates, mean, c = _lines(record, record.levels(), examined, curve, excitation_hz, ())
-    found = np.array([k.frequency_hz for k in candidates])
-    partner = np.full(wanted.size, -1)
-    between = np.concatenate([[-np.inf], 0.5 * (wanted[1:] + wanted[:-1]), [np.inf]])  # lines are in order of frequency
-    for k, line in enumerate(lines):
-        away = np.abs(found - wanted[k])
-        near = away <= _ROUND_OFF * wanted[k]
-        if line.kind in ("other", "residual"):
-            near = (away <= max(NEARBY_BINS / record.duration, NEARBY * wanted[k])) & (
-                np.abs(c) >= 0.5 * line.amplitude
-            )
-            near &= (found > between[k]) & (found < between[k + 1])
-        if near.any():
-            partner[k] = np.where(near, away, np.inf).argmin()
-    missing = partner < 0
-    if missing.any():
-        partner[missing] = found.size + np.arange(np.count_nonzero(missing))
-        found = np.append(found, wanted[missing])
-        mean, c = record.project(found, examined)
-    return np.append(0.0, found[partner]), np.abs(np.append(mean, c[partner]))
-
-
-def _examined(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Window | None:
-    """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
-    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.duration < 2 * LOBE
-    return None if short else Window.named("blackmanharris", one_sided)
-
-
 def _samples_analysed(available: int, rate: float, settings: SpectrumSettings, excitation_hz: float) -> int:
     length = min(max(round(rate * _duration(settings, available / rate, excitation_hz)), 1), available)
     forced = np.isfinite(excitation_hz) and excitation_hz > 0
@@ -368,22 +374,65 @@ def _samples_analysed(available: int, rate: float, settings: SpectrumSettings, e
     return min((available - 1, available), key=lambda n: abs(n * periods - round(n * periods)))
 
 
-@dataclass(frozen=True)
-class _Candidate:
+def amplitude_db(amplitude: Floats, peak: float) -> Floats:
+    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
+    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
+    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
+    return level
+
+
+class Line(NamedTuple):
+    """A line that is looked for in a record."""
+
     order: Fraction | None  # None: belongs to no order
     frequency_hz: float  # exact for an order, interpolated otherwise
     peak_hz: float  # interpolated
 
 
-def _lines(
-    record: SpectrumRecord,
-    levels: Levels,
-    window: Window | None,
-    curve: Complexes | None,
-    excitation_hz: float,
-    chosen_hz: tuple[float, ...],
-) -> tuple[list[_Candidate], float, Complexes]:
-    """Lines of a spectrum by frequency, the mean, and complex amplitudes (k,) of the lines; see `spectrum_of`.
+class View(NamedTuple):
+    """How the lines of a record are seen: its complex amplitudes (F,) under a window."""
+
+    window: Window
+    curve: Complexes
+
+
+class Fit(NamedTuple):
+    """Lines that were fitted together."""
+
+    lines: list[Line]
+    mean: float
+    amplitude: Complexes  # (k,) with the phases in the run's own time
+    remainder: Remainder | None  # what they leave; None without lines, under half a window, and without a view
+
+    @property
+    def frequency_hz(self) -> list[float]:
+        """(k,)."""
+        return [line.frequency_hz for line in self.lines]
+
+
+def fit_lines(record: SpectrumRecord, lines: list[Line], view: View | None) -> Fit:
+    """Fit lines to a record by least squares, so that none leaks into another; by frequency."""
+    lines = sorted(lines, key=lambda line: line.frequency_hz)
+    frequency, seen = np.array([line.frequency_hz for line in lines]), view if lines else None
+    mean, amplitude = record.project(frequency, None if seen is None else seen.window)
+    remainder = None
+    if seen is not None and not seen.window.one_sided:
+        remainder = Remainder.of(record, frequency, amplitude, *seen)
+    return Fit(lines, mean, amplitude, remainder)
+
+
+def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> View | None:
+    """How lines are seen; None where the record holds a few periods of the excitation alone."""
+    if 0.0 < excitation_hz * record.duration < 2 * LOBE:
+        return None
+    window = Window.named("blackmanharris", one_sided)
+    return View(window, record.amplitudes(window))
+
+
+def lines_of(
+    record: SpectrumRecord, levels: Levels, one_sided: bool, excitation_hz: float, chosen_hz: Sequence[float]
+) -> Fit:
+    """Lines of a spectrum by frequency.
 
     The record is examined once more with a Blackman–Harris window (side lobes at -92 dB), whatever window was asked
     for; with the falling half of it where the window is ``decaying``. A local maximum is a line when it lies less than
@@ -394,170 +443,225 @@ def _lines(
     frequency is within half a bin of it and it is locked to the excitation: its complex amplitudes in the two halves of
     the record differ by less than half. The fundamental need not be locked. What belongs to no order (a decaying
     transient, or everything when there is no excitation frequency) is of the kind "other", or "residual" at a frequency
-    of ``residual_hz``. Amplitude and phase come from the least-squares projection on the exact frequencies of all lines
+    of a static vector. Amplitude and phase come from the least-squares projection on the exact frequencies of all lines
     together, so no line leaks into another, weighted by the Blackman–Harris window, so that nothing else leaks into
     them. Of a motion in closed form the projection is that of the continuous motion, see
     `beamsim.signals.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
     as far as its spectrum goes, with the residual as noise floor; below one period only the mean is known. The mean is
     always listed, at most 50 lines beside it.
+
+    Parameters
+    ----------
+    record, levels : the part that is analysed, and how large it is.
+    one_sided : whether the beginning counts most.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    chosen_hz : Hz, see `_spectra`.
     """
-    if window is None or curve is None:
-        periods = excitation_hz * record.duration
-        candidates = _orders_of_short_record(record, excitation_hz, levels.peak) if periods >= 1 - _ROUND_OFF else []
+    view = view_of(record, excitation_hz, one_sided)
+    if view is None:
+        fit = fit_lines(record, _orders_of_short_record(record, excitation_hz, levels.peak), None)
     else:
-        candidates = _peaks(record, window, excitation_hz, levels, np.abs(curve))
-        if 0.0 < excitation_hz < np.inf and candidates:
-            candidates = _only_locked(record, candidates)
-        candidates = _fitted(record, candidates, window)
-        if candidates and not window.one_sided:
-            candidates = _separated(record, candidates, window, excitation_hz, curve)
-    candidates = sorted(
-        _with_chosen(candidates, chosen_hz, record) if chosen_hz else candidates, key=attrgetter("frequency_hz")
-    )
-    window = window if candidates else None
-    mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
-    worth = np.abs(c) >= WORTH_LISTING * np.abs(c).max(initial=0.0)
-    worth |= np.array([k.frequency_hz in chosen_hz for k in candidates], dtype=bool)
-    if not worth.all():  # what leaks from others into the curve is no line
-        candidates = [k for k, listed in zip(candidates, worth, strict=True) if listed]
-        mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
-    return candidates, mean, c
+        lines = _peaks(record, view, excitation_hz, levels)
+        if 0.0 < excitation_hz < np.inf and lines:
+            lines = _only_locked(record, lines)
+        fit = fit_lines(record, _refined(record, lines, view), view)
+        if fit.remainder is not None:
+            fit = _separated(record, fit, excitation_hz, view)
+    if chosen_hz:
+        fit = fit_lines(record, _with_chosen(fit.lines, chosen_hz, record), view)
+    size = np.abs(fit.amplitude)
+    least = WORTH_LISTING * size.max(initial=0.0)
+    worth = [x >= least or line.frequency_hz in chosen_hz for line, x in zip(fit.lines, size.tolist(), strict=True)]
+    if not all(worth):  # what leaks from others into the curve is no line
+        fit = fit_lines(record, [line for line, listed in zip(fit.lines, worth, strict=True) if listed], view)
+    return fit
 
 
-def _kind_of(
-    candidate: _Candidate, chosen_hz: tuple[float, ...], residual_hz: tuple[float, ...], near_hz: float
-) -> str:
+def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]:
+    """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a signal, the mean first, in another record.
+
+    The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency.
+    Any other line is the nearest one of at least half its size, since a natural frequency depends on the model, but no
+    nearer to another line. A line that the other record does not have is fitted at its old frequency, together with
+    those found.
+
+    Parameters
+    ----------
+    record : of the other motion.
+    known : `SPECTRA` with the lines of the signal alone.
+    """
+    size, level, every_hz = (known[f"line_{name}"].values for name in ("amplitude", "amplitude_db", "frequency_hz"))
+    if not size.any():  # of a signal that rests
+        return every_hz, size
+    excitation_hz, one_sided = known["excitation_hz"].item(), Window.named(known["window"].item()).one_sided
+    peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
+    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, ())
+    frequency, found, kinds = every_hz[1:], np.array(fit.frequency_hz), known["line_kind"].values[1:]
+    away, free = np.abs(found - frequency[:, None]), np.isin(kinds, ("other", "residual"))
+    reach = np.where(free, np.maximum(NEARBY_BINS / record.duration, NEARBY * frequency), _ROUND_OFF * frequency)
+    between = np.concatenate([[-np.inf], 0.5 * (frequency[1:] + frequency[:-1]), [np.inf]])[:, None]
+    own = (found > between[:-1]) & (found < between[1:]) & (np.abs(fit.amplitude) >= 0.5 * size[1:, None])
+    away = np.where((away <= reach[:, None]) & (own | ~free[:, None]), away, np.inf)
+    partner = away.argmin(axis=1) if found.size else np.zeros(frequency.size, dtype=np.int64)
+    missing, mean, amplitude = np.isinf(away.min(axis=1, initial=np.inf)), fit.mean, fit.amplitude
+    if missing.any():
+        partner[missing] = found.size + np.arange(np.count_nonzero(missing))
+        found = np.append(found, frequency[missing])
+        view = view_of(record, excitation_hz, one_sided)
+        mean, amplitude = record.project(found, None if view is None else view.window)
+    return np.append(0.0, found[partner]), np.abs(np.append(mean, amplitude[partner]))
+
+
+def _kind_of(line: Line, chosen_hz: Sequence[float], residual_hz: Sequence[float], near_hz: float) -> str:
     """The kind of a line; one is "residual" that is near to a frequency of a static vector."""
-    if candidate.order is not None:  # every order that is not whole is a subharmonic one
-        whole = "fundamental" if candidate.order == 1 else "superharmonic"
-        return "subharmonic" if candidate.order.denominator > 1 else whole
-    if candidate.frequency_hz in chosen_hz:
+    if line.order is not None:  # every order that is not whole is a subharmonic one
+        whole = "fundamental" if line.order == 1 else "superharmonic"
+        return "subharmonic" if line.order.denominator > 1 else whole
+    if line.frequency_hz in chosen_hz:
         return "chosen"
-    return "residual" if any(abs(candidate.frequency_hz - f) <= near_hz for f in residual_hz) else "other"
+    return "residual" if any(abs(line.frequency_hz - f) <= near_hz for f in residual_hz) else "other"
 
 
-def _with_chosen(
-    candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: SpectrumRecord
-) -> list[_Candidate]:
+def _with_chosen(lines: list[Line], chosen_hz: Sequence[float], record: SpectrumRecord) -> list[Line]:
     """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
     bin_hz = 1.0 / record.duration
     added = [
-        _Candidate(None, f, f)
+        Line(None, f, f)
         for f in chosen_hz
-        if not any(c.order is not None and abs(c.frequency_hz - f) <= _ROUND_OFF * f for c in candidates)
+        if not any(of.order is not None and abs(of.frequency_hz - f) <= _ROUND_OFF * f for of in lines)
     ]
-    apart = [c for c in candidates if all(abs(c.frequency_hz - other.frequency_hz) >= bin_hz for other in added)]
+    apart = [of for of in lines if all(abs(of.frequency_hz - other.frequency_hz) >= bin_hz for other in added)]
     return apart + added
 
 
-def _fitted(record: SpectrumRecord, candidates: list[_Candidate], window: Window) -> list[_Candidate]:
-    """The candidates with the frequencies that fit best of all that belong to no order."""
-    free = np.array([c.order is None for c in candidates], dtype=bool)
-    frequency = refined(record, np.array([c.frequency_hz for c in candidates]), free, window)
-    return [replace(c, frequency_hz=float(f)) for c, f in zip(candidates, frequency, strict=True)]
+def _refined(record: SpectrumRecord, lines: list[Line], view: View, near_hz: Sequence[float] = ()) -> list[Line]:
+    """The lines with the frequencies that fit best of all that belong to no order, or of those near some alone."""
+    frequency = np.array([line.frequency_hz for line in lines])
+    free = np.array([line.order is None for line in lines], dtype=bool)
+    if near_hz:
+        free &= np.abs(np.subtract.outer(frequency, near_hz)).min(axis=1) <= 2 * LOBE / record.duration
+    if not free.any():
+        return lines
+    found = refined(record, frequency, free, view.window).tolist()
+    return [line._replace(frequency_hz=f) for line, f in zip(lines, found, strict=True)]
 
 
-def _separated(
-    record: SpectrumRecord, candidates: list[_Candidate], window: Window, excitation_hz: float, curve: Complexes
-) -> list[_Candidate]:
-    """The candidates, with two lines wherever two explain the curve near a candidate that is none of a steady line.
-
-    The two replace it and, where they then explain the curve too, the candidate nearest to it: two lines of opposite
-    phase have two maxima that are farther apart than they are.
-    """
-
-    def fit(lines: list[_Candidate]) -> tuple[Complexes, Remainder]:
-        """Amplitudes (k,) of lines that are fitted together, and what they leave."""
-        frequency = np.array([c.frequency_hz for c in lines])
-        amplitude = record.project(frequency, window)[1]
-        return amplitude, Remainder.of(record, frequency, amplitude, window, curve)
-
-    tried, fits = set[float](), 0
-    amplitude, remainder = fit(candidates)
-    while fits < _MOST_PAIRS and len(candidates) < min(_MOST_LINES, (record.size - 1) // 4):
-        least = WORTH_LISTING * float(np.abs(amplitude).max())
-        sizes = [0.0 if c.peak_hz in tried else float(x) for c, x in zip(candidates, remainder.size, strict=True)]
-        k = int(np.argmax(sizes))
-        if sizes[k] <= least:
-            break
-        tried.add(candidates[k].peak_hz)
-        for replaced in _replaceable(candidates, k, record.duration):
-            order = next((candidates[number] for number in replaced if candidates[number].order is not None), None)
-            known = None if order is None else order.frequency_hz * record.duration
-            pair, ratio = remainder.best_pair(replaced, known)
-            if ratio > _PROMISING:
-                continue
-            fits += 1
-            two = [_Candidate(None, f / record.duration, f / record.duration) for f in pair]
-            two[:1] = two[:1] if order is None else [order]
-            others = [c for number, c in enumerate(candidates) if number not in replaced]
-            several = _on_orders(_fitted(record, [*others, *two], window), excitation_hz, record)
-            found = fit(several)
-            if found[1].size[-2:].max() <= _SEPARATED * sizes[k]:
-                candidates, (amplitude, remainder) = several, found
+def _separated(record: SpectrumRecord, fit: Fit, excitation_hz: float, view: View) -> Fit:
+    """The lines, with two lines wherever two explain the curve near one that is none of a steady line."""
+    tried, fits = set[float](), _MOST_PAIRS
+    while fits and len(fit.lines) < min(_MOST_LINES, (record.size - 1) // 4):
+        better = None
+        for replaced, pair in _promising_pairs(fit, tried, record.duration):
+            fits -= 1
+            better = _with_pair(record, fit, replaced, pair, excitation_hz, view)
+            if better is not None or not fits:
                 break
-    return candidates
+        if better is None:
+            break
+        fit = better
+    return fit
 
 
-def _replaceable(candidates: list[_Candidate], k: int, duration: float) -> Iterator[list[int]]:
-    """Numbers of candidates that a pair may replace: one and its neighbour within a lobe, and it alone."""
-    distance = np.array([abs(c.frequency_hz - candidates[k].frequency_hz) for c in candidates]) * duration
-    distance[k] = np.inf
-    nearest = int(distance.argmin())
-    if distance[nearest] <= LOBE and (candidates[k].order is None or candidates[nearest].order is None):
-        yield [k, nearest]
-    yield [k]
+def _promising_pairs(
+    fit: Fit, tried: set[float], duration: float
+) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
+    """Pairs of lines that explain much of what lies near a line, from where most is left.
+
+    Parameters
+    ----------
+    fit : the lines.
+    tried : Hz, maxima that were looked at before, to which these are added.
+    duration : s, of the record.
+
+    Yields
+    ------
+    Numbers of the lines that a pair replaces, which are one and its neighbour within a lobe, or it alone: two lines of
+    opposite phase have two maxima that are farther apart than they are. Then the frequencies of the pair in bins.
+    """
+    lines, remainder = fit.lines, not_none(fit.remainder)
+    place, least = np.array(fit.frequency_hz) * duration, WORTH_LISTING * np.abs(fit.amplitude).max(initial=0.0)
+    choices: list[list[int]] = []
+    for k in np.argsort(-remainder.size, kind="stable").tolist():
+        if remainder.size[k] <= least or lines[k].peak_hz in tried:
+            continue
+        distance = np.abs(place - place[k])
+        distance[k] = np.inf
+        nearest = int(distance.argmin())
+        both = distance[nearest] <= LOBE and (lines[k].order is None or lines[nearest].order is None)
+        choices += [[k, nearest], [k]] if both else [[k]]
+    if not choices:
+        return
+    orders = [next((k for k in replaced if lines[k].order is not None), None) for replaced in choices]
+    pairs, ratios = remainder.best_pairs(choices, [np.nan if k is None else float(place[k]) for k in orders])
+    for replaced, pair, ratio in zip(choices, pairs.tolist(), ratios.tolist(), strict=True):
+        tried.add(lines[replaced[0]].peak_hz)
+        if ratio <= _PROMISING:
+            yield replaced, pair
 
 
-def _on_orders(candidates: list[_Candidate], excitation_hz: float, record: SpectrumRecord) -> list[_Candidate]:
-    """The candidates, of which the last two belong to an order where they have its frequency and no other one does."""
-    if not (np.isfinite(excitation_hz) and excitation_hz > 0):
-        return candidates
-    named = candidates[:-2]
-    for c in candidates[-2:]:
-        order = _nearest_order(c.frequency_hz, excitation_hz, 1.0 / record.duration)
+def _with_pair(
+    record: SpectrumRecord, fit: Fit, replaced: list[int], pair: tuple[float, float], excitation_hz: float, view: View
+) -> Fit | None:
+    """The lines with a pair, its frequencies in bins, in place of some; None where it does not explain the curve.
+
+    Where the fit of the frequencies near the two leaves too much, that of all does, too.
+    """
+    order = next((fit.lines[k] for k in replaced if fit.lines[k].order is not None), None)
+    two = [Line(None, f / record.duration, f / record.duration) for f in pair]
+    two[:1] = two[:1] if order is None else [order]
+    lines = [*(line for k, line in enumerate(fit.lines) if k not in replaced), *two]
+    for near_hz in ([line.frequency_hz for line in two], ()):
+        several = _on_orders(_refined(record, lines, view, near_hz), excitation_hz, record)
+        frequency = np.array([line.frequency_hz for line in several])
+        amplitude = record.project(frequency, view.window)[1]
+        left = Remainder.of(record, frequency, amplitude, *view, near_hz=frequency[-2:])
+        if left.size.max() > _SEPARATED * not_none(fit.remainder).size[replaced[0]]:
+            return None
+    return fit_lines(record, several, view)
+
+
+def _on_orders(lines: list[Line], excitation_hz: float, record: SpectrumRecord) -> list[Line]:
+    """The lines, of which the last two belong to an order where they have its frequency and no other one does."""
+    if not 0.0 < excitation_hz < np.inf:
+        return lines
+    named = lines[:-2]
+    for line in lines[-2:]:
+        order = _nearest_order(line.frequency_hz, excitation_hz, 1.0 / record.duration)
         exact = np.nan if order is None else float(order) * excitation_hz
-        of_order = abs(exact - c.frequency_hz) * record.duration <= _ON_ORDER and order not in {n.order for n in named}
-        named = [*named, replace(c, order=order, frequency_hz=exact) if of_order else c]
+        away = abs(exact - line.frequency_hz) * record.duration
+        of_order = away <= _ON_ORDER and order not in {of.order for of in named}
+        named = [*named, line._replace(order=order, frequency_hz=exact) if of_order else line]
     return named
 
 
-def _peaks(
-    record: SpectrumRecord, window: Window, excitation_hz: float, levels: Levels, amplitude: Floats
-) -> list[_Candidate]:
-    """Local maxima of a curve (F,) that are lines, strongest first, each with the order its frequency suggests."""
+def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Levels) -> list[Line]:
+    """Local maxima of a curve that are lines, strongest first, each with the order its frequency suggests."""
+    amplitude, one_sided = np.abs(view.curve), view.window.one_sided
     inner = np.arange(LOBE - 1, amplitude.size - 1)
-    if inner.size == 0:
-        return []
-    bin_hz = 1.0 / record.duration
-    forced = np.isfinite(excitation_hz)
     top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
-    if top.size == 0:
-        return []
-    side_lobes = _OVER_SIDE_LOBES * levels.deviation
-    least = max(WORTH_LISTING * float(np.max(amplitude[top])), side_lobes, _ROUND_OFF * levels.peak)
+    largest = float(amplitude[top].max(initial=0.0))
+    least = max(WORTH_LISTING * largest, _OVER_SIDE_LOBES * levels.deviation, _ROUND_OFF * levels.peak)
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
-    reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
-    candidates: dict[Fraction | float, _Candidate] = {}
-    for j in top:
-        low, high = (
-            (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
-        )
+    forced = np.isfinite(excitation_hz)
+    reach = max(32, round(excitation_hz * record.duration)) if forced else 32
+    lines: dict[Fraction | float, Line] = {}
+    for j in top.tolist():
+        low, high = (min(j - reach, j // 2), max(j + reach, 2 * j)) if one_sided else (j - reach, j + reach + 1)
         around = amplitude[max(1, low) : high]
         place = 0.25 * (around.size - 1)  # of the lower quartile; np.percentile spends ten times as long on few values
         first, second = int(place), min(int(place) + 1, around.size - 1)
         ordered = np.partition(around, (first, second))
         floor = float(ordered[first] + (place - first) * (ordered[second] - ordered[first]))
-        if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
+        if amplitude[j] < (_OVER_SKIRTS if one_sided else _OVER_FLOOR) * floor:
             continue
-        frequency = (int(j) + parabola_top(amplitude[j - 1 : j + 2])) / record.duration
-        order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
+        frequency = (j + parabola_top(amplitude[j - 1 : j + 2])) / record.duration
+        order = _nearest_order(frequency, excitation_hz, 1.0 / record.duration) if forced else None
         exact = frequency if order is None else float(order) * excitation_hz
-        candidates.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
-        if len(candidates) == min(_MOST_LINES, (record.size - 1) // 4):
+        lines.setdefault(frequency if order is None else order, Line(order, exact, frequency))
+        if len(lines) == min(_MOST_LINES, (record.size - 1) // 4):
             break
-    return list(candidates.values())
+    return list(lines.values())
 
 
 def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
@@ -570,29 +674,26 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(record: SpectrumRecord, candidates: list[_Candidate]) -> list[_Candidate]:
+def _only_locked(record: SpectrumRecord, lines: list[Line]) -> list[Line]:
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
-    frequency = np.array([k.frequency_hz for k in candidates])
+    frequency = np.array([line.frequency_hz for line in lines])
     (_, early), (_, late) = (half.project(frequency) for half in record.halves())
     locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
     return [
-        k if k.order is None or k.order == 1 or steady else _Candidate(None, k.peak_hz, k.peak_hz)
-        for k, steady in zip(candidates, locked, strict=True)
+        line if line.order is None or line.order == 1 or steady else Line(None, line.peak_hz, line.peak_hz)
+        for line, steady in zip(lines, locked.tolist(), strict=True)
     ]
 
 
-def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
+def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[Line]:
+    """The orders of the excitation in a record of a few of its periods; none of less than one."""
     known = int(record.highest_hz / excitation_hz * (1 + 1e-12))
     highest = min(_ORDERS_OF_A_SHORT_RECORD, known, (record.size - 1) // 4)
-    frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
-    if frequency.size == 0:
+    if highest < 1 or excitation_hz * record.duration < 1 - _ROUND_OFF:
         return []
-    _, c = record.project(frequency)
+    frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
+    amplitude = np.abs(record.project(frequency)[1])
     floor = record.residual(frequency) * float(np.sqrt(2.0 / record.size))
-    amplitude = np.abs(c)
     limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
-    return [
-        _Candidate(Fraction(m), float(f), float(f))
-        for m, f, a in zip(range(1, highest + 1), frequency, amplitude, strict=True)
-        if a >= limit
-    ]
+    every = zip(range(1, highest + 1), frequency.tolist(), amplitude.tolist(), strict=True)
+    return [Line(Fraction(m), f, f) for m, f, size in every if size >= limit]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,9 @@ from beamsim.analyses.run.layouts import OF_SNUBBERS
 from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
 from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
 from beamsim.analyses.run.result import (
+    ALLOWED_REMAINDER,
     MAIN_QUANTITY,
     RunResult,
-    Spectrum,
     highest_of_srs,
     misfit_of_matched,
     srs_over_limit,
@@ -101,30 +100,28 @@ def values_of_part(
     }
 
 
-def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
-    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
-
-    Parameters
-    ----------
-    probe, quantity : as a spectrum names them.
-    figures : the summary, in which such a peak is 0.
-
-    Returns
-    -------
-    False of other quantities than displacement, absolute acceleration and those of outputs.
-    """
-    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
-    return bool(figures.get(peak, {}).get(probe) == 0.0)
-
-
-def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
+def spectral_lines(spectra: Dataset) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
     columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "remainder", "relative_change")
+    return [of | dict(zip(columns, line, strict=True)) for of, line in _lines(spectra, columns)]
+
+
+def unresolved_lines(spectra: Dataset) -> list[dict[str, Any]]:
+    """Those that are no steady lines, for the summary."""
+    columns, resolution_hz = ("frequency_hz", "remainder", "separating_duration_s"), spectra["resolution_hz"].item()
     return [
-        {"probe": s.probe, "quantity": s.quantity, **{name: getattr(line, name) for name in columns}}
-        for s in spectra.values()
-        for line in s.lines
+        of | {"frequency_hz": f, "remainder": left, "resolution_hz": resolution_hz, "separating_duration_s": duration_s}
+        for of, (f, left, duration_s) in _lines(spectra, columns)
+        if left > ALLOWED_REMAINDER
     ]
+
+
+def _lines(spectra: Dataset, columns: Sequence[str]) -> Iterator[tuple[dict[str, Any], tuple[Any, ...]]]:
+    """Some columns of the lines of all spectra, with the probe or output and the quantity of each line."""
+    labels = zip(spectra["name"].values.tolist(), spectra["quantity"].values.tolist(), strict=True)
+    signals = [{"probe": name, "quantity": quantity} for name, quantity in labels]
+    rows = zip(*(spectra[f"line_{name}"].values.tolist() for name in columns), strict=True)
+    return zip((signals[k] for k in spectra["line_signal"].values.tolist()), rows, strict=True)
 
 
 def input_summary(inputs: Dataset) -> dict[str, dict[str, Any]]:
@@ -190,9 +187,11 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     for name, left in result["histories"].by_label("snubber_residual_crush").items():
         if not np.isnan(left.item()):
             crushed[f"residual_crush_{left.unit}"][name] = left.item()
-    random, statistics = result.random, result.datasets.get("impact_statistics")
-    each = ((s, line) for s in result.spectra.values() for line in s.unresolved)
-    unresolved = [{"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s, line in each]
+    random, statistics, spectra = (
+        result.random,
+        result.datasets.get("impact_statistics"),
+        result.datasets.get("spectra"),
+    )
     srs, matched = result.datasets.get("srs"), result.datasets.get("matched")
     return {
         **{entry: of or None for entry, of in crushed.items()},
@@ -208,8 +207,8 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "random_linear": None if random is None else random.prediction() or None,
         "srs": None if srs is None else highest_of_srs(srs),
         "matched": None if matched is None else misfit_of_matched(matched),
-        "spectral_lines": spectral_lines(result.spectra),
-        "unresolved_lines": unresolved or None,
+        "spectral_lines": [] if spectra is None else spectral_lines(spectra),
+        "unresolved_lines": None if spectra is None else unresolved_lines(spectra) or None,
         **(_over_limits(result, summary) if result.scenario.limits else {}),
     }
 
@@ -237,14 +236,15 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, evaluation: Evaluation
+    motion: RunMotion, figures: Mapping[str, Any], spectra: Dataset | None, needed: Needed, evaluation: Evaluation
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
     Parameters
     ----------
     motion : of the run.
-    spectra : by name and quantity; where they were left out, root mean squares are nan.
+    figures : values of the motion and of its model.
+    spectra : where they were left out, root mean squares are nan.
     needed : entries; how gapping is predicted takes longer than most.
     evaluation : what is computed from the motion.
 
@@ -254,11 +254,12 @@ def summary_of_run(
     """
     system = motion.system
     probes = [p.name for p in system.probes]
-    rms = defaultdict(lambda: math.nan, {key: not_none(s.rms) for key, s in spectra.items()})
+    known = {} if spectra is None else dict(zip(spectra.labels("signal"), spectra["rms"].values.tolist(), strict=True))
+    rms = defaultdict(lambda: math.nan, known)
     summary: dict[str, Any] = {
-        "rms_displacement_m": {p: rms[p, "displacement"] for p in probes},
-        "rms_acceleration_g": {p: rms[p, MAIN_QUANTITY] / STANDARD_GRAVITY for p in probes},
-        **values_of_motion(motion),
+        "rms_displacement_m": {p: rms[f"{p} displacement"] for p in probes},
+        "rms_acceleration_g": {p: rms[f"{p} {MAIN_QUANTITY}"] / STANDARD_GRAVITY for p in probes},
+        **figures,
         "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.energy_error,
@@ -274,7 +275,7 @@ def summary_of_run(
     }
     summary["peak_times_s"] = peak_times(system, motion.extremes, summary)
     if system.outputs:
-        summary["rms_output"] = {o.name: rms[o.name, o.quantity] for o in system.outputs if not o.squared}
+        summary["rms_output"] = {o.name: rms[f"{o.name} {o.quantity}"] for o in system.outputs if not o.squared}
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
