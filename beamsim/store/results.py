@@ -209,8 +209,13 @@ def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> P
     try:
         return write_result(result, path, resumed=resumed)
     except ResultFileError as error:
-        reason = error.reason if isinstance(error, NotWrittenError) else str(error)
-    target, folders = Path(path).absolute(), [tempfile.gettempdir(), str(Path.home())]
+        raise _kept_elsewhere(result, Path(path), error) from None
+
+
+def _kept_elsewhere(result: Result, path: Path, error: ResultFileError) -> NotWrittenError:
+    """Write a result that could not be written to a path to another folder; the error that says where it is then."""
+    reason = error.reason if isinstance(error, NotWrittenError) else str(error)
+    target, folders = path.absolute(), [tempfile.gettempdir(), str(Path.home())]
     with suppress(OSError):  # the folder may be gone
         reason += f" ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
     for folder in folders:
@@ -221,24 +226,18 @@ def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> P
             continue
         move = shlex.join(["mv", str(elsewhere), str(path)])
         size = f"{elsewhere.stat().st_size / 1e6:.3g} MB"
-        raise NotWrittenError(path, reason, f"the result ({size}) is in {elsewhere}; make room and move it: {move}")
+        return NotWrittenError(path, reason, f"the result ({size}) is in {elsewhere}; make room and move it: {move}")
     reason += f", nor is there room in {' or '.join(folders)}"
     remedy = "the result is lost; make room, or choose another path with -o, and run again"
-    raise NotWrittenError(path, reason, remedy)
+    return NotWrittenError(path, reason, remedy)
 
 
 def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Summary as attributes, see the module's docstring."""
-    attributes: dict[str, Any] = {}
-    encoded = []
-    for name, value in summary.items():
-        if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
-            attributes[name] = value
-        else:
-            attributes[name] = _json(value)
-            encoded.append(name)
-    attributes[JSON_ENCODED] = " ".join(encoded)
-    return attributes
+    text_or_number = (str, int, float, np.integer, np.floating)
+    encoded = [name for name, each in summary.items() if isinstance(each, bool) or not isinstance(each, text_or_number)]
+    texts = {name: _json(summary[name]) for name in encoded}
+    return {**summary, **texts, JSON_ENCODED: " ".join(encoded)}
 
 
 def decode_summary(attributes: Mapping[str, Any]) -> dict[str, Any]:

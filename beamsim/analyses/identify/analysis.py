@@ -17,8 +17,9 @@ from beamsim.labelled import Dataset
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Progress, Stop, asked_by, never, together
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
-from beamsim.scenario.parameters import unit_of
+from beamsim.scenario.parameters import unit_of, with_values
 from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
@@ -76,13 +77,14 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
             raise ScenarioError(too_few_modes(key, measured, point.omega.size - rigid))
     without = ComparedModes.of(point.omega[:count] / _HZ, section.measured_without, rigid)
     parts["structure"] = _structure(scenario, current, section, without, "update" in parts)
+    found: dict[Path, object] = {}
     if section.measured_with:
         update = parts["update"].datasets[0] if "update" in parts else None
-        parts["stiffness"], current = permanent_contact(current, section, point, count, update)
+        parts["stiffness"], found = permanent_contact(current, section, point, count, update)
     if section.nonlinear is not None:
         from beamsim.analyses.identify.vibrations import fit_nonlinear
 
-        parts["nonlinear"] = fit_nonlinear(current, section, measurements, progress)
+        parts["nonlinear"] = fit_nonlinear(with_values(current, found), section, measurements, progress)
     if section.pad is not None and section.pad.data is not None:
         from beamsim.analyses.identify.pad_fit import fit_pad
 

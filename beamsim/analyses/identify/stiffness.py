@@ -22,7 +22,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import Path, path_text
 from beamsim.scenario.identification import IdentifyStiffness, Pad
 from beamsim.scenario.parameters import find_parameters, unit_at, value_at, with_values
 from beamsim.structures.assembly import assemble, snubber_site
@@ -342,7 +342,7 @@ def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega
     return np.asarray(np.where(best == 0, 0.0, np.where(best == x.size - 1, np.inf, k)))
 
 
-def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) -> ProfileLikelihood | None:
+def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) -> list[ProfileLikelihood]:
     """chi^2 above its minimum against the stiffness.
 
     Parameters
@@ -352,14 +352,14 @@ def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) ->
 
     Returns
     -------
-    ProfileLikelihood or None
-        None without uncertainties, and of a stiffness that is 0 or infinite.
+    list of ProfileLikelihood
+        One; none without uncertainties, and of a stiffness that is 0 or infinite.
     """
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
-        return None
+        return []
     width = min(4 * deviation / stiffness, 5.0)
     k = stiffness * np.exp(np.linspace(-width, width, 81))
-    return ProfileLikelihood("stiffness", k, np.maximum(modes.misfit(k) - modes.misfit(stiffness), 0.0))
+    return [ProfileLikelihood("stiffness", k, np.maximum(modes.misfit(k) - modes.misfit(stiffness), 0.0))]
 
 
 class Sensitivity(NamedTuple):
@@ -428,7 +428,7 @@ def sensitivities(
 
 def permanent_contact(
     scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: Dataset | None
-) -> tuple[Part, Scenario]:
+) -> tuple[Part, dict[Path, object]]:
     """What frequencies with permanent contact say.
 
     Parameters
@@ -441,23 +441,12 @@ def permanent_contact(
 
     Returns
     -------
-    Part of the result, and the scenario with the stiffness, or the scale of the table.
+    Part of the result, and by path the values of the scenario with the stiffness, or the scale of the table.
     """
     snubber = section.snubber
-    rigid = int(np.sum(point.omega == 0))
-    unconstrained = (
-        int(np.sum(point.frequencies(np.inf, rigid) == 0)) if rigid else 0
-    )  # rigid-body modes with the snubber closed
-    on_table = (
-        None if scenario.located_snubber(snubber).item.force_deflection is None else _rest_on_table(scenario, snubber)
-    )
-    measured = FittedModes(
-        point,
-        tuple(unconstrained + listed for listed in section.fit_to),
-        _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
-        np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
-        unconstrained,
-    )
+    located = scenario.located_snubber(snubber)
+    on_table = None if located.item.force_deflection is None else _rest_on_table(scenario, snubber)
+    measured = _measured_modes(section, point)
     warnings = list(_check_reach(measured, section.measured_without))
     if len(measured.mode) > 1 and section.method != "thesis" and measured.sigma.all():
         measured, remarks = _widened(measured)
@@ -467,12 +456,10 @@ def permanent_contact(
     known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
     sensitive = sensitivities(scenario, measured, snubber, stiffness, known | _relative_deviations(update))
     values["total_standard_deviation"] = _total(deviation, stiffness, sensitive, update)
-    modes = ComparedModes.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
+    modes = ComparedModes.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, measured.unconstrained)
     warnings += _fit_warnings(modes, measured.mode, values["interval"])
-    if on_table is None:
-        path = (*scenario.located_snubber(snubber).path, "stiffness")
-        found = with_values(scenario, {path: stiffness})
-    else:
+    found: dict[Path, object] = {(*located.path, "stiffness"): stiffness}
+    if on_table is not None:
         of_table, found, remarks = _table_slope(scenario, snubber, *on_table, stiffness)
         values |= of_table
         warnings += remarks
@@ -489,9 +476,21 @@ def permanent_contact(
         "sensitivity_contributions": contributions or None,
         **_pad_modulus(section.pad, stiffness, values["interval"]),
     }
-    profile = stiffness_profile(measured, stiffness, deviation)
-    profiles = () if profile is None else (profile,)
+    profiles = stiffness_profile(measured, stiffness, deviation)
     return Part(datasets, summary, warnings, profiles, {WITH: modes}, outcome), found
+
+
+def _measured_modes(section: IdentifyStiffness, point: SpringPoint) -> FittedModes:
+    """The modes that are fitted; rigid-body modes with the snubber closed are below the first measured one."""
+    rigid = int(np.sum(point.omega == 0))
+    unconstrained = int(np.sum(point.frequencies(np.inf, rigid) == 0)) if rigid else 0
+    return FittedModes(
+        point,
+        tuple(unconstrained + listed for listed in section.fit_to),
+        _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
+        np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
+        unconstrained,
+    )
 
 
 def _relative_deviations(update: Dataset | None) -> dict[str, float]:
@@ -650,8 +649,8 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
 
 def _table_slope(
     scenario: Scenario, snubber: str, curve: ForceCurve, force: float, segment: int, stiffness: float
-) -> tuple[dict[str, Any], Scenario, list[str]]:
-    """The slope of a table at rest beside the identified one, the scenario with a table of that slope, and warnings."""
+) -> tuple[dict[str, Any], dict[Path, object], list[str]]:
+    """The slope of a table at rest beside the identified one, by its path a table of that slope, and warnings."""
     slope = float(curve.slopes[segment - 1])
     deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
     at_a_bend = bool(np.any(np.abs(curve.deflection[1:-1] - deflection) < 1e-3 * deflection))
@@ -664,8 +663,8 @@ def _table_slope(
     path, _, item, _ = scenario.located_snubber(snubber)
     table = not_none(item.table)
     table = table.model_copy(update={"scale": factor * table.scale})
-    scaled = with_values(scenario, {(*path, "force_deflection"): table})
-    if 0.0 < stiffness < np.inf and _rest_on_table(scaled, snubber)[2] != segment:
+    found: dict[Path, object] = {(*path, "force_deflection"): table}
+    if 0.0 < stiffness < np.inf and _rest_on_table(with_values(scenario, found), snubber)[2] != segment:
         warnings.append(
             f"with all forces of the table multiplied by {factor:.4g} {snubber} would rest on another segment: the "
             "identified stiffness is not that of a table of this shape"
@@ -679,7 +678,7 @@ def _table_slope(
         "table_factor": factor,
         "table_at_a_bend": at_a_bend,
     }
-    return values, scaled, warnings
+    return values, found, warnings
 
 
 MORE_MODES = 60  # of a large model, beyond those requested; a static vector represents the others
