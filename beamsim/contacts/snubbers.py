@@ -13,6 +13,7 @@ energy is convex.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -199,18 +200,11 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
 
     Returns
     -------
-    N s/m.
-
-    Raises
-    ------
-    ValueError
-        If there is no mode but rigid-body modes.
+    N s/m; nan where there is no mode but rigid-body modes.
     """
     closed, _ = closed_modes(omega, shape[None, :], np.array([stiffness]), rigid)
     moving = closed[closed > 0]
-    if moving.size == 0:
-        raise ValueError("no natural frequency differs from zero with this snubber closed")
-    return float(2 * ratio * stiffness / moving[0])
+    return float(2 * ratio * stiffness / moving[0]) if moving.size else math.nan
 
 
 def build_contacts(
@@ -246,12 +240,10 @@ def build_contacts(
         if damping is not None and damping.kind == "viscous":
             c = float(damping.coefficient)
         elif damping is not None:
-            try:
-                c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid)
-            except ValueError as error:
-                place = f"{path_text(at.path)}.damping.ratio"
-                problem = Problem(place, f"has no meaning here: {error}", "give the dashpot in N s/m")
-                raise ScenarioError(problem) from None
+            c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid)
+        if math.isnan(c):
+            why = "has no meaning here: no natural frequency differs from zero with this snubber closed"
+            raise ScenarioError(Problem(f"{path_text(at.path)}.damping.ratio", why, "give the dashpot in N s/m"))
         dashpot.append(c)
     return Contacts(
         shape=shape,

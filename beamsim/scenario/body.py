@@ -186,6 +186,13 @@ class Sited(PointOfBody):
         if self.at is None:
             yield from self.place.problems(scenario, at)
 
+    def held_doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """That it sits where its body is held, and so does not move."""
+        place = self.place
+        body = scenario.all_bodies.get(place.body or scenario.default_body)
+        if body is not None and place.position is not None and body.held(place.position):
+            yield f"{path_text(at)} sits on a support, which cannot deflect"
+
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
     """Refuse a displacement and a rotation at the two places of one thing."""
@@ -297,8 +304,7 @@ class Probe(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        if scenario.on_support(self):
-            yield f"{path_text(at)} sits on a support, which cannot deflect"
+        yield from self.held_doubts(scenario, at)
 
 
 class PlacedForce(Sited):
@@ -309,8 +315,8 @@ class PlacedForce(Sited):
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        if at[0] == "constant_forces" and scenario.on_support(self):
-            yield f"{path_text(at)} sits on a support, which cannot deflect"
+        if at[0] == "constant_forces":
+            yield from self.held_doubts(scenario, at)
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]

@@ -524,14 +524,6 @@ class Scenario(Schema):
         """The body that a path leads into; empty where it leads into none."""
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
-    def on_support(self, item: Any) -> bool:
-        """Whether something sits where its body is held."""
-        for place in item.places:
-            body = self.all_bodies.get(place.body or self.default_body)
-            if body is not None and place.position is not None and body.held(place.position):
-                return True
-        return False
-
     def refined(self, modes: int) -> Self:
         """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
         bodies = {name: body.refined() for name, body in self.all_bodies.items()}

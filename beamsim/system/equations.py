@@ -437,7 +437,7 @@ class Sizes(NamedTuple):
         return rows[:, self.parts[name]]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Channel:
     """One observable: of which item of which section of the scenario, what it is, in which unit.
 
@@ -452,12 +452,16 @@ class Channel:
     at: str = ""  # for people
     squared: bool = False
     both_ways: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
-    key: Key = field(init=False)  # section and quantity, which channels that are alike have in common
-    columns: int = field(init=False)  # number of its values at one time
 
-    def __post_init__(self) -> None:
-        self.key = self.section, self.quantity
-        self.columns = 1 if self.squared else self.rows.shape[0]
+    @property
+    def key(self) -> Key:
+        """Section and quantity, which channels that are alike have in common."""
+        return self.section, self.quantity
+
+    @property
+    def columns(self) -> int:
+        """Number of its values at one time."""
+        return 1 if self.squared else int(self.rows.shape[0])
 
 
 class Places(dict[Key, Ints]):
