@@ -294,7 +294,7 @@ def sensitivity(
     ----------
     flow : under the loads of the motion, all its contact states kept.
     outputs : of this flow.
-    log : the motion's G segments, and its events; those at its beginning are left out.
+    log : the motion's G segments, and its events; those at its beginning and at its end are left out.
     changes : (P,) what each parameter changes.
     start : (N, C) changes of the start; the last P columns belong to the parameters.
     instants : (M,) that are kept, in order: number of the segment that begins then, or G, and 1 after the event with
@@ -306,15 +306,19 @@ def sensitivity(
     """
     N, F, G, M, P = flow.size, flow.sources.power.size, log.time.size, len(instants), len(changes)
     visited, state = np.unique(log.state, return_inverse=True)
-    steps = np.diff(log.state)
-    events = zip(*(column[column.size - np.count_nonzero(steps) :].tolist()
+    steps, last = np.diff(log.state), flow.states[log.state[-1]].phases
+    # an event exactly at the end has no segment after it: the last segment is still in the phase before it
+    count = log.event_time.size
+    if count and last[log.event_contact[-1]] != log.event_phase[-1]:
+        count -= 1
+    events = zip(*(column[count - np.count_nonzero(steps) : count].tolist()
                    for column in (log.event_contact, log.event_phase)), strict=True)  # fmt: skip
     before = [flow.states[of].phases for of in log.state]
     keys = [(phases, *next(events)) if step else None for phases, step in zip(before, steps, strict=False)]
     sorts = {None if key is None else (key[0].tobytes(), *key[1:]): key for key in keys}
     number = {name: 1 + k for k, name in enumerate(sorts)}
     phases = [flow.states[k].phases for k in visited]
-    first, last = phases[state[0]], phases[state[-1]]
+    first = phases[state[0]]
     both: list[FlowOutputs | ParameterChange] = [outputs, *changes]
     rates = np.array([[each.rates(of) for of in phases] for each in both])
     after = np.array([[each.begun(first), *map(each.event, sorts.values()), each.kept(last)] for each in both])

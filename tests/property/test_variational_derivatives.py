@@ -14,7 +14,8 @@ from beamsim.flow.periodic_flow import (
     PeriodicForcing,
     moved_system,
 )
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.transient import Log, March, Motion
+from beamsim.flow.variational import FlowOutputs, VariationalFlow, sensitivity
 from beamsim.system.equations import PiecewiseLinearSystem
 
 OMEGA = np.array([1.0, 6.3, 17.5])
@@ -91,6 +92,29 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     for column, expected in zip(flow_map.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
     np.testing.assert_allclose(flow_map.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(flow_map.slope).max())
+
+
+@pytest.mark.parametrize("case", ["spring", "dashpot", "face"])
+def test_an_event_exactly_at_the_end_of_a_motion_changes_no_derivative(make_system, case):
+    flow = VariationalFlow(build(make_system, case), forcing(), omega=1.3, level=2.0)
+    z, exact = np.append([0.3, 0.1, -0.02, 0.2, -0.1, 0.3], np.zeros(flow.size - 6)), flow.exact
+    log = March().on(exact, Motion(z.copy(), exact.state_index(exact.begin(z).phases)), 5.3)
+    follows = np.flatnonzero(np.diff(log.state))[:5] + 1  # segments that begin with the events
+    for k, (m, time) in enumerate(zip(follows.tolist(), log.event_time.tolist(), strict=False)):
+        with_it, without = (
+            sensitivity(
+                exact,
+                FlowOutputs(exact),
+                Log(*(x[:m] for x in log[:5]), *(x[:e] for x in log[5:])),
+                [],
+                np.eye(flow.size),
+            )
+            for e in (k + 1, k)
+        )
+        np.testing.assert_array_equal(with_it.by, without.by)
+        before = flow.flow_map(z, (1.0 - 1e-10) * time)
+        assert before.event_time.size == k
+        np.testing.assert_allclose(with_it.by, before.transition, atol=1e-7 * np.abs(with_it.by).max())
 
 
 @pytest.mark.parametrize("case", CASES)
