@@ -48,7 +48,7 @@ def test_the_figures_of_a_case_are_those_of_its_run(side):
     vary = {"kind": "grid", "parameters": [{"path": path, "values": values} for path, values in varied.items()]}
     base = load_scenario(BASE.replace("side: below", f"side: {side}"))
     found = beamsim.design_study(load_scenario(base, {"vary": vary}), workers=1).responses
-    for at in itertools.product(range(2), repeat=3):
+    for case, at in enumerate(itertools.product(range(2), repeat=3)):
         changes = {path: values[k] for (path, values), k in zip(varied.items(), at, strict=True)}
         alone = beamsim.run(load_scenario(base, {**changes, "run.convergence": "off"})).summary
         for response, figure in (
@@ -59,7 +59,7 @@ def test_the_figures_of_a_case_are_those_of_its_run(side):
         ):  # fmt: skip
             expected = alone[figure]["tip"] if isinstance(alone[figure], dict) else alone[figure]
             scale = STANDARD_GRAVITY if figure.endswith("_g") else 1.0
-            assert found[response].values[at] == pytest.approx(expected * scale, rel=1e-10), response
+            assert found[response].values[case] == pytest.approx(expected * scale, rel=1e-10), response
         assert alone["peak_force_n"]["tip"] > 0
 
 

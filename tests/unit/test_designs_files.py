@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from sampling import slow_after
 
+import beamsim
 from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.designs.plan import plan_designs, plan_draws
 from beamsim.analyses.designs.summary import result_of
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
@@ -104,6 +105,18 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
         for parameter in sample.parameters:
             values = data["parameter_value"].sel(parameter=parameter.path)
             np.testing.assert_array_equal(values, parameter.values)
+
+
+def test_a_file_of_many_cases_is_opened_again(tmp_path):
+    """Where arrays were larger than 1 MiB, and some responses had no part of them, it was refused as damaged."""
+    gaps = np.linspace(0.0, 1e-3, 1500)
+    plan = plan_draws(load_scenario(BASE, {"limits": None}), {"snubbers.tip.gap": gaps})
+    values = {f"snubbers/stop_{k}/peak_force": 20.0 for k in range(20)}
+    values["closed_frequencies_hz"] = [200.0, 500.0, 900.0, 1e3, 2e3, 3e3]
+    result = result_of(plan, {case.number: CaseOutcome(case.number, values) for case in plan.cases})
+    read = beamsim.load(write_result(result, tmp_path / "study.h5"))
+    np.testing.assert_array_equal(read.table["snubbers.tip.gap"], gaps)
+    np.testing.assert_array_equal(read.table["closed_frequencies_hz_6"], np.full(1500, 3e3))
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------
