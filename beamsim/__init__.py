@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
-    from beamsim.analyses.designs.plan import plan_designs
-    from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.studies.plan import plan_designs
+    from beamsim.analyses.studies.result import StudyResult
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError, allowing_hours
     from beamsim.measurements.channels import read_tests
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from beamsim.trust.studies import design_study
 
 _NAMES = {
-    "beamsim.analyses.designs.plan": ("plan_designs",),
+    "beamsim.analyses.studies.plan": ("plan_designs",),
     "beamsim.errors": (
         "BeamsimError",
         "NotTrustedError",
@@ -73,7 +73,6 @@ __all__ = [
     "CoexistingResult",
     "Comparison",
     "ContinuationResult",
-    "DesignsResult",
     "IdentificationResult",
     "ModeComparison",
     "NormalModeResult",
@@ -83,6 +82,7 @@ __all__ = [
     "RunResult",
     "Scenario",
     "ScenarioError",
+    "StudyResult",
     "SweepResult",
     "__version__",
     "allowing_hours",

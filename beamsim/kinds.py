@@ -59,9 +59,9 @@ KINDS = {
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
         analysis="beamsim.trust.studies:design_study",
-        result="beamsim.analyses.designs.result:DesignsResult",
+        result="beamsim.analyses.studies.result:StudyResult",
         screen="beamsim.cli.studies:design_screen",
-        figures="beamsim.plots.designs:design_figures",
+        figures="beamsim.plots.studies:design_figures",
         question="How does the response depend on what is varied?",
     ),
     "identify-stiffness": Kind(

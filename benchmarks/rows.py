@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import beamsim
-from beamsim.analyses.designs.plan import check_cases, plan_designs
+from beamsim.analyses.studies.plan import check_cases, plan_designs
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system

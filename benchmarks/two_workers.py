@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import beamsim
-from beamsim.analyses.designs.plan import check_cases, plan_designs
+from beamsim.analyses.studies.plan import check_cases, plan_designs
 from beamsim.trust import checked
 from beamsim.trust.studies import design_study
 from benchmarks.measure import spent

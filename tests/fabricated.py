@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.responses import limited_response, means
 from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import Label, spectra_of_samples
 from beamsim.analyses.run.summary import spectral_lines
+from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
 from beamsim.scenario.body import Located

@@ -70,7 +70,7 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
         With every problem found.
     """
     if scenario.study is not None:
-        from beamsim.analyses.designs.plan import check_cases, plan_designs  # and with it every analysis
+        from beamsim.analyses.studies.plan import check_cases, plan_designs  # and with it every analysis
 
         check_cases(plan_designs(scenario))
     if scenario.run is not None:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from beamsim.analyses.designs.objectives import objectives
-from beamsim.analyses.designs.responses import limited_response, means
-from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.studies.objectives import objectives
+from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.analyses.studies.result import StudyResult
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
@@ -31,7 +31,7 @@ _STATISTICS = {
 }  # fmt: skip
 
 
-def design_screen(result: DesignsResult) -> Screen:
+def design_screen(result: StudyResult) -> Screen:
     """The best cases, or else the ranges of the responses with the cases at their ends; limits and who causes what."""
     s = result.summary
     if "reliability" in s:
@@ -69,7 +69,7 @@ def design_screen(result: DesignsResult) -> Screen:
     return Screen(_judged(result), rows, [*lines, _comparison(result)])
 
 
-def _comparison(result: DesignsResult) -> str:
+def _comparison(result: StudyResult) -> str:
     """How many cases are compared with a finer model."""
     count, total = int(result["cases"]["compared"].values.sum()), result.count
     if count == total:
@@ -78,7 +78,7 @@ def _comparison(result: DesignsResult) -> str:
     return f"{count or 'none'} of {total} cases compared with a finer model{others}"
 
 
-def _near_lines(result: DesignsResult) -> Iterator[str]:
+def _near_lines(result: StudyResult) -> Iterator[str]:
     """How sharply the best design is located, and what is known of the front."""
     if "front" in result["cases"]:
         count = int(result["cases"]["front"].values.sum())
@@ -93,7 +93,7 @@ def _near_lines(result: DesignsResult) -> Iterator[str]:
         yield f"the best {parameter_label(path)} is an end of its range; a wider range may have a better one"
 
 
-def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
+def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
     """The probability of exceeding the limits, and what each number has to do with it."""
     p, variation = of["probability"], of["coefficient_of_variation"]
     lines = []
@@ -110,7 +110,7 @@ def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
     return Screen(verdict, list(_random_rows(result)), [*lines, _comparison(result)])
 
 
-def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
+def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
     """The numbers that scatter, the most important one first."""
     if "random_numbers" not in result.datasets:
         return
@@ -127,7 +127,7 @@ def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
         }  # fmt: skip
 
 
-def _judged(result: DesignsResult) -> str:
+def _judged(result: StudyResult) -> str:
     """How many cases there are and how many meet the limits."""
     s = result.summary
     sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
@@ -139,7 +139,7 @@ def _judged(result: DesignsResult) -> str:
     return f"{cases}{solved}{failed}{passing}"
 
 
-def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
+def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
     """The populations of a response of a sample, and the parameters that it depends on most."""
     called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
     if "populations" in of:
@@ -154,7 +154,7 @@ def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterato
         yield f"variance of {called}: {ranked}" if result.kind == "sobol" else f"{called} goes with {ranked}"
 
 
-def _swing_rows(result: DesignsResult, names: Sequence[str]) -> Iterator[dict[str, str]]:
+def _swing_rows(result: StudyResult, names: Sequence[str]) -> Iterator[dict[str, str]]:
     """Responses of the scenario as it is, and their ranges with each parameter; that of the largest first one first."""
     swings = {name: result.summary["sensitivity"][name] for name in names if name in result.summary["sensitivity"]}
     of = {name: (result.units[name], _response_label(result, name)) for name in swings}
@@ -168,7 +168,7 @@ def _swing_rows(result: DesignsResult, names: Sequence[str]) -> Iterator[dict[st
         yield {"": parameter_label(path)} | ranges
 
 
-def _populations(result: DesignsResult, name: str, of: Mapping[str, Any]) -> str:
+def _populations(result: StudyResult, name: str, of: Mapping[str, Any]) -> str:
     """The populations that values are in."""
     unit, groups = result.units[name], of["populations"]
     ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {counted(g['cases'], 'case')}" for g in groups]
@@ -184,7 +184,7 @@ def _odds(of: Mapping[str, Any]) -> str:
     return f"{share} % (95 % interval {low} to {high} %)"
 
 
-def _limit_lines(result: DesignsResult) -> Iterator[str]:
+def _limit_lines(result: StudyResult) -> Iterator[str]:
     compared = result.summary.get("margins", {})
     for item, (name, of) in zip(compared.values(), margins(result, compared).items(), strict=True):
         at, most = f" at {of['at']}" if of["at"] else "", ""
@@ -205,7 +205,7 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
         yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
 
 
-def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
+def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
     """A response with its ends and the parameters there."""
     row, unit = {"": _response_label(result, name)}, result.units[name]
     if "mean" in of:  # of a sample
@@ -217,7 +217,7 @@ def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[
     return row
 
 
-def _decisive(result: DesignsResult) -> list[str]:
+def _decisive(result: StudyResult) -> list[str]:
     """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
@@ -225,14 +225,14 @@ def _decisive(result: DesignsResult) -> list[str]:
     return list(dict.fromkeys(name for each in asked for name in result.responses if means(each, name)))
 
 
-def _parameters(result: DesignsResult, values: Mapping[str, Any]) -> dict[str, str]:
+def _parameters(result: StudyResult, values: Mapping[str, Any]) -> dict[str, str]:
     return {
         parameter_label(path): value if isinstance(value, str) else amount(value, result.units.get(path, "1"))
         for path, value in values.items()
     }
 
 
-def _passing(result: DesignsResult, passing: int) -> str:
+def _passing(result: StudyResult, passing: int) -> str:
     every = "every limit" if len(result.limits) > 1 else "the limit"
     if "tolerances" in result.summary:
         quantile = result.summary["tolerances"]["quantile"]
@@ -240,7 +240,7 @@ def _passing(result: DesignsResult, passing: int) -> str:
     return f"{passing} of {result.count} cases meet {every}" if passing else f"no case meets {every}"
 
 
-def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+def _best_rows(result: StudyResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     """The first of the best cases."""
     known, rows = result["cases"].by_label("objective_value"), []
     for item in best[:MOST_BEST]:
@@ -259,7 +259,7 @@ def _share(index: float) -> str:
     return f"{100 * max(index, 0.0):.0f} %"
 
 
-def _response_label(result: DesignsResult, name: str) -> str:
+def _response_label(result: StudyResult, name: str) -> str:
     """Place and quantity of a response; the curve of a sweep where there are several."""
     *path, quantity = name.split("/")  # [curve,] [probes, snubbers or outputs, name]
     curves = {each.partition("/")[0] for each in result.responses if each.count("/") == 3}

@@ -11,8 +11,8 @@ from typing import Any
 from beamsim.analyses.continuation.analysis import with_overlay
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
-from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.studies.plan import check_cases, design, fingerprint_of, plan_designs
+from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
@@ -192,7 +192,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any
     check_cases(plan)
     limits = {} if scenario.limits is None else scenario.limits.given
 
-    def same(stored: DesignsResult) -> bool:
+    def same(stored: StudyResult) -> bool:
         return stored["cases"]["fingerprint"].item() == plan.fingerprint and stored.limits == limits
 
     if given.resume and _finished("designs", target, given, same):
@@ -303,7 +303,7 @@ def _design_file(target: Path, name: str) -> Path:
     return target.with_name(f"{target.stem}_{name}.yaml")
 
 
-def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
+def _best_design(result: StudyResult, target: Path) -> Iterator[Path]:
     """Write the best design of a search, or the design point of a probability, as a scenario that can be run."""
     best = result.summary.get("best")
     point = result.summary.get("reliability", {}).get("design_point")

@@ -18,10 +18,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.designs.summary import result_of
+from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.analyses.studies.plan import StudyPlan, check_cases, plan_draws
+from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.summary import result_of
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome
@@ -37,9 +37,9 @@ SAVED_EVERY_S = 30.0  # interval between updates of the result file
 
 
 def stored_study(
-    plan: DesignPlan, journal: Journal, target: Path, *, workers: int = 1, scheduler: str | Cluster | None = None,
+    plan: StudyPlan, journal: Journal, target: Path, *, workers: int = 1, scheduler: str | Cluster | None = None,
     progress: Callable[[float], None] | None = None,
-) -> tuple[DesignsResult, Path]:  # fmt: skip
+) -> tuple[StudyResult, Path]:  # fmt: skip
     """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
 
     The file is written now and then, and with what there is at the end, whatever that is. The journal is removed once
@@ -54,7 +54,7 @@ def stored_study(
 
     Returns
     -------
-    result : DesignsResult
+    result : StudyResult
         Of the cases solved now and before.
     written : Path
         The file that was written: ``target``, or that of a partial result if ``target`` is a complete one.
@@ -105,7 +105,7 @@ def ensemble(
     file: str | Path | None = None,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
-) -> DesignsResult:
+) -> StudyResult:
     """Solve a scenario for every draw of some of its numbers, and tabulate what comes out.
 
     What the draws do not change (mesh, modes, reduction) is built once by every worker. The numbers are the same bits
@@ -125,8 +125,8 @@ def ensemble(
 
     Returns
     -------
-    DesignsResult
-        Of the kind ``draws``; `DesignsResult.table` has the columns. A draw that is no valid scenario or that fails has
+    StudyResult
+        Of the kind ``draws``; `StudyResult.table` has the columns. A draw that is no valid scenario or that fails has
         no responses (nan); ``failure`` of ``cases`` says why.
 
     Raises

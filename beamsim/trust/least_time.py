@@ -18,7 +18,7 @@ from beamsim.scenario.studies import Reliability
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 
 if TYPE_CHECKING:  # a run alone needs no studies
-    from beamsim.analyses.designs.plan import DesignPlan
+    from beamsim.analyses.studies.plan import StudyPlan
     from beamsim.scenario.studies import VariedParameter
 
 PERIOD_S = 1e-7  # of a run: a period of the highest excitation frequency
@@ -98,7 +98,7 @@ def least_time_of_sweep(scenario: Scenario) -> LeastTime:
     return LeastTime((levels, Count(sweep.cycles, "cycles", ("sweep.rate",))), CYCLE_S)
 
 
-def least_time_of_study(plan: DesignPlan, known: int = 0) -> LeastTime:
+def least_time_of_study(plan: StudyPlan, known: int = 0) -> LeastTime:
     """That of the cases of a study; a search or a study of reliability may end after the first of them.
 
     Parameters
@@ -125,7 +125,7 @@ def least_time_of_study(plan: DesignPlan, known: int = 0) -> LeastTime:
     return LeastTime((cases, *case.counts), case.each_s)
 
 
-def _least_of_cases(plan: DesignPlan) -> LeastTime | None:
+def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
     """The least time of a case: of some cases where they differ in what is counted; None where that is not known."""
     least = least_time_of_run if plan.study.analysis == "run" else least_time_of_sweep
     tolerated = [parameter.number for parameter in plan.study.realisations.parameters]

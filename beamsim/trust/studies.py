@@ -18,17 +18,17 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.cases import CaseOutcome, Ended, Evaluator, failed_case, unsettled
-from beamsim.analyses.designs.layouts import RUNS
-from beamsim.analyses.designs.objectives import objectives
-from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, design, plan_designs
-from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
-from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.designs.search import search
-from beamsim.analyses.designs.summary import result_of
-from beamsim.analyses.designs.table import worth_comparing
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.studies.cases import CaseOutcome, Ended, Evaluator, failed_case, unsettled
+from beamsim.analyses.studies.layouts import RUNS
+from beamsim.analyses.studies.objectives import objectives
+from beamsim.analyses.studies.plan import Case, Study, StudyPlan, check_cases, design, plan_designs
+from beamsim.analyses.studies.reliability import Exceedance, asked, concluded
+from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
+from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.search import search
+from beamsim.analyses.studies.summary import result_of
+from beamsim.analyses.studies.table import worth_comparing
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.labelled import Dataset, LabelledArray
@@ -52,7 +52,7 @@ def solve_case(
     Parameters
     ----------
     scenario : of the case.
-    analysis : one of `beamsim.analyses.designs.plan.ANALYSES`.
+    analysis : one of `beamsim.analyses.studies.plan.ANALYSES`.
     entries : of the summary of a run that are needed, by default all; outcome, warnings and margins are the same.
     shared : keeps what cases have in common.
 
@@ -111,7 +111,7 @@ def _of_entry(response: str) -> str:
 
 
 def design_study(
-    scenario: Scenario | DesignPlan,
+    scenario: Scenario | StudyPlan,
     *,
     workers: int = 1,
     scheduler: str | Cluster | None = None,
@@ -119,7 +119,7 @@ def design_study(
     each: Callable[[CaseOutcome], None] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
-) -> DesignsResult:
+) -> StudyResult:
     """Solve every case of a scenario with ``vary`` or ``optimise``.
 
     The result does not depend on the number or kind of workers, or on which outcomes were known before. Each case has
@@ -142,7 +142,7 @@ def design_study(
 
     Returns
     -------
-    DesignsResult
+    StudyResult
         Of a search with what the runs of the best design and of the scenario as it is show.
 
     Raises
@@ -155,7 +155,7 @@ def design_study(
         If its cases would take longer than `beamsim.allowing_hours` allows.
     """
     begin = clock.perf_counter()
-    if isinstance(scenario, DesignPlan):
+    if isinstance(scenario, StudyPlan):
         plan = scenario
     else:
         plan = plan_designs(scenario)
@@ -185,7 +185,7 @@ def design_study(
         return _with_runs(result if histories is None else concluded(result, histories))
 
 
-def _evaluated(plan: DesignPlan, evaluate: Evaluator, progress: Progress) -> tuple[Outcome | None, Exceedance | None]:
+def _evaluated(plan: StudyPlan, evaluate: Evaluator, progress: Progress) -> tuple[Outcome | None, Exceedance | None]:
     """Solve the cases of a plan and compare those that decide: why a search ended, and what histories say."""
     ended: Outcome | None = None
     histories: Exceedance | None = None
@@ -203,7 +203,7 @@ def _evaluated(plan: DesignPlan, evaluate: Evaluator, progress: Progress) -> tup
     return (unsettled(plan.most) if evaluate.ended == "most_cases" else ended), histories
 
 
-def _with_runs(result: DesignsResult) -> DesignsResult:
+def _with_runs(result: StudyResult) -> StudyResult:
     """A search with what the runs of its best design and of the scenario as it is show; any other study as it is."""
     if result.kind != "optimise" or not result.finished or "best" not in result.summary:
         return result
@@ -257,7 +257,7 @@ def _hit_hardest(forces: Mapping[str, LabelledArray]) -> tuple[str, LabelledArra
     return max(forces.items(), key=lambda item: float(np.max(np.abs(item[1].values))), default=("", None))
 
 
-def _concerning(result: DesignsResult, doubts: Iterable[str]) -> list[str]:
+def _concerning(result: StudyResult, doubts: Iterable[str]) -> list[str]:
     """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
     asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
     asked |= {limited(name)[0].entry for name in result["cases"].labels("limit")}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.plan import design
+from beamsim.analyses.studies.plan import design
 from beamsim.trust.studies import CaseSolver, design_study
 from tests.fabricated import solved_case
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from beamsim.analyses.designs import sampling
-from beamsim.analyses.designs.cases import CaseOutcome
+from beamsim.analyses.studies import sampling
+from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import load_scenario

@@ -133,7 +133,7 @@ def test_off_and_studies():
     unchecked = beamsim.run(harmonic_beam(run={"convergence": "off"}))
     assert unchecked.summary["convergence"] == {}
     assert any(text.split() == ["reason", "not", "asked", "for"] for _, text in table_rows(unchecked))
-    from beamsim.analyses.designs.plan import Case, plan_designs
+    from beamsim.analyses.studies.plan import Case, plan_designs
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
     study, case = plan_designs(harmonic_beam(vary=vary)).study, Case(0, (1e5,))

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from beamsim.analyses.designs.plan import latin_hypercube, sobol
-from beamsim.analyses.designs.statistics import sensitivities
+from beamsim.analyses.studies.plan import latin_hypercube, sobol
+from beamsim.analyses.studies.statistics import sensitivities
 from beamsim.scenario.studies import VariedParameter
 
 pytestmark = pytest.mark.quick

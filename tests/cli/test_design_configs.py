@@ -6,7 +6,7 @@ from scipy.stats import spearmanr
 from shipped import PATHS, shipped
 
 import beamsim
-from beamsim.analyses.designs.plan import design
+from beamsim.analyses.studies.plan import design
 from beamsim.trust.studies import design_study
 
 CONFIGS = PATHS[0].parent

@@ -7,8 +7,8 @@ import pytest
 from shipped import PATHS, shipped
 
 import beamsim
-from beamsim.analyses.designs.plan import plan_draws
-from beamsim.analyses.designs.responses import responses_of_result
+from beamsim.analyses.studies.plan import plan_draws
+from beamsim.analyses.studies.responses import responses_of_result
 from beamsim.outcomes import asked_by
 from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.store.studies import journal_path, opened_journal, stored_study

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
-from beamsim.analyses.designs.plan import check_cases, plan_designs
-from beamsim.analyses.designs.responses import place_of, quantity_of
+from beamsim.analyses.studies.plan import check_cases, plan_designs
+from beamsim.analyses.studies.responses import place_of, quantity_of
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load

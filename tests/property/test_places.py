@@ -11,9 +11,9 @@ from rewritten import histories
 
 import beamsim
 from beamsim.analyses.compare_modes.analysis import compare_modes, read_shapes
-from beamsim.analyses.designs.plan import check_cases, plan_designs, plan_draws
 from beamsim.analyses.identify.analysis import mode_shapes
 from beamsim.analyses.identify.fit import sought_numbers
+from beamsim.analyses.studies.plan import check_cases, plan_designs, plan_draws
 from beamsim.errors import ScenarioError
 from beamsim.responses.parameters import response_model
 from beamsim.scenario import Scenario, load_scenario

@@ -5,8 +5,8 @@ from functools import partial
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import Evaluator, failed_case
-from beamsim.analyses.designs.plan import plan_draws
+from beamsim.analyses.studies.cases import Evaluator, failed_case
+from beamsim.analyses.studies.plan import plan_draws
 from beamsim.outcomes import asked_by
 from beamsim.parallel import Computation, working
 from beamsim.scenario import load_scenario

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.plan import Case, plan_draws
+from beamsim.analyses.studies.plan import Case, plan_draws
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import load_scenario
 from beamsim.scenario.units import STANDARD_GRAVITY

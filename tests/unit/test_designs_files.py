@@ -9,14 +9,14 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.plan import plan_designs, plan_draws
-from beamsim.analyses.designs.summary import result_of
+from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.analyses.studies.plan import plan_designs, plan_draws
+from beamsim.analyses.studies.summary import result_of
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.outcomes import Outcome, OutcomeKind
-from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.drawing import save_figures
+from beamsim.plots.studies import design_figures, shown_quantities
 from beamsim.scenario import load_scenario
 from beamsim.store.results import write_result
 from beamsim.store.studies import journal_path, opened_journal

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseOutcome
+from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.store.studies import journal_path, opened_journal
 from beamsim.trust.studies import CaseSolver
 
@@ -130,7 +130,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
 
 def test_failed_draws_are_counted_and_the_others_kept(scenario, monkeypatch):
     """Of many draws only a selection is checked beforehand; a bad one among the others costs its row alone."""
-    monkeypatch.setattr("beamsim.analyses.designs.plan.MOST_CHECKED", 10)
+    monkeypatch.setattr("beamsim.analyses.studies.plan.MOST_CHECKED", 10)
     stiffness = np.full(25, 1e3)
     stiffness[1] = -1.0
     result = beamsim.ensemble(scenario, {"chain.snubbers.stop.stiffness": stiffness}, ["contacts"])

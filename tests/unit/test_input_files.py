@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.studies.plan import plan_designs
 from beamsim.cli.html_report import sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

@@ -7,7 +7,7 @@ import pytest
 from commands import invoke
 
 import beamsim
-from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.studies.plan import plan_designs
 from beamsim.errors import TooLongError, allowed_hours, allowing_hours
 from beamsim.trust.least_time import least_time_of_run, least_time_of_study, least_time_of_sweep
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.responses import means
+from beamsim.analyses.studies.responses import means
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.scenario import load_scenario

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.studies.plan import plan_designs
 from beamsim.inputs.density import SpectralDensity
 from beamsim.inputs.excitation import random_signals
 from beamsim.scenario import load_scenario

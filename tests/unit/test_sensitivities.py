@@ -7,7 +7,7 @@ import pytest
 
 import beamsim
 from beamsim import load_scenario
-from beamsim.analyses.designs.responses import run_responses
+from beamsim.analyses.studies.responses import run_responses
 from beamsim.cli.motions import run_screen
 from beamsim.plots.run import run_figures
 from beamsim.scenario.parameters import with_values

@@ -21,9 +21,9 @@ import numpy as np
 from beamsim.analyses.coexisting.result import DISTURBANCES, MOTIONS, STARTS, CoexistingResult
 from beamsim.analyses.continuation.analysis import largest_values, motion_warnings, response
 from beamsim.analyses.continuation.tables import MeasuredBranch, response_datasets
-from beamsim.analyses.designs.cases import CaseOutcome, Ended, Evaluator, failed_case
-from beamsim.analyses.designs.plan import Case
-from beamsim.analyses.designs.statistics import probability
+from beamsim.analyses.studies.cases import CaseOutcome, Ended, Evaluator, failed_case
+from beamsim.analyses.studies.plan import Case
+from beamsim.analyses.studies.statistics import probability
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.periodic_flow import PeriodicFlow

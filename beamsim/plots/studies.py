@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from beamsim.analyses.designs.objectives import objectives
-from beamsim.analyses.designs.plan import ParameterColumn
-from beamsim.analyses.designs.responses import means, place_of, quantity_of
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.designs.statistics import varies
+from beamsim.analyses.studies.objectives import objectives
+from beamsim.analyses.studies.plan import ParameterColumn
+from beamsim.analyses.studies.responses import means, place_of, quantity_of
+from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.statistics import varies
 from beamsim.labelled import Dataset
 from beamsim.plots.drawing import (
     DARK,
@@ -52,7 +52,7 @@ NAMED = {
 }
 
 
-def shown_quantities(result: DesignsResult) -> list[str]:
+def shown_quantities(result: StudyResult) -> list[str]:
     """The quantities to plot, by importance: those that vary."""
     known = dict.fromkeys(map(_quantity, result.responses))
     ranked = [q for q in SHOWN if q in known] + [q for q in known if _peak_of_output(q)]
@@ -65,7 +65,7 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     return varying[:MOST_PANELS] or ranked[:1]
 
 
-def response_curves(result: DesignsResult, quantity: str) -> Chart:
+def response_curves(result: StudyResult, quantity: str) -> Chart:
     """A quantity at every place where it is known, over the first parameter, with its limit and the range within the
     tolerances."""
     parameter = result.parameters[0]
@@ -87,13 +87,13 @@ def response_curves(result: DesignsResult, quantity: str) -> Chart:
     return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, parameter), more=bands)
 
 
-def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
+def _limit_level(result: StudyResult, quantity: str) -> list[Guide]:
     limit = _limit(result, quantity)
     return [] if limit is None else [Guide("limit", limit, {"color": RED, "linewidth": 1.4})]
 
 
 def plot_response_map(
-    result: DesignsResult, ax: Axes, name: str, at: tuple[int, ...] = (), best: int | None = None
+    result: StudyResult, ax: Axes, name: str, at: tuple[int, ...] = (), best: int | None = None
 ) -> None:
     """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
@@ -161,7 +161,7 @@ def _write_words(ax: Axes, parameter: ParameterColumn) -> None:
         ax.set_xticks(np.arange(len(words)), words)
 
 
-def plot_sensitivity(result: DesignsResult, ax: Axes, name: str) -> None:
+def plot_sensitivity(result: StudyResult, ax: Axes, name: str) -> None:
     """What a response depends on, the most important parameter first.
 
     These are Sobol' indices with their 95 % intervals, ranges over each parameter alone (a tornado), or rank
@@ -221,7 +221,7 @@ def _importance(of: Mapping[str, Any]) -> float:
     return abs(float(of["total_order"] if "total_order" in of else of["rank_correlation"]))
 
 
-def histogram(result: DesignsResult, name: str, values: Floats, of: Mapping[str, Any]) -> Chart:
+def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, Any]) -> Chart:
     """How many cases have which value, a colour for each population, with the limit and the quantiles that are known.
 
     Parameters
@@ -257,7 +257,7 @@ def histogram(result: DesignsResult, name: str, values: Floats, of: Mapping[str,
     return Chart((_titled(name), unit), (what, ""), curves, more=more, y_ends=(0.0, None))
 
 
-def _histograms(result: DesignsResult, quantities: Sequence[str]) -> Iterator[Chart]:
+def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Chart]:
     """Of the responses that are shown of a sample, or of the best case within tolerances."""
     scatter = result.summary.get("scatter", {})
     said = scatter.get("responses", result.summary["responses"])
@@ -269,7 +269,7 @@ def _histograms(result: DesignsResult, quantities: Sequence[str]) -> Iterator[Ch
             yield histogram(result, name, values, of)
 
 
-def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
+def response_scatter(result: StudyResult, k: int, quantity: str) -> Chart:
     """A quantity (at its worst place) of every case over parameter k; cases beyond the limit are marked."""
     parameter = result.parameters[k]
     along, label = _axis(parameter)
@@ -288,7 +288,7 @@ def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
     )
 
 
-def _judgement(result: DesignsResult) -> str:
+def _judgement(result: StudyResult) -> str:
     """What a study with tolerances shows."""
     tolerances = result.summary.get("tolerances")
     if tolerances is None:
@@ -299,7 +299,7 @@ def _judgement(result: DesignsResult) -> str:
     return f"   ({which} of {tolerances['realisations']} realisations within the tolerances)"
 
 
-def design_figures(result: DesignsResult) -> dict[str, Picture]:
+def design_figures(result: StudyResult) -> dict[str, Picture]:
     """All pictures of this study; the key is the last part of the file name."""
     if result.kind == "reliability":
         return {"probability": _probability(result)} if "rounds" in result.datasets else {}
@@ -338,7 +338,7 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     return figures
 
 
-def search_chart(result: DesignsResult, objective: str) -> Chart:
+def search_chart(result: StudyResult, objective: str) -> Chart:
     """One objective of every design in the order in which they were tried, and the best one up to there."""
     values, number = (
         result["cases"]["objective_value"].sel(objective=objective).values,
@@ -358,7 +358,7 @@ def search_chart(result: DesignsResult, objective: str) -> Chart:
     return Chart(("Number of the design", ""), _axis_of(result, objective), curves if result.limits else curves[1:])
 
 
-def front_chart(result: DesignsResult, across: str, up: str) -> Chart:
+def front_chart(result: StudyResult, across: str, up: str) -> Chart:
     """Two objectives of all designs that meet every limit, and the front of those that none is better than in both.
 
     Parameters
@@ -382,19 +382,19 @@ def front_chart(result: DesignsResult, across: str, up: str) -> Chart:
     return Chart(_axis_of(result, across), _axis_of(result, up), curves)
 
 
-def _passing(result: DesignsResult) -> Bools:
+def _passing(result: StudyResult) -> Bools:
     """(cases,) which meet every limit; all without limits."""
     cases = result["cases"]
     return cases["passing"].values if "passing" in cases else np.ones(result.count, dtype=bool)
 
 
-def _axis_of(result: DesignsResult, objective: str) -> tuple[str, str]:
+def _axis_of(result: StudyResult, objective: str) -> tuple[str, str]:
     """What is to be large or small, and its unit."""
     text = objective.replace("_", " ")
     return text[:1].upper() + text[1:], result["cases"]["objective_value"].sel(objective=objective).unit
 
 
-def _searched(result: DesignsResult) -> dict[str, Picture]:
+def _searched(result: StudyResult) -> dict[str, Picture]:
     """The pictures that only searches have: designs in their order, the front, and the run of the best design."""
     aims = result["cases"].labels("objective") if result.kind == "optimise" else []
     panels = [search_chart(result, aim) for aim in aims]
@@ -407,7 +407,7 @@ def _searched(result: DesignsResult) -> dict[str, Picture]:
     return figures
 
 
-def _run_charts(result: DesignsResult, runs: Dataset) -> Iterator[Chart]:
+def _run_charts(result: StudyResult, runs: Dataset) -> Iterator[Chart]:
     """The motions and the contact forces of the best design and of the scenario as it is."""
     styles = {"as_it_is": {"color": PALE, "linestyle": "-"}, "best": {"color": DARK, "linestyle": "-"}}
     of = dict(sorted(runs.groups("sample_design").items()))  # the best one in front
@@ -427,7 +427,7 @@ def _run_charts(result: DesignsResult, runs: Dataset) -> Iterator[Chart]:
         yield Chart(("Time", "s"), ("Contact force", runs["force"].unit), lines, levels)
 
 
-def _probability(result: DesignsResult) -> Picture:
+def _probability(result: StudyResult) -> Picture:
     """The probability over the number of histories, and what each number has to do with it."""
     rounds, names = result["rounds"], ("histories", "level", "probability", "variation")
     x, level, p, v = (rounds[name].values.astype(float) for name in names)
@@ -449,7 +449,7 @@ def _probability(result: DesignsResult) -> Picture:
     return Picture(title, panels, len(panels), (5.0 * len(panels), 3.6))
 
 
-def _plot_importance(result: DesignsResult, ax: Axes) -> None:
+def _plot_importance(result: StudyResult, ax: Axes) -> None:
     """Bars of the importance of the numbers that scatter, with their values at the design point."""
     numbers = result["random_numbers"]
     order = np.argsort(numbers["importance"].values, kind="stable")[-MOST_BARS:]
@@ -466,7 +466,7 @@ def _plot_importance(result: DesignsResult, ax: Axes) -> None:
     finish(ax, "Importance (%)", "")
 
 
-def _explained(result: DesignsResult, quantities: Sequence[str]) -> list[str]:
+def _explained(result: StudyResult, quantities: Sequence[str]) -> list[str]:
     """The responses whose dependence on the parameters is drawn: those of the quantities that are shown, or others."""
     known = [name for name, of in result.summary.get("sensitivity", {}).items() if of]
     return ([name for q in quantities for name in _of(result, q) if name in known] or known)[:MOST_PANELS]
@@ -478,7 +478,7 @@ def _grid(title: str, panels: Sequence[Any], columns: int, height: float, width:
     return Picture(title, panels, columns, (max(width * columns, 6.4), height * -(-len(panels) // columns)))
 
 
-def axes_of_grid(result: DesignsResult) -> list[ParameterColumn]:
+def axes_of_grid(result: StudyResult) -> list[ParameterColumn]:
     """The parameters of a grid with their values along its axes."""
     each = enumerate(result.parameters)
     return [
@@ -487,7 +487,7 @@ def axes_of_grid(result: DesignsResult) -> list[ParameterColumn]:
     ]
 
 
-def _map(result: DesignsResult, name: str, at: tuple[int, ...], best: int | None) -> Any:
+def _map(result: StudyResult, name: str, at: tuple[int, ...], best: int | None) -> Any:
     """One response over the first two parameters; of two that are numbers a map that pages can show, too."""
     plot = partial(plot_response_map, result, name=name, at=at, best=best)
     axes = axes_of_grid(result)
@@ -499,7 +499,7 @@ def _map(result: DesignsResult, name: str, at: tuple[int, ...], best: int | None
     return HeatMap(across, up, (words, result.units[name]), x, y, result.judged(name).reshape(result.shape).T, plot)
 
 
-def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
+def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
     """Of all parameters but the first two, numbers of the values at which maps are shown.
 
     The third takes up to `MOST_SLICES` of its values, the others that of the best case, or their middle.
@@ -512,7 +512,7 @@ def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
     return [(k, *map(int, fixed[1:])) for k in sorted(along)]
 
 
-def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
+def _band(result: StudyResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
     """The smallest and largest value of each case within the tolerances."""
     realised = _realised(result)
     values = next(
@@ -521,7 +521,7 @@ def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Flo
     return None if values is None else (values.min(axis=1), values.max(axis=1))
 
 
-def _realised(result: DesignsResult) -> dict[str, Floats]:
+def _realised(result: StudyResult) -> dict[str, Floats]:
     """(cases, realisations) values of the responses within tolerances; none without tolerances."""
     if "realisations" not in result.datasets:
         return {}
@@ -540,17 +540,17 @@ def _peak_of_output(quantity: str) -> str:
     return name if of == OUTPUT.name else ""
 
 
-def _of(result: DesignsResult, quantity: str) -> list[str]:
+def _of(result: StudyResult, quantity: str) -> list[str]:
     """Names of the responses of a quantity."""
     return [name for name in result.responses if _quantity(name) == quantity]
 
 
-def _unit(result: DesignsResult, quantity: str) -> str:
+def _unit(result: StudyResult, quantity: str) -> str:
     """Unit of a quantity."""
     return result.units[_of(result, quantity)[0]]
 
 
-def _curves(result: DesignsResult, quantity: str) -> Iterator[tuple[str, Floats]]:
+def _curves(result: StudyResult, quantity: str) -> Iterator[tuple[str, Floats]]:
     for name in _of(result, quantity):
         values, place = result.responses[name].values, place_of(name)
         if values.ndim == 1:
@@ -584,7 +584,7 @@ def _value_text(parameter: ParameterColumn, k: int) -> str:
     return f"{parameter.values[k] * scale_for(parameter.unit, parameter.values.astype(float), digits=3).factor:.3g}"
 
 
-def _log(result: DesignsResult, parameter: ParameterColumn) -> str:
+def _log(result: StudyResult, parameter: ParameterColumn) -> str:
     """The letter of the axis across, where the values are spread so that it is logarithmic; of a search those asked
     for, as designs crowd where they are good."""
     if not parameter.numeric:
@@ -600,7 +600,7 @@ def _log(result: DesignsResult, parameter: ParameterColumn) -> str:
     return "x" if float(np.ptp(ratios) / ratios.mean()) < float(np.ptp(steps) / steps.mean()) else ""
 
 
-def _limit(result: DesignsResult, quantity: str) -> float | None:
+def _limit(result: StudyResult, quantity: str) -> float | None:
     if output := _peak_of_output(quantity):
         return result.limits.get(f"{OUTPUT.limit}.{output}")
     return result.limits.get(BY_NAME[quantity].limit)

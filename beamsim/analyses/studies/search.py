@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.designs.cases import Evaluator, unsettled
-from beamsim.analyses.designs.objectives import objectives
-from beamsim.analyses.designs.plan import DesignPlan, distributed
-from beamsim.analyses.designs.responses import means
-from beamsim.analyses.designs.table import costs
+from beamsim.analyses.studies.cases import Evaluator, unsettled
+from beamsim.analyses.studies.objectives import objectives
+from beamsim.analyses.studies.plan import StudyPlan, distributed
+from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.table import costs
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise, Value
@@ -28,7 +28,7 @@ RESOLUTION = 1e-3  # of the ranges, to which the best design is located
 SETTLED = 0.01  # relative change of the area below a front in the last quarter of its generations
 
 
-def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
+def search(plan: StudyPlan, evaluate: Evaluator) -> Outcome:
     """Try designs until the best one, or the front of two objectives, is found.
 
     Parameters
@@ -55,7 +55,7 @@ def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
 class _Designs:
     """Costs of designs, each solved once."""
 
-    def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
+    def __init__(self, plan: StudyPlan, evaluate: Evaluator) -> None:
         self.plan, self.evaluate = plan, evaluate
         self.known: dict[tuple[Value, ...], tuple[Floats, float]] = {}
         self.points: dict[tuple[Value, ...], Floats] = {}  # of the unit cube

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
-from beamsim.analyses.designs.plan import Case
+from beamsim.analyses.studies.plan import Case
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.results.values import Margins
 from beamsim.scenario.studies import Value

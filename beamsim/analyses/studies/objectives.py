@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.designs.responses import describe, means
+from beamsim.analyses.studies.responses import describe, means
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import Dimension, UnitError, read_quantity

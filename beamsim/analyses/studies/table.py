@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.objectives import Objective, deciding, judged, objectives, of_realisation
-from beamsim.analyses.designs.plan import DesignPlan
+from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.analyses.studies.objectives import Objective, deciding, judged, objectives, of_realisation
+from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.outcomes import OnLimit, OutcomeKind
 from beamsim.results.values import margin_of
 from beamsim.typing import Bools, Floats, Ints
@@ -50,7 +50,7 @@ class StudyTable:
     outcomes : by index, the realisations of a case after each other; may be those of some cases only.
     """
 
-    plan: DesignPlan
+    plan: StudyPlan
     outcomes: Mapping[int, CaseOutcome]
 
     @cached_property
@@ -277,7 +277,7 @@ def efficient(values: Floats, among: Bools) -> Bools:
     return np.asarray(among & (points[1] < least)[place.ravel()])
 
 
-def table_of(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable:
+def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable:
     """The table of a study; of a search that of the cases up to the first of which a realisation is not known."""
     if not plan.searches:
         return StudyTable(plan, outcomes)
@@ -287,7 +287,7 @@ def table_of(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTabl
     return StudyTable(plan.of([kept[k * count].given for k in range(number)]), kept)
 
 
-def costs(plan: DesignPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
+def costs(plan: StudyPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
     """What a search makes small, and by how much limits are exceeded.
 
     Parameters
@@ -314,7 +314,7 @@ def costs(plan: DesignPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Fl
     return known[0], known[1]
 
 
-def worth_comparing(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> list[int]:
+def worth_comparing(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> list[int]:
     """Which cases decide and are not compared with a finer model yet.
 
     They are the best case (of a front those that are listed), the worst one of each limit, and all that are closer to

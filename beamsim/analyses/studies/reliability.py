@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.designs import sampling
-from beamsim.analyses.designs.cases import Ended, Evaluator
-from beamsim.analyses.designs.layouts import RANDOM_NUMBERS, ROUNDS
-from beamsim.analyses.designs.plan import DesignPlan, mixing
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.designs.statistics import probability
-from beamsim.analyses.designs.table import costs
+from beamsim.analyses.studies import sampling
+from beamsim.analyses.studies.cases import Ended, Evaluator
+from beamsim.analyses.studies.layouts import RANDOM_NUMBERS, ROUNDS
+from beamsim.analyses.studies.plan import StudyPlan, mixing
+from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.statistics import probability
+from beamsim.analyses.studies.table import costs
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import reading
 from beamsim.labelled import Dataset
@@ -46,7 +46,7 @@ OTHER_METHOD = "write method: importance_sampling"
 class Scatter:
     """The numbers that scatter, as functions of independent standard normal variables."""
 
-    def __init__(self, plan: DesignPlan, vary: Reliability) -> None:
+    def __init__(self, plan: StudyPlan, vary: Reliability) -> None:
         numbers = plan.study.varied[: len(vary.parameters)]
         pairs = enumerate(zip(vary.parameters, numbers, strict=True))
         self.data = [_data(plan.scenario, k, *pair) for k, pair in pairs]
@@ -153,7 +153,7 @@ class Exceedance:
         the number needed where the variance falls as one over it, whichever is larger.
     """
 
-    def __init__(self, plan: DesignPlan, evaluate: Evaluator, progress: Progress = None) -> None:
+    def __init__(self, plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> None:
         vary = of_kind(Reliability, plan.scenario.vary)
         self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
         self.inputs = inputs = [item for _, item in inputs_with_seed(plan.scenario.excitation)]
@@ -282,7 +282,7 @@ def importance_sampling(histories: Exceedance) -> None:
 METHODS = {"monte_carlo": monte_carlo, "form": form, "subset": subset, "importance_sampling": importance_sampling}
 
 
-def asked(plan: DesignPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
+def asked(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
     """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
     histories = Exceedance(plan, evaluate, progress)
     with suppress(Ended):
@@ -297,7 +297,7 @@ def asked(plan: DesignPlan, evaluate: Evaluator, progress: Progress = None) -> E
     return histories
 
 
-def concluded(result: DesignsResult, histories: Exceedance) -> DesignsResult:
+def concluded(result: StudyResult, histories: Exceedance) -> StudyResult:
     """The result of the cases with the probability, how sure it is, and what it depends on."""
     from scipy.special import ndtri
 

@@ -110,7 +110,7 @@ def sensitivities(responses: Mapping[str, Floats], count: int) -> tuple[dict[str
 
     Parameters
     ----------
-    responses : (cases,) of the cases of `beamsim.analyses.designs.plan.sobol`, in their order.
+    responses : (cases,) of the cases of `beamsim.analyses.studies.plan.sobol`, in their order.
     count : number of parameters.
 
     Returns

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.objectives import objectives
-from beamsim.analyses.designs.responses import begins_response, limited_response
+from beamsim.analyses.studies.objectives import objectives
+from beamsim.analyses.studies.responses import begins_response, limited_response
 from beamsim.errors import Problem, ScenarioError
 from beamsim.results.values import BY_NAME, parameter_label
 from beamsim.scenario import Scenario
@@ -167,7 +167,7 @@ def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
 
 
 @dataclass(frozen=True)
-class DesignPlan:
+class StudyPlan:
     """The cases to be computed, in order; the realisations of a case within its tolerances follow each other."""
 
     scenario: Scenario
@@ -182,7 +182,7 @@ class DesignPlan:
         """Whether a search asks for the cases one after the other, so that none is known beforehand."""
         return self.kind in ("optimise", "reliability")
 
-    def of(self, rows: Sequence[tuple[Value, ...]]) -> DesignPlan:
+    def of(self, rows: Sequence[tuple[Value, ...]]) -> StudyPlan:
         """The same plan for cases with these values of the varied parameters."""
         each = product(rows, range(self.study.realisations.count))
         return replace(self, cases=tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each)))
@@ -209,7 +209,7 @@ class DesignPlan:
         return getattr(getattr(self.scenario, self.study.section), "convergence", None)
 
 
-def plan_designs(scenario: Scenario) -> DesignPlan:
+def plan_designs(scenario: Scenario) -> StudyPlan:
     """List the cases of a scenario with ``vary``.
 
     Raises
@@ -252,7 +252,7 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
 
 def plan_draws(
     scenario: Scenario, draws: Mapping[str, Sequence[Value] | NDArray[Any]], responses: Sequence[str] = ()
-) -> DesignPlan:
+) -> StudyPlan:
     """List the cases of an ensemble: one for each draw of the numbers.
 
     Parameters
@@ -263,7 +263,7 @@ def plan_draws(
 
     Returns
     -------
-    DesignPlan
+    StudyPlan
 
     Raises
     ------
@@ -302,7 +302,7 @@ def _listed(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, li
     return listed
 
 
-def check_cases(plan: DesignPlan) -> None:
+def check_cases(plan: StudyPlan) -> None:
     """Check that the scenario of each case is valid; of many cases only an evenly spaced selection.
 
     Raises
@@ -376,7 +376,7 @@ def _plan(
     columns: list[list[Value]],
     asked: tuple[str, ...],
     realisations: Realisations,
-) -> DesignPlan:
+) -> StudyPlan:
     _refuse_names_of_responses(scenario, varied)
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
     case = _case(scenario, varied)
@@ -389,7 +389,7 @@ def _plan(
     study = Study(analysis, replaced(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
     points = tuple(map(len, columns)) if kind == "grid" else ()
-    return DesignPlan(scenario, kind, points, study, (), most).of(rows)
+    return StudyPlan(scenario, kind, points, study, (), most).of(rows)
 
 
 def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:

@@ -10,10 +10,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.layouts import CASES, RANDOM_NUMBERS, REALISATIONS, ROUNDS, RUNS, SOBOL
-from beamsim.analyses.designs.objectives import judged, objectives, worst_of
-from beamsim.analyses.designs.plan import ParameterColumn
-from beamsim.analyses.designs.responses import means
+from beamsim.analyses.studies.layouts import CASES, RANDOM_NUMBERS, REALISATIONS, ROUNDS, RUNS, SOBOL
+from beamsim.analyses.studies.objectives import judged, objectives, worst_of
+from beamsim.analyses.studies.plan import ParameterColumn
+from beamsim.analyses.studies.responses import means
 from beamsim.fields import (
     ByName,
     Entry,
@@ -104,7 +104,7 @@ _SUMMARY = (
 
 
 @declared(repr=False)
-class DesignsResult(Result):
+class StudyResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`: a row a case.
 
     ``result["cases"]`` has parameters, responses, margins and objectives of every case, ``result["realisations"]``

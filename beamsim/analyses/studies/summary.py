@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.designs.cases import CaseOutcome
-from beamsim.analyses.designs.layouts import CASES, REALISATIONS, SOBOL
-from beamsim.analyses.designs.plan import DesignPlan, varied_seeds
-from beamsim.analyses.designs.responses import describe
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.designs.statistics import (
+from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.analyses.studies.layouts import CASES, REALISATIONS, SOBOL
+from beamsim.analyses.studies.plan import StudyPlan, varied_seeds
+from beamsim.analyses.studies.responses import describe
+from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.statistics import (
     probability,
     rank_correlations,
     sensitivities,
@@ -21,7 +21,7 @@ from beamsim.analyses.designs.statistics import (
     swings,
     varies,
 )
-from beamsim.analyses.designs.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
+from beamsim.analyses.studies.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
 from beamsim.labelled import Dataset
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
 from beamsim.results.values import limit_unit, margins_of
@@ -36,8 +36,8 @@ Indices = Mapping[str, Mapping[str, Floats]]
 
 
 def result_of(
-    plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
-) -> DesignsResult:
+    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
+) -> StudyResult:
     """The result of the cases that are solved.
 
     Parameters
@@ -49,7 +49,7 @@ def result_of(
 
     Returns
     -------
-    DesignsResult
+    StudyResult
     """
     table = table_of(plan, outcomes)
     plan, scenario = table.plan, plan.scenario
@@ -64,7 +64,7 @@ def result_of(
         values = {order: np.stack([of[order] for of in indices.values()]) for order in orders}
         parameters = [parameter.path for parameter in plan.parameters]
         datasets["sobol"] = SOBOL.dataset({"response": list(indices), "parameter": parameters, **values})
-    return DesignsResult(
+    return StudyResult(
         scenario=scenario,
         outcome=_outcome(table) if ended is None else ended,
         datasets=datasets,
@@ -285,7 +285,7 @@ def _extremes(table: StudyTable) -> dict[str, Any]:
     return summary
 
 
-def _tolerances(plan: DesignPlan) -> dict[str, Any] | None:
+def _tolerances(plan: StudyPlan) -> dict[str, Any] | None:
     realisations = plan.study.realisations
     if realisations.count == 1:
         return None
@@ -341,7 +341,7 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
 
 
-def _about_seeds(plan: DesignPlan) -> list[str]:
+def _about_seeds(plan: StudyPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
     inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
     amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # of random inputs alone
