@@ -81,7 +81,7 @@ def test_the_free_motion_is_that_of_the_linear_oscillator(result):
 
 
 def test_shares_are_those_of_the_starts_with_the_interval_of_clopper_and_pearson(result):
-    for row, hz in enumerate(result.frequency_hz):
+    for row, hz in enumerate(result["starts"]["frequency_hz"].values):
         motions = [m for m in rows_of(result["motions"]) if m.frequency_hz == hz]
         counted = Counter(result["starts"]["destination"].values[row].tolist())
         assert sum(m.starts for m in motions) + counted[0] == 40
@@ -100,12 +100,12 @@ def test_shares_are_those_of_the_starts_with_the_interval_of_clopper_and_pearson
 
 def test_starts_end_where_own_integration_takes_them(result):
     """A few of them; many are in tests/reference."""
-    row = list(result.frequency_hz).index(HZ)
+    row = list(result["starts"]["frequency_hz"].values).index(HZ)
     states = {m.number: state_of(b) for m, b in here(result, stable=True)}
     ends = result["starts"]["destination"].values[row]
     chosen = [int(np.flatnonzero(ends == number)[0]) for number in states]
     for k in chosen:
-        after = own(result.start[k], PERIOD, 50)[-1]  # phase zero is one of a whole period as well
+        after = own(result["starts"]["start"].values[k], PERIOD, 50)[-1]  # phase zero is one of a whole period as well
         away = {number: np.linalg.norm((after - z) * [OMEGA, 1.0]) for number, z in states.items()}
         assert min(away, key=away.get) == ends[k]
         assert away[ends[k]] < 0.05 * max(away.values())
@@ -148,7 +148,7 @@ def test_the_smallest_impulse_leaves_the_free_motion_and_less_of_it_does_not(res
 def test_up_and_down_lead_to_different_motions():
     history = {"kind": "history", "number": 6, "from": "10 Hz", "to": "20 Hz", "rate": "0.5 Hz/s"}
     result = beamsim.coexisting(case(starts=history, unstable=False), workers=1)
-    came_up = result.start[:, 0] < HZ
+    came_up = result["starts"]["start"].values[:, 0] < HZ
     assert 0 < came_up.sum() < 6
     force = {m.number: peaks_of(b, "stop", "force")[0] for m, b in here(result)}
     for up, number in zip(came_up, result["starts"]["destination"].values[0], strict=True):
@@ -159,7 +159,7 @@ def test_phases_at_switch_on_come_to_the_free_motion_far_above_resonance():
     result = beamsim.coexisting(case(at=["20 Hz"], starts={"kind": "phases", "number": 8}, unstable=False), workers=1)
     ((motion, branch),) = zip(rows_of(result["motions"]), result.branches, strict=True)
     assert (motion.share, peaks_of(branch, "stop", "force")[0]) == (1.0, 0.0)
-    assert 0.0 <= result.start.min() < result.start.max() <= 2 * np.pi
+    assert 0.0 <= result["starts"]["start"].values.min() < result["starts"]["start"].values.max() <= 2 * np.pi
     assert result["starts"]["coordinate_name"].values.tolist() == ["phase"]
 
 
@@ -170,7 +170,7 @@ def test_what_has_not_settled_is_counted_and_said(result):
     assert f"{left} starts did not settle at 14 Hz" in short.status
     assert short.summary["not_settled"] == {"14": left}
     settled = short["starts"]["destination"].values[0] > 0
-    assert short.cycles[0][settled].max() <= 96
+    assert short["starts"]["cycles"].values[0][settled].max() <= 96
     with pytest.raises(NotTrustedError, match="most_cycles"):
         beamsim.coexisting(case(most_cycles=3, unstable=False), workers=1)
 

@@ -74,6 +74,20 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
 
 
 @pytest.mark.slow
+def test_curves_of_folds_name_the_branch_of_their_own_level():
+    """They were numbered within their level."""
+    folds = "{kind: gap, snubber: stop, from: 0.99, to: 1.01}"
+    path = f"from: 0.8 rad/s, to: 0.64 rad/s, levels: [0.1 N, 0.2 N], longest_period: 1, follow_folds_in: {folds}"
+    result = continuation(load_scenario(CHAIN, [f"sweep={{kind: continuation, {path}, seek_at: 0}}"]))
+    assert len(result.fold_curves) == 4
+    for curve in result.fold_curves:
+        branch = curve["branch"].item()
+        assert result["branches"]["level"].values[branch] == curve["level"].item()
+        events = [e.frequency_hz for e in events_of(result, branch) if e.kind == "fold"]
+        assert np.min(np.abs(np.array(events) / curve["start_hz"].item() - 1)) < 1e-9
+
+
+@pytest.mark.slow
 def test_reported_peaks_are_the_largest_of_all_motions(results):
     """A motion of period 2 goes further than those of period 1: 1.961 m against 1.884 m at the first mass."""
     result = results["continuation_folds"]

@@ -53,10 +53,10 @@ def test_nnm_writes_a_file_and_pictures(tmp_path):
     assert all(Path(f).is_file() for f in summary["files"])
     with h5py.File(tmp_path / "nnm_chain_mass_5.h5") as file:
         assert file.attrs["command"] == "nnm"
-        branch, motion = file["points"], file["branches_motion_time"]
+        branch, motion = file["points"], file["motion"]
         assert branch["frequency_hz"].attrs["units"] == "Hz"
         assert branch["initial_displacement"].shape == (summary["points"], 6)
-        assert branch["initial_displacement"].dims[1][0] == branch["position"]
+        assert branch["initial_displacement"].dims[1][0] == branch["station"]
         fifth = motion["probe"].asstr()[()].tolist().index("fifth")
         displacement = motion["displacement"][fifth]
         assert displacement[0] == pytest.approx(displacement[-1], abs=1e-9)

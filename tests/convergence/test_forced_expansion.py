@@ -10,6 +10,7 @@ import pytest
 import beamsim
 from beamsim.analyses.continuation.forced_expansion import compare_forced_expansion
 from beamsim.errors import ScenarioError
+from beamsim.results.branch import each_of
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
@@ -19,44 +20,52 @@ OSCILLATOR = CONFIGS / "ms_forced_oscillator.yaml"
 RANGE = {"sweep.from": "0.5 rad/s", "sweep.to": "0.8 rad/s"}
 
 
+def expanded(scenario):
+    """Of each level the motions by multiple scales, and their differences from exact ones."""
+    found = compare_forced_expansion(scenario)
+    tables = ("multiple_scales_points", "multiple_scales_factors")
+    return list(zip(*(each_of(found["multiple_scales"], found[of], "comparison") for of in tables), strict=True))
+
+
 def test_oscillator_of_the_thesis():
     """e = 0.1: within 5 % (leading) and 0.3 % (first order); orders 1 and 2 as everything small is made smaller."""
-    (c,) = compare_forced_expansion(load_scenario(OSCILLATOR))
-    assert c.mode == 1
-    assert c.factor[0] == 1.0
-    assert c.difference[0, 0] < 0.05
-    assert c.difference[0, 1] < 0.003
-    np.testing.assert_allclose(c.orders[-1], [1.0, 2.0], atol=0.01)
-    assert c.stable.all()
-    assert c.stability_agrees.all()
+    ((motions, differences),) = expanded(load_scenario(OSCILLATOR))
+    assert motions["mode"].item() == 1
+    assert differences["factor"].values[0] == 1.0
+    assert differences["difference"].values[0, 0] < 0.05
+    assert differences["difference"].values[0, 1] < 0.003
+    np.testing.assert_allclose(differences["orders"].values[-2], [1.0, 2.0], atol=0.01)
+    assert np.isnan(differences["orders"].values[-1]).all()  # there is no next factor
+    assert motions["stable"].values.all()
+    assert differences["stability_agrees"].values.all()
     # without a gap the slow flow is linear: a = F / |2 (psi - sigma)|, psi = 1/4 + i/2 in units of e
-    k = int(np.argmax(c.leading["mass"]))
-    assert 2 * np.pi * c.frequency_hz[k] == pytest.approx(1.025, abs=1e-6)
-    assert c.leading["mass"][k] == pytest.approx(1.0, abs=1e-4)  # between two of the 256 samples
-    assert np.interp(1.1, 2 * np.pi * c.frequency_hz, c.leading["mass"]) == pytest.approx(
-        0.5 / np.hypot(0.75, 0.5), rel=1e-3
-    )
+    leading, omega = motions["leading"].sel(probe="mass").values, 2 * np.pi * motions["frequency_hz"].values
+    k = int(np.argmax(leading))
+    assert omega[k] == pytest.approx(1.025, abs=1e-6)
+    assert leading[k] == pytest.approx(1.0, abs=1e-4)  # between two of the 256 samples
+    assert np.interp(1.1, omega, leading) == pytest.approx(0.5 / np.hypot(0.75, 0.5), rel=1e-3)
 
 
 def test_bent_response_with_a_gap():
     """Stable, unstable, stable along the curve through its tip; both orders where the exact motion is near."""
     changes = RANGE | {"chain.snubbers[0].stiffness": 0.3}
-    (c,) = compare_forced_expansion(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
-    flips = np.flatnonzero(np.diff(c.stable.astype(int)))
+    ((motions, differences),) = expanded(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    flips = np.flatnonzero(np.diff(motions["stable"].values.astype(int)))
     assert flips.size == 2
-    found = np.isfinite(c.difference[:, 0])
-    assert c.stability_agrees[found].all()
-    np.testing.assert_allclose(c.orders[-1], [1.0, 2.0], atol=0.03)
+    found = np.isfinite(differences["difference"].values[:, 0])
+    assert differences["stability_agrees"].values[found].all()
+    np.testing.assert_allclose(differences["orders"].values[-2], [1.0, 2.0], atol=0.03)
     # the tip lies on the nonlinear mode's own frequency
-    k = int(np.argmax(c.leading["first"]))
-    assert c.frequency_hz[k] == pytest.approx(c.backbone_hz[k], rel=1e-5)
+    k = int(np.argmax(motions["leading"].sel(probe="first").values))
+    assert motions["frequency_hz"].values[k] == pytest.approx(motions["backbone_hz"].values[k], rel=1e-5)
 
 
 def test_levels_each_have_their_curve():
     changes = RANGE | {"chain.snubbers[0].stiffness": 0.3, "sweep.levels": ["0.05 N", "0.1 N"]}
-    low, high = compare_forced_expansion(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
-    assert (low.level, high.level) == (0.05, 0.1)
-    assert low.leading["first"].max() < high.leading["first"].max()
+    (low, _), (high, _) = expanded(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    assert (low["level"].item(), high["level"].item()) == (0.05, 0.1)
+    first, second = (of["leading"].sel(probe="first").values.max() for of in (low, high))
+    assert first < second
 
 
 def test_steady_spectrum_of_the_thesis():

@@ -65,7 +65,7 @@ def test_80_starts_end_where_dop853_with_events_takes_them():
 def test_the_result_does_not_depend_on_the_workers():
     one, two = (beamsim.coexisting(oscillator(60), workers=workers) for workers in (1, 2))
     np.testing.assert_array_equal(*(each["starts"]["destination"].values for each in (one, two)))
-    np.testing.assert_array_equal(one.cycles, two.cycles)
+    np.testing.assert_array_equal(one["starts"]["cycles"].values, two["starts"]["cycles"].values)
     assert rows_of(one["motions"]) == rows_of(two["motions"])
 
 
@@ -133,7 +133,7 @@ def test_the_five_motions_of_the_duffing_oscillator_and_their_starts(duffing):
     ends = np.array(list(states(duffing).values()))
     names = dict(zip(states(duffing), told_apart(own_sections(ends, 6)), strict=True))
     assert sorted(names.values()) == sorted(NEAR)
-    own = told_apart(own_sections(duffing.start, 170))
+    own = told_apart(own_sections(duffing["starts"]["start"].values, 170))
     assert own == [names[number] for number in duffing["starts"]["destination"].values[0]]
 
 
