@@ -344,6 +344,29 @@ def _taken(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
     return replace(item, attributes=attributes, array=np.compress(own, item.values, axis))
 
 
+def joined(parts: Sequence[Dataset], **values: Any) -> Dataset:
+    """Tables of the same variables as one, the rows of one after those of another.
+
+    Parameters
+    ----------
+    parts : at least one; what is not along the rows is that of the first.
+    values : along the rows, which take the place of their own: first the numbers of the rows, by the name of the
+        dimension.
+
+    Returns
+    -------
+    Dataset
+    """
+    first, dim = parts[0], next(iter(values))
+    items = dict(first.items_by_path)
+    for name, array in first.items():
+        if dim in array.dims:
+            along = array.dims.index(dim)
+            whole = values[name] if name in values else np.concatenate([part[name].values for part in parts], along)
+            items[f"/{first.name}/{name}"] = replace(items[f"/{first.name}/{name}"], array=np.asarray(whole))
+    return Dataset(first.name, items)
+
+
 # --- As it is declared -----------------------------------------------------------------------------------------------
 
 

@@ -155,10 +155,10 @@ def comparison_screen(result: Comparison) -> Screen:
 
 def modes_screen(result: ModeComparison) -> Screen:
     """The pairs of modes."""
-    s = result.summary
+    s, modes = result.summary, result["compared_modes"]
     lowest, apart = f"{s['lowest_mac']:.3f}", percent(s["largest_difference"])
-    verdict = f"contacts {result.contacts}, lowest MAC {lowest}, frequencies within {apart}"
-    return Screen(verdict, _pair_rows(s["pairs"]), [f"shapes of {result.source}, with those of the structure"])
+    verdict = f"contacts {modes['contacts'].item()}, lowest MAC {lowest}, frequencies within {apart}"
+    return Screen(verdict, _pair_rows(s["pairs"]), [f"shapes of {modes['source'].item()}, with those of the structure"])
 
 
 def _delay(c: ChannelComparison) -> str:

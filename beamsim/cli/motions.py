@@ -175,17 +175,17 @@ def sweep_screen(result: SweepResult) -> Screen:
     s, changes = result.summary, Changes(result)
     of = (
         ("peak_force_n", "force", "N", "peak force"), ("peak_displacement_m", "displacement", "m", "displacement"),
-        ("peak_acceleration_g", "acceleration", "g", "acceleration"),
+        ("peak_acceleration_g", "absolute_acceleration", "g", "acceleration"),
     )  # fmt: skip
     rows = []
     for name, curve in result.curves.items():
         level = scale_for(curve.level_unit, curve.level)
         said = f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()
         row = {"": said if level.unit in ("", "g") else f"{said}{in_gravities(curve)}"}
-        for entry, field, unit, heading in of:
+        for entry, quantity, unit, heading in of:
             values = s.get(entry, {}).get(name, {})
             place = max(values, key=lambda at: values[at], default="")
-            at = at_frequency(curve, field, place)
+            at = at_frequency(curve, quantity, place)
             where = f", {place}" if len(values) > 1 else ""
             row[heading] = f"{changes.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
         row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
@@ -213,45 +213,49 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     Parameters
     ----------
     curve : of the sweep.
-    quantity : displacement, acceleration or force.
+    quantity : displacement, absolute_acceleration or force.
     name : of the probe or snubber.
 
     Returns
     -------
     Text; empty where nothing moves, or nothing is known of the place.
     """
-    envelope = getattr(curve, quantity).get(name)
-    if envelope is None or not np.any(np.isfinite(envelope.peak)) or not np.nanmax(envelope.peak) > 0.0:
+    if name not in curve.places(quantity):
         return ""
-    where = f" at {curve.frequency_hz[np.nanargmax(envelope.peak)]:.4g} Hz"
-    if quantity != "displacement" or not envelope.offset:
+    peak = curve.channel(quantity, name).peak
+    if not np.any(np.isfinite(peak)) or not np.nanmax(peak) > 0.0:
+        return ""
+    where = f" at {curve.frequency_hz[np.nanargmax(peak)]:.4g} Hz"
+    if quantity != "displacement" or not (offset := curve.offset(name)):
         return where
-    k = int(np.nanargmax(envelope.response))
-    response = f"{amount(float(envelope.response[k]), 'm')} at {curve.frequency_hz[k]:.4g} Hz"
-    return f"{where} ({response} from equilibrium at {amount(envelope.offset, 'm')})"
+    response = curve.response(name)
+    k = int(np.nanargmax(response))
+    from_equilibrium = f"{amount(float(response[k]), 'm')} at {curve.frequency_hz[k]:.4g} Hz"
+    return f"{where} ({from_equilibrium} from equilibrium at {amount(offset, 'm')})"
 
 
 def _output_lines(result: SweepResult) -> Iterator[str]:
     """By curve and output its peak, what it is and where."""
     for curve, peaks in result.summary.get("peak_output", {}).items():
         for name, peak in peaks.items():
-            output = result.curves[curve].outputs[name]
-            quantity = output.quantity.replace("_", " ")
-            yield f"peak of {curve} {name} {amount(peak, output.unit)}, {quantity}, {output.at}"
+            output = result["cycles"].sel(output=name)
+            quantity, unit, at = (str(output[f"output_{column}"].item()) for column in ("quantity", "unit", "at"))
+            yield f"peak of {curve} {name} {amount(peak, unit)}, {quantity.replace('_', ' ')}, {at}"
 
 
 def notch_texts(result: SweepResult) -> dict[str, str]:
     """By curve and limit the largest value, then the ranges in which the level is lowered."""
     rows = {}
     for curve in result.curves.values():
-        if curve.notching is None:
+        notching = curve.notching
+        if notching is None:
             continue
-        for limit in curve.notching.limits:
+        for limit in notching.limits:
             largest = f"{amount(limit.largest, limit.unit)} at {limit.frequency_hz:.4g} Hz"
             ratio = f"{percent(limit.share)} of {amount(limit.limit, limit.unit)}"
             rows[f"{curve.name} {limit.name}"] = f"at most {largest}, {ratio}"
-        for number, part in enumerate(curve.notching.ranges, 1):
-            level, quantity = amount(part.level, curve.notching.unit), curve.notching.quantity
+        for number, part in enumerate(notching.ranges, 1):
+            level, quantity = amount(part.level, notching.unit), notching.quantity
             if power_of(quantity) and curve.excitation_unit == "m/s^2":
                 level += f" or {acceleration_amplitude(part.level, quantity, part.at_hz) / STANDARD_GRAVITY:.4g} g"
             lowest = f"{level} ({part.reduction_db:.1f} dB) at {part.at_hz:.4g} Hz"

@@ -104,28 +104,35 @@ def comparison_figures(comparison: Comparison) -> dict[str, Picture]:
 
 def plot_mac(result: ModeComparison, ax: Axes) -> None:
     """MAC by measured (down) and computed modes (across) with their frequencies; pairs are framed."""
-    drawn = ax.imshow(result.mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
-    rows, columns = result.mac.shape
+    modes = result["compared_modes"]
+    mac = modes["mac"].values
+    drawn = ax.imshow(mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
+    rows, columns = mac.shape
     for i, j in np.ndindex(rows, columns) if rows * columns <= 150 else ():
-        value = float(result.mac[i, j])
+        value = float(mac[i, j])
         colour = "white" if value > 0.55 else "0.2"
         ax.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize="small", color=colour)
-    for i, j in enumerate(result.paired):
+    for i, j in enumerate(modes["paired"].values):
         if j > 0:
             frame = Rectangle((j - 1.5, i - 0.5), 1, 1, edgecolor=RED, facecolor="none", linewidth=1.8, clip_on=False)
             ax.add_patch(frame).set_zorder(3)
-    ax.set_xticks(range(columns), [f"{k + 1}\n{f:.4g}" for k, f in enumerate(result.predicted_hz)], fontsize="small")
-    ax.set_yticks(range(rows), [f"{k + 1}   {f:.4g}" for k, f in enumerate(result.measured_hz)], fontsize="small")
-    ax.set_xlabel(f"Computed mode, contacts {result.contacts} (Hz)")
+    ax.set_xticks(
+        range(columns), [f"{k + 1}\n{f:.4g}" for k, f in enumerate(modes["predicted_hz"].values)], fontsize="small"
+    )
+    ax.set_yticks(
+        range(rows), [f"{k + 1}   {f:.4g}" for k, f in enumerate(modes["measured_hz"].values)], fontsize="small"
+    )
+    ax.set_xlabel(f"Computed mode, contacts {modes['contacts'].item()} (Hz)")
     ax.set_ylabel("Measured mode (Hz)")
     ax.figure.colorbar(drawn, ax=ax, label="MAC")
 
 
 def mode_comparison_figures(result: ModeComparison) -> dict[str, Picture]:
     """The matrix alone, as ``mac``."""
-    rows, columns = result.mac.shape
+    mac = result["compared_modes"]["mac"].values
+    rows, columns = mac.shape
     size = (min(2.6 + 0.62 * columns, 14.0), min(1.8 + 0.5 * rows, 10.0))
-    measured, computed = (np.arange(1.0, 1 + count) for count in result.mac.shape)
+    measured, computed = (np.arange(1.0, 1 + count) for count in mac.shape)
     axes = ("Computed mode", ""), ("Measured mode", ""), ("MAC", "")
-    panel = HeatMap(*axes, computed, measured, result.mac, partial(plot_mac, result))
+    panel = HeatMap(*axes, computed, measured, mac, partial(plot_mac, result))
     return {"mac": Picture(result.title, [panel], size=size)}

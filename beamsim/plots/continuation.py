@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.analyses.continuation.overlay import OverlayCurve
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.labelled import Dataset
 from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import (
@@ -48,12 +49,13 @@ def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
     -------
     Values of all branches over what is continued, above those of the sweeps.
     """
-    swept = [(curve, dict(curve.peaks()).get(value, {})) for curve in result.overlay.values()]
     what, unit = f"{value.label.capitalize()} of {name}", value.unit
     if value is OUTPUT:
         what, unit = f"Peak of {name}", result["points"]["output_maximum"].sel(output=name).unit
     limits = limit_levels(result.scenario.limits, value.limit, name)
-    overlaid = [(curve, of[name]) for curve, of in swept if name in of]
+    key = ("output" if value is OUTPUT else value.quantity, name)
+    known = [(curve, *curve.peaks[key]) for curve in result.overlay.values() if key in curve.peaks]
+    overlaid = [(curve, peak) for curve, of, peak in known if value is OUTPUT or of == value.unit]
     return _chart(result, (what, unit), lambda branch: dict(peaks_in(branch))[value][name], overlaid, limits)
 
 
@@ -67,11 +69,11 @@ def _chart(
     """Sweeps as lines and stepped sines as dots, under all branches."""
     drawn = []
     for k, (curve, peak) in enumerate(overlaid):
-        label = f"{'swept' if curve.steady is None else 'stepped'} {curve.direction}"
+        label = f"{'stepped' if curve.kind == 'stepped' else 'swept'} {curve.direction}"
         if _several_levels(result) or len(overlaid) > 2:
             label += f", {level_text(curve.level, result.level_unit)}"
         style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 4}
-        if curve.steady is None:  # told apart without colour, too
+        if curve.kind == "swept_sine":  # told apart without colour, too
             style = {"linewidth": 2.2, "linestyle": (0, (4, 1)) if k % 2 else "-"}
         style |= {"color": _OVERLAID[k % len(_OVERLAID)], "zorder": 1}
         drawn.append(Curve(label, *highest_in_bins(curve.frequency_hz, peak), style))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
+from itertools import pairwise
 from math import isfinite
 from typing import Any
 
@@ -12,7 +13,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 
-from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
+from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult, contact_levels_of
+from beamsim.labelled import Dataset
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -33,7 +35,7 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.style import Scale, amount, level_text, scale_for
 from beamsim.responses.histories import NOTABLE
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value, peaks_in
 from beamsim.scenario.reporting import limited_quantity
 from beamsim.typing import Floats
 
@@ -106,20 +108,25 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     Curves of all directions at the level, with marks at up to eight classified peaks.
     """
     curves = _of_level(result, level_index)
-    drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].response) for c in curves]
-    linear, amplitude = result.linear, curves[0].amplitude_at(result.linear.frequency_hz)
-    states = {"open, linear": linear.displacement, "always closed, linear": linear.closed}
-    known = [(name, np.abs(of[probe]) * amplitude) for name, of in states.items() if probe in of]
-    for k, (name, values) in enumerate(reversed(known) if linear.closed_at_rest else known):
+    drawn = [_swept(f"sweep {c.direction}", c, c.response(probe)) for c in curves]
+    linear, frequency_hz = result["linear"], result["linear"]["frequency_hz"].values
+    amplitude = curves[0].amplitude_at(frequency_hz)
+    states = {"open, linear": "displacement", "always closed, linear": "displacement_closed"}
+    known = [
+        (name, np.hypot(*(linear[f"{of}_{part}"].sel(probe=probe).values for part in ("real", "imag"))) * amplitude)
+        for name, of in states.items()
+        if f"{of}_real" in linear
+    ]
+    for k, (name, values) in enumerate(reversed(known) if linear["closed_at_rest"].item() else known):
         grey = {"color": "0.6", "linestyle": "--" if k else "-", "linewidth": 1.0, "zorder": 1}
-        drawn.append(Curve(name if curves[0].contact_share else "linear", linear.frequency_hz, values, grey))
+        drawn.append(Curve(name if curves[0].cycles.labels("snubber") else "linear", frequency_hz, values, grey))
     # more than eight labels are not readable
     named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:8]
     for kind in dict.fromkeys(p.kind for p in named):
         peaks, face = [(p.frequency_hz, p.value_m) for p in named if p.kind == kind], "harmonic" in kind
         marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}
         drawn.append(marked(kind, peaks, color="0.2", **marks))
-    offset = curves[0].displacement[probe].offset
+    offset = curves[0].offset(probe)
     said = f"\nfrom equilibrium at {amount(offset, 'm')}" if offset else ""
     up = (f"Peak displacement of {probe}{_level(result, curves[0])}{said}", "m")
     whole = not offset  # which limits are of
@@ -143,10 +150,10 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
     """
     curves = _of_level(result, level_index)
     drawn = [
-        _swept(f"{name}, {curve.direction}", curve, envelope.peak)
+        _swept(f"{name}, {curve.direction}", curve, peak.values)
         for curve in curves
-        for name, envelope in curve.envelopes(value.quantity).items()
-        if envelope.unit == value.unit
+        for name, peak in curve.cycles.by_label(f"peak_{value.quantity}").items()
+        if peak.unit == value.unit
     ]
     up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
     levels, marks = limit_levels(result.scenario.limits, value.limit), _limits(curves[0], value.quantity, value.unit)
@@ -155,15 +162,16 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
 
 def _limits(curve: SweepCurve, quantity: str, unit: str, name: str = "") -> list[Curve]:
     """Limits over frequency of what is drawn, of the first curve, in the colours of its envelopes."""
-    alike = [each for each in curve.envelopes(quantity).values() if each.unit == unit and name in ("", each.name)]
-    return limit_curves({each.name: each.limit for each in alike}, curve.frequency_hz)
+    peaks, limits = (curve.cycles.by_label(f"{of}_{quantity}") for of in ("peak", "limit"))
+    alike = [at for at, peak in peaks.items() if peak.unit == unit and name in ("", at)]
+    return limit_curves({at: limits[at].values if limits else None for at in alike}, curve.frequency_hz)
 
 
 def transmissibility(result: SweepResult, level_index: int) -> Chart:
     """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak."""
     drawn = []
     for curve in _of_level(result, level_index):
-        for name in curve.acceleration:
+        for name in curve.places("absolute_acceleration"):
             peak = curve.resonance(name)
             known = f": Q {peak.quality:.3g} at {peak.frequency_hz:.4g} Hz" if peak and isfinite(peak.quality) else ""
             drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, curve.transmissibility(name)))
@@ -173,9 +181,9 @@ def transmissibility(result: SweepResult, level_index: int) -> Chart:
 def output_peaks(result: SweepResult, name: str) -> Chart:
     """Peaks of an output over frequency, by direction and level, with its limit."""
     curves = list(result.curves.values())
-    drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
+    drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.channel("output", name).peak) for c in curves]
     levels = limit_levels(result.scenario.limits, OUTPUT.limit, name)
-    up = (f"Peak of {name}", curves[0].outputs[name].unit)
+    up = (f"Peak of {name}", curves[0].channel("output", name).unit)
     return _chart(result, up, drawn, log="", levels=levels, y_ends=(0.0, None))
 
 
@@ -190,7 +198,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
     curve : one of its curves.
     """
     step = max(1, curve.frequency_hz.size // 1500)
-    amplitude, f = np.abs(curve.displacement[probe].harmonics)[:, ::step], curve.frequency_hz[::step]
+    amplitude, f = np.abs(curve.channel("displacement", probe).harmonics)[:, ::step], curve.frequency_hz[::step]
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
     ax.set_facecolor(colormaps["cividis"](0.0))  # dark where nothing moves
     for order, values in zip(curve.orders, amplitude, strict=True):
@@ -210,8 +218,20 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
 
 def _has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
     """Whether a time history is stored that moves and is long enough for some windows."""
-    history = result.histories[level_index]
-    return history.time.size >= 8 * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
+    history = _histories(result)[level_index]
+    return history["time"].values.size >= 8 * FEWEST_SAMPLES and bool(
+        np.any(history["displacement"].sel(probe=probe).values)
+    )
+
+
+def _histories(result: SweepResult) -> dict[int, Dataset]:
+    """The kept time histories by the number of the level."""
+    if "histories" not in result.datasets:
+        return {}
+    histories, levels = result["histories"], result["levels"].labels("level_index")
+    ends = np.searchsorted(histories["level"].values, np.arange(len(levels) + 1)).tolist()
+    parts = zip(levels, pairwise(ends), strict=True)
+    return {level: histories.isel(sample=slice(first, end)) for level, (first, end) in parts if end > first}
 
 
 def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> None:
@@ -226,8 +246,8 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     probe : name.
     level_index : number of the level, from 0.
     """
-    history, curves = result.histories[level_index], _of_level(result, level_index)
-    x, (begin, end) = history.displacement[probe], history.time[[0, -1]]
+    history, curves = _histories(result)[level_index], _of_level(result, level_index)
+    x, (begin, end) = history["displacement"].sel(probe=probe).values, history["time"].values[[0, -1]]
     rate = (x.size - 1) / float(end - begin)
     lowest, highest = (pick([pick(c.frequency_hz) for c in curves]) for pick in (np.min, np.max))
     length = int(min(x.size // 8, max(24.0 * rate / lowest, FEWEST_SAMPLES)))
@@ -246,7 +266,7 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.grid(visible=False)
     ax.set_ylim(0.0, min(2.0 * max(float(np.max(curves[0].orders)), 1.0) * float(highest), 0.5 * rate))
-    aliased = 0.0 if history.aliased is None else float(history.aliased[list(history.displacement).index(probe)])
+    aliased = float(result["levels"]["aliased_displacement"].sel(level_index=level_index, probe=probe).item())
     if aliased > NOTABLE:
         text = f"{100.0 * aliased:.2g} % of the rms lies above {0.5 * rate:.4g} Hz and is aliased"
         ax.set_title(text, fontsize="small", loc="right")
@@ -256,7 +276,7 @@ def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
     """Peak displacement from static equilibrium divided by excitation amplitude for each level."""
     curves = _in_direction(result, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = [curve.displacement[probe].response / curve.excitation_amplitude for curve in curves]
+        ratios = [curve.response(probe) / curve.excitation_amplitude for curve in curves]
     drawn = [
         _swept(_level(result, curve, always=True)[2:], curve, ratio)
         for curve, ratio in zip(curves, ratios, strict=True)
@@ -267,7 +287,7 @@ def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
 
 def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart:
     """Mean-square response in each harmonic divided by mean-square excitation, at one level."""
-    ratio = np.abs(curve.displacement[probe].harmonics[:MOST_CURVES]) / curve.excitation_amplitude
+    ratio = np.abs(curve.channel("displacement", probe).harmonics[:MOST_CURVES]) / curve.excitation_amplitude
     scale, top = _per_level([curve], ratio), float(np.nanmax(ratio**2, initial=0.0))
     drawn = [
         _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, square, mean=True)
@@ -290,9 +310,9 @@ def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
 def contact(result: SweepResult, direction: str) -> Chart:
     """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
     drawn = [
-        _swept(f"{name}{_level(result, curve, always=True)}", curve, share, mean=True)
+        _swept(f"{name}{_level(result, curve, always=True)}", curve, share.values, mean=True)
         for curve in _in_direction(result, direction)
-        for name, share in curve.contact_share.items()
+        for name, share in curve.cycles.by_label("contact_share").items()
     ]
     up = ("Time in contact", Scale(100.0, "%"))
     return _chart(result, up, drawn, log="", direction=direction, y_ends=(-0.02, 1.02))
@@ -303,16 +323,15 @@ def contact_levels(result: SweepResult) -> Chart:
 
     The curve of a contact is drawn where no other one changes before.
     """
-    linear = result.linear
-    drawn = []
-    for name, levels in linear.contact.items():
+    frequency_hz, drawn = result["linear"]["frequency_hz"].values, []
+    for name, levels in contact_levels_of(result["linear"]).items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
         if np.all(np.isinf(levels.changing)):
             drawn.append(Curve(f"{name}: {what} at no level", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         elif not np.any(levels.predicted > 0.0):
             drawn.append(Curve(f"{name}: {what} after another", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
-            drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.predicted))
+            drawn.append(Curve(f"{name}: {what}", frequency_hz, levels.predicted))
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
     curves = {c.level_index: c for c in result.curves.values()}.values()
     swept = [
@@ -325,10 +344,11 @@ def contact_levels(result: SweepResult) -> Chart:
 def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
     """Preload (N, or N m) needed to keep contact at the highest excitation of the sweep, over frequency."""
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
-    amplitude = curve.amplitude_at(result.linear.frequency_hz)
+    frequency_hz = result["linear"]["frequency_hz"].values
+    amplitude = curve.amplitude_at(frequency_hz)
     drawn = [
-        Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
-        for name, levels in result.linear.contact.items()
+        Curve(name, frequency_hz, levels.preload_needed * amplitude)
+        for name, levels in contact_levels_of(result["linear"]).items()
         if levels.force_unit == unit and np.any(levels.preload_needed > 0.0)  # of a latch none is needed
     ]
     return _chart(result, ("Preload needed to keep contact", unit), drawn, of="snubbers")
@@ -336,12 +356,12 @@ def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
 
 def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
     """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none."""
-    assert curve.steady is not None
-    kind = np.array(curve.steady.kind)
+    steady = curve.tables["steady_states"]
+    kind = steady["kind"].values
     whole: dict[str, Any] = {"clip_on": False, "zorder": 3, "linestyle": "none"}  # marks at the ends of the axis
     dots = {**whole, "marker": "o", "markersize": 3, "color": DARK}
     periodic = kind == "periodic"
-    drawn = [Curve("periodic", curve.frequency_hz[periodic], curve.steady.period_cycles[periodic], dots)]
+    drawn = [Curve("periodic", curve.frequency_hz[periodic], steady["period_cycles"].values[periodic], dots)]
     for mark, name in zip("x+1", ("quasi-periodic", "chaotic", "not settled"), strict=True):
         here = curve.frequency_hz[kind == name]
         if here.size:
@@ -359,10 +379,10 @@ def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
 
 def poincare(result: SweepResult, curve: SweepCurve, probe: str) -> Chart:
     """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency."""
-    assert curve.steady is not None
-    displacement = curve.steady.poincare_displacement[:, list(curve.displacement).index(probe)]
+    points = curve.tables["poincare"]
+    displacement = points["section_displacement"].sel(probe=probe).values
     dots = {"linestyle": "none", "marker": "o", "color": "black", "markersize": 1.3, "markeredgewidth": 0}
-    drawn = [Curve("", curve.steady.poincare_frequency_hz, displacement, dots)]
+    drawn = [Curve("", points["frequency_hz"].values, displacement, dots)]
     return _chart(result, (f"Displacement of {probe}\nat phase 0", "m"), drawn, log="", direction=curve.direction)
 
 
@@ -382,10 +402,11 @@ def notching(result: SweepResult, curve: SweepCurve) -> Picture:
 def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit) -> Chart:
     """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs."""
     assert curve.notching is not None
-    forces = [name for name, of in curve.outputs.items() if of.quantity == "reaction_force" and of.at == "base"]
+    quantities, places = (curve.cycles.by_label(f"output_{column}") for column in ("quantity", "at"))
+    forces = [name for name in places if (quantities[name].item(), places[name].item()) == ("reaction_force", "base")]
     limited = limited_quantity(limit.name, *forces[:1])
     assert limited is not None
-    peak = curve.envelope_of(limited).peak
+    peak = curve.limited(limited).peak
     level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
     words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
     response = [Curve("", curve.frequency_hz, peak, {"linewidth": 1.0})]
@@ -405,27 +426,27 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     if not result.curves:
         return {}
     last, direction = list(result.curves.values())[-1], next(iter(result.curves.values())).direction
-    probe, index = next(iter(last.displacement), ""), last.level_index
+    probe, index = next(iter(last.places("displacement")), ""), last.level_index
     levels = sorted({c.level_index for c in result.curves.values()})
     panels: dict[str, list[Any]] = {f"response_{k}": [responses(result, probe, k)] for k in levels if probe}
     names = {ACCELERATION: "acceleration", FORCE: "contact"}
-    touched = any(np.any(force.peak) for curve in result.curves.values() for force in curve.force.values())
+    touched = "peak_force" in result["cycles"] and bool(np.any(result["cycles"]["peak_force"].values))
     left_out = (DISPLACEMENT,) if touched else (DISPLACEMENT, FORCE)
-    for value in [value for value, _ in last.peaks() if value.followed and value.key not in left_out]:
+    for value in [value for value, _ in peaks_in(last.cycles) if value.followed and value.key not in left_out]:
         panels.setdefault(names.get(value.key, value.name), []).append(peaks(result, value, index))
     if last.has_transmissibility:
         panels["acceleration"].append(transmissibility(result, index))
-    for k in result.histories:
+    for k in _histories(result):
         if probe and _has_spectrogram(result, probe, k):
             panels[f"spectrogram_{k}"] = [partial(plot_spectrogram, result, probe=probe, level_index=k)]
     if probe:
         panels["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve=last)]
     if touched:
         panels["contact"].append(contact(result, direction))
-    if last.outputs:
-        panels["outputs"] = [output_peaks(result, name) for name in list(last.outputs)[:MOST_CURVES]]
-    if result.linear.contact:
-        units = dict.fromkeys(levels.force_unit for levels in result.linear.contact.values())
+    if last.places("output"):
+        panels["outputs"] = [output_peaks(result, name) for name in last.places("output")[:MOST_CURVES]]
+    if levels_of_contact := contact_levels_of(result["linear"]):
+        units = dict.fromkeys(of.force_unit for of in levels_of_contact.values())
         first = [contact_levels(result)]  # without a curve where a stop just touches: contact changes with any motion
         shown = first if any(curve.x.size for curve in first[0].curves) else []
         preloads = [preload_needed(result, unit) for unit in units]
@@ -435,9 +456,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
         panels["levels"] = [level_family(result, probe, direction)]
         same = _in_direction(result, direction)[:MOST_LEVELS]
         panels["harmonic_energy"] = [harmonic_energy(result, probe, curve) for curve in same]
-    if last.steady is not None:
+    if last.kind == "stepped":
         panels["steady_states"] = [steady_states(result, last)]
-        if probe and last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
+        if probe and last.tables["poincare"]["frequency_hz"].values.size:  # of motions that are not periodic
             panels["steady_states"].append(poincare(result, last, probe))
     figures = {name: Picture(result.title, each) for name, each in panels.items()}
     notched = [curve for curve in result.curves.values() if curve.notching is not None]

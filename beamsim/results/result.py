@@ -7,7 +7,7 @@ further than their tables of force and deflection go, and random inputs whose si
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -345,17 +345,19 @@ def line_warnings(inputs: Iterable[InputStatement], modes: Dataset) -> list[str]
     return warnings
 
 
-def curve_warnings(scenario: Scenario, modes: Dataset, curves: Sequence[Any]) -> list[str]:
-    """What `deflection_warnings` and `forces_beyond_tables` say of curves or branches.
+def warnings_along(scenario: Scenario, modes: Dataset, points: Dataset) -> list[str]:
+    """What `deflection_warnings` and `forces_beyond_tables` say of the cycles of sweeps, or the points of branches.
 
     Parameters
     ----------
     scenario, modes : as of these.
-    curves : with ``displacement`` and ``force`` by name, each with its peaks.
+    points : table with the peaks of probes and snubbers.
     """
-    deflections = ({name: x.peak for name, x in curve.displacement.items()} for curve in curves)
-    forces = ({name: x.peak for name, x in curve.force.items()} for curve in curves)
-    return [*deflection_warnings(scenario, modes, deflections), *forces_beyond_tables(scenario, forces)]
+    displacement, force = (
+        {name: peak.values for name, peak in points.by_label(f"peak_{quantity}").items()}
+        for quantity in ("displacement", "force")
+    )
+    return [*deflection_warnings(scenario, modes, [displacement]), *forces_beyond_tables(scenario, [force])]
 
 
 def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Floats]]) -> list[str]:

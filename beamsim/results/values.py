@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import ByName, Entry, Number, dataset, declared, per_snubber
+from beamsim.fields import ByName, Entry, Number
 from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Channel, ChannelSet, Key
-from beamsim.typing import Bools, Floats, not_none
+from beamsim.typing import Floats, not_none
 
 ALWAYS = 1e-12  # contact shares within this distance of 0 or 1 count as never or always
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
@@ -234,78 +234,6 @@ BY_NAME = {value.name: value for value in VALUES}
 BY_ENTRY = {value.entry: value for value in VALUES if value.entry}
 OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
-
-
-@declared(kw_only=True)
-class AlongCurve:
-    """Channels along a curve of a sweep or a branch of periodic motions, each by its extremes in every cycle."""
-
-    probes: tuple[Any, ...]  # with name, quantity, unit, and the extremes (C,) minimum, maximum and peak
-    snubbers: tuple[Any, ...]
-    outputs: Mapping[str, Any]
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact")
-    # only computed for limits, the gap of a sweep also where a snubber is closed at rest
-    peak_gap: dict[str, Floats] = per_snubber(
-        "m", "largest opening of the contact in a cycle or period", default_factory=dict
-    )
-    peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest bending stress along the beam in a cycle or period", default=None
-    )
-
-    @property
-    def cycles_at(self) -> tuple[Floats, Bools]:
-        """(C,) where each cycle is, in SI units or Hz, and whether its values count."""
-        raise NotImplementedError
-
-    def envelopes(self, quantity: str) -> dict[str, Any]:
-        """A quantity of the probes or snubbers in every cycle, by name; empty where it is not followed."""
-        return {each.name: each for each in (*self.probes, *self.snubbers) if each.quantity == quantity}
-
-    @property
-    def displacement(self) -> dict[str, Any]:
-        """That of the probes relative to the base."""
-        return self.envelopes("displacement")
-
-    @property
-    def acceleration(self) -> dict[str, Any]:
-        """The absolute one of the probes."""
-        return self.envelopes("absolute_acceleration")
-
-    @property
-    def force(self) -> dict[str, Any]:
-        """That of the snubbers."""
-        return self.envelopes("force")
-
-    def peaks(self) -> Iterator[tuple[Value, Mapping[str, Floats]]]:
-        """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
-        for value in LIMITED.values():
-            followed = self.envelopes(value.quantity).items()
-            of: Mapping[str, Floats] = {name: each.peak for name, each in followed if each.unit == value.unit}
-            if value is OUTPUT:
-                of = {name: output.peak for name, output in self.outputs.items()}
-            elif value is RESPONSE:
-                limited = [each for each in (*self.probes, *self.snubbers) if getattr(each, "limit", None) is not None]
-                of = {each.name: each.peak / each.limit for each in limited}
-            elif value.key == OPENING:
-                of = self.peak_gap
-            elif value.key == STRESS and self.peak_bending_stress is not None:
-                of = {"": self.peak_bending_stress}
-            if of and (value.of is not None or value is RESPONSE):
-                yield value, of
-
-
-def largest_along(curves: Sequence[AlongCurve]) -> Iterator[tuple[Value, str, float, float]]:
-    """The values of `AlongCurve.peaks`: by name the largest of all cycles that count, and where that is, in SI or Hz.
-
-    Both are NaN where it is known of none.
-    """
-    at, counts = (np.concatenate(each) for each in zip(*(curve.cycles_at for curve in curves), strict=True))
-    peaks = [dict(curve.peaks()) for curve in curves]
-    for value in peaks[0]:
-        for name in peaks[0][value]:
-            along = np.where(counts, np.concatenate([each[value][name] for each in peaks]), np.nan)
-            best = int(np.argmax(np.where(np.isnan(along), -np.inf, along)))
-            yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(at[best])
 
 
 def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:

@@ -15,6 +15,7 @@ coordinates are in no data set 15, and the header names their bodies.
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 
 from beamsim.dofs import DIRECTIONS
 from beamsim.files import replacing
-from beamsim.labelled import NAMES, Dataset, Item, Items, last, parent, part_of
+from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION, NODES, Stations
@@ -245,6 +246,7 @@ def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
         for of, labels in _names_at(items, item, dims, places):
             kind = section or places[0]
             numbers = [None] if numbered is None else items[f"/{dataset}/{numbered}"].values
+            unit = _unit_at(item, labels)
             for k, number in enumerate(numbers):
                 index = tuple(labels.get(dim, k if dim == numbered else slice(None)) for dim in dims)
                 y = _values(items, path, index)
@@ -255,10 +257,16 @@ def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
                     if dataset == "linear":
                         over = _input(items)
                         function = FREQUENCY_RESPONSE if over else GENERAL
-                        yield kind, of, Function(quantity, item.unit, f"linear {text}", x, y, function, over)
+                        yield kind, of, Function(quantity, unit, f"linear {text}", x, y, function, over)
                     else:
                         way = TIME_RESPONSE if of_time else GENERAL
-                        yield kind, of, Function(quantity, item.unit, text, x, y[rows], way)
+                        yield kind, of, Function(quantity, unit, text, x, y[rows], way)
+
+
+def _unit_at(item: Item, labels: dict[str, int]) -> str:
+    """The unit of a variable at a place, whose number along the first dimension is given."""
+    each = json.loads(str(item.attributes.get(OF_EACH, "[]")))
+    return str(each[next(iter(labels.values()))]) if each and labels else item.unit
 
 
 def _periods(items: Items, whose: Whose) -> int:

@@ -17,7 +17,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
-from beamsim.results.values import largest_along, largest_in
+from beamsim.results.values import largest_in
 from beamsim.trust.convergence import (
     COMPARISON,
     MORE_MODES,
@@ -244,7 +244,7 @@ def _of_sweep(result: SweepResult) -> Values:
     """Largest values of all curves; natural frequencies."""
     entries: dict[str, dict[str, float]] = {}
     for curve in result.curves.values():
-        for value, name, largest, _ in largest_along([curve]):
+        for value, name, largest, _ in curve.largest():
             entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
     of_model = {"contact_share": result.summary["contact_share"]}
     of_model |= {"gapping_ratio": finite(result.summary.get("gapping_ratio", {}))}

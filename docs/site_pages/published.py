@@ -230,7 +230,7 @@ def rubber_resonance(level: float) -> float:
                   "convergence": "off", "accelerations": False},
     }  # fmt: skip
     (curve,) = beamsim.sweep(beamsim.load_scenario(case)).curves.values()
-    return float(curve.cycles_at[0][curve.displacement["tip"].peak.argmax()])
+    return float(curve.frequency_hz[curve.channel("displacement", "tip").peak.argmax()])
 
 
 CASES = (

@@ -98,7 +98,7 @@ def test_a_spectrogram_names_what_is_aliased():
     }  # fmt: skip
     for rate, expected in ((100.0, True), (2e3, False)):
         result = beamsim.sweep(load_scenario(case, {"sweep.history_rate": rate}))
-        (share,) = result.histories[0].aliased
+        share = result["levels"]["aliased_displacement"].sel(level_index=0, probe="m").item()
         ax = Figure().subplots()
         plot_spectrogram(result, ax, "m", 0)
         title = ax.get_title(loc="right")

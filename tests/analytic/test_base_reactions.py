@@ -40,7 +40,8 @@ def test_a_turning_base_against_independent_matrices(joined):
     scenario = load_scenario({**structure, "excitation": TURN, "sweep": sweep, "outputs": outputs,
                               "reduction": {"modes": "all"}})  # fmt: skip
     curve = sweep_alone(scenario).curves["up_0"]
-    first = {name: 1j * of.harmonics[list(curve.orders).index(1.0), 0] for name, of in curve.outputs.items()}
+    k = list(curve.orders).index(1.0)
+    first = {name: 1j * curve.channel("output", name).harmonics[k, 0] for name in curve.places("output")}
 
     whole, w = Beam(L, W, H, E, RHO, 6, "free"), 2 * np.pi * HZ
     x = np.linspace(0, L, 7)

@@ -162,8 +162,8 @@ def test_the_half_power_check_of_the_documents():
     page, _ = text_of_the_page()
     result = beamsim.sweep(load_scenario(panels()))
     (curve,) = result.curves.values()
-    assert all(np.all(share > 1 - 1e-12) for share in curve.contact_share.values())  # linear
-    response = (curve.displacement["tip"].maximum - curve.displacement["tip"].minimum) / 2
+    assert np.all(curve["contact_share"].values > 1 - 1e-12)  # linear
+    response = (curve.channel("displacement", "tip").maximum - curve.channel("displacement", "tip").minimum) / 2
     top, hz = int(response.argmax()), curve.frequency_hz
     half = response[top] / np.sqrt(2)
     low = np.interp(half, response[: top + 1], hz[: top + 1])

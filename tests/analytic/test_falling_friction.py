@@ -176,13 +176,17 @@ def test_a_sweep_loses_what_a_run_does():
     pad = beamsim.run(Scenario.model_validate({**case, "run": run}))
     sweep = {"kind": "stepped", "from": 2.2, "to": 2.25, "points": 2, "impacts": True}
     (curve,) = beamsim.sweep(Scenario.model_validate({**case, "sweep": sweep})).curves.values()
-    cycle = curve.sliding["pad"]
-    assert cycle.per_cycle[0] == 2
-    assert cycle.distance[0] == pytest.approx(
+    cycle = curve.cycles.sel(friction="pad")
+    assert cycle["friction_slides"].values[0] == 2
+    assert cycle["friction_distance"].values[0] == pytest.approx(
         pad["histories"]["friction_sliding_distance"].sel(friction="pad").item() / 10, rel=1e-6
     )
-    assert cycle.energy_lost[0] == pytest.approx(
+    assert cycle["friction_energy_lost"].values[0] == pytest.approx(
         pad["histories"]["friction_dissipated_energy"].sel(friction="pad").item() / 10, rel=1e-6
     )
-    assert cycle.energy_lost[0] > 1.02 * SLIDING * cycle.distance[0]  # twin: the falling part counts
-    assert cycle.wear_power[0] == pytest.approx(100 * cycle.distance[0] * 2.2, rel=1e-9)
+    assert (
+        cycle["friction_energy_lost"].values[0] > 1.02 * SLIDING * cycle["friction_distance"].values[0]
+    )  # twin: the falling part counts
+    assert cycle["friction_wear_power"].values[0] == pytest.approx(
+        100 * cycle["friction_distance"].values[0] * 2.2, rel=1e-9
+    )

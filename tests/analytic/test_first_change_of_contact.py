@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.analyses.sweep.result import contact_levels_of
 from beamsim.cli.app import app
 from beamsim.cli.screens import contact_levels as lines_of
 from beamsim.cli.tables import table_rows
@@ -91,7 +92,7 @@ def test_a_sweep_predicts_its_first_change_and_at_each_frequency_the_first_there
     of = result.summary["gapping"]
     predicted = [name for name in of if "not_predicted" not in of[name]]
     assert len(predicted) == 1
-    floor, tip = (result.linear.contact[name] for name in ("floor", "tip"))
+    floor, tip = (contact_levels_of(result["linear"])[name] for name in ("floor", "tip"))
     lowest = np.minimum(floor.changing, tip.changing)
     assert of[predicted[0]]["level"] == pytest.approx(lowest.min(), rel=1e-12)
     np.testing.assert_array_equal(np.fmin(floor.predicted, tip.predicted), lowest)

@@ -311,7 +311,7 @@ def test_a_stop_and_a_latch_under_a_swept_sine(latch):
     moments = stiffness * np.where(times > since, np.abs(angles - met), np.maximum(angles - met, 0.0))
     cycle = np.searchsorted(ends[:-1], times, side="right")
     peaks = np.array([moments[cycle == k].max() for k in range(ends.size)])
-    envelope = curve.force["root.end"]
+    envelope = curve.channel("force", "root.end")
     assert envelope.unit == "N m"
     assert peaks.max() > 0.5
     assert envelope.peak == pytest.approx(peaks, abs=2e-3 * peaks.max())

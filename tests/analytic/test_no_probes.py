@@ -92,7 +92,7 @@ def test_swept_response_of_the_modes_alone(tmp_path):
     modes = PARTICIPATION**2 * omega**2 / (OMEGA**2 - omega**2 + 2j * RATIO * OMEGA * omega)
     foot = LEVEL * np.abs(MASS + modes.sum(axis=1))
     settled = curve.frequency_hz > 20.0  # 30 time constants of the first mode after the start
-    assert np.abs(curve.outputs["foot"].peak / foot - 1)[settled].max() < 2e-3
+    assert np.abs(curve.channel("output", "foot").peak / foot - 1)[settled].max() < 2e-3
     assert sorted(sweep_figures(result)) == ["outputs"]
 
 

@@ -72,8 +72,9 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
     stepped = sweep_alone(case(excitation, outputs=outputs, sweep=STEPPED))
     assert any("strain_energy is an energy" in warning for warning in stepped.warnings)
     curve = stepped.curves["up_0"]
-    assert list(curve.outputs) == [output["name"] for output in OUTPUTS]
-    for name, output in curve.outputs.items():
+    assert curve.places("output") == [output["name"] for output in OUTPUTS]
+    for name in curve.places("output"):
+        output = curve.channel("output", name)
         x, size = expected[name], np.abs(expected[name]).max()
         assert output.maximum[-1] == pytest.approx(x.max(), abs=2e-4 * size)
         assert output.minimum[-1] == pytest.approx(x.min(), abs=2e-4 * size)
@@ -95,15 +96,11 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
     for number, result in enumerate((stepped, followed)):
         write_result(result, tmp_path / f"{number}.h5")
         again = load(tmp_path / f"{number}.h5")
-        if number:
-            one, other = (each["points"].sel(output="hinge") for each in (result, again))
-            np.testing.assert_array_equal(one["output_maximum"].values, other["output_maximum"].values)
-            about = [other[f"output_{of}"].item() for of in ("unit", "quantity", "at")]
-            assert about == ["N", "joint_force", "hinge"]
-            continue
-        one, other = (each.curves["up_0"].outputs["hinge"] for each in (result, again))
-        np.testing.assert_array_equal(one.maximum, other.maximum)
-        assert (other.unit, other.quantity, other.at) == ("N", "joint_force", "hinge")
+        rows = "points" if number else "cycles"
+        one, other = (each[rows].sel(output="hinge") for each in (result, again))
+        np.testing.assert_array_equal(one["output_maximum"].values, other["output_maximum"].values)
+        about = [other[f"output_{of}"].item() for of in ("unit", "quantity", "at")]
+        assert about == ["N", "joint_force", "hinge"]
 
 
 def test_a_swept_sine_gives_outputs_that_balance_the_loads():
@@ -111,7 +108,10 @@ def test_a_swept_sine_gives_outputs_that_balance_the_loads():
     sweep = {"kind": "swept_sine", "from": 20.0, "to": 30.0, "rate": "5 Hz/s"}
     right = {"name": "right", "kind": "reaction_force", "body": "outer", "support": "right"}
     curve = sweep_alone(case(BASE, outputs=[*OUTPUTS, right], sweep=sweep)).curves["up_0"]
-    sides = sum(envelope.mean * (1 if "below" in name else -1) for name, envelope in curve.force.items())
-    total = curve.outputs["clamp"].mean + curve.outputs["right"].mean + sides
-    np.testing.assert_allclose(curve.outputs["base"].mean, total, rtol=0, atol=1e-9 * curve.outputs["base"].peak.max())
-    assert curve.outputs["base"].peak.shape == curve.frequency_hz.shape
+    forces = curve["mean_force"].by_label()
+    sides = sum(mean.values * (1 if "below" in name else -1) for name, mean in forces.items())
+    total = curve.channel("output", "clamp").mean + curve.channel("output", "right").mean + sides
+    np.testing.assert_allclose(
+        curve.channel("output", "base").mean, total, rtol=0, atol=1e-9 * curve.channel("output", "base").peak.max()
+    )
+    assert curve.channel("output", "base").peak.shape == curve.frequency_hz.shape

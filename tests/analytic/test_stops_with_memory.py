@@ -176,9 +176,9 @@ def test_the_first_cycle_of_a_swept_sine_counts_no_contact_that_was_pressed_befo
         "sweep": {"kind": "swept_sine", "from": 5.0, "to": 8.0, "rate": "60 oct/min", "impacts": True},
     })  # fmt: skip
     (curve,) = beamsim.sweep(scenario).curves.values()
-    assert curve.contacts["s"].sum() == 0
-    assert np.all(curve.impacts["s"].per_cycle == 0.0)
-    assert np.all(curve.contact_share["s"] == 1.0)
+    assert curve["contacts"].sel(snubber="s").values.sum() == 0
+    assert np.all(curve["impact_number"].values == 0.0)
+    assert np.all(curve["contact_share"].sel(snubber="s").values == 1.0)
 
 
 # --- a latch, in every analysis ---------------------------------------------------------------------------------------
@@ -247,10 +247,10 @@ def test_the_pull_of_a_latch_counts_in_a_swept_sine():
     drive = {"kind": "swept_sine", "applied_to": "base", "level": 9.0, **sine}
     run = {"duration": 12.0 * np.log2(4.0 / 3.0), "sample_rate": 500.0, "convergence": "off"}
     of_run = beamsim.run(Scenario.model_validate({**plain, "excitation": drive, "run": run})).summary
-    assert curve.force["s"].peak.max() == pytest.approx(of_run["peak_force_n"]["s"], rel=1e-9)
+    assert curve.channel("force", "s").peak.max() == pytest.approx(of_run["peak_force_n"]["s"], rel=1e-9)
     assert swept.summary["margins"]["peak_force"]["verdict"] == "exceeded"
-    assert curve.contacts["s"].sum() == of_run["contacts"]["s"] == 0
-    assert curve.peak_gap["s"].max() == of_run["largest_gap_m"]["s"] == 0.0
+    assert curve["contacts"].sel(snubber="s").values.sum() == of_run["contacts"]["s"] == 0
+    assert curve["peak_gap"].sel(snubber="s").values.max() == of_run["largest_gap_m"]["s"] == 0.0
 
 
 def test_the_moment_of_a_latch_counts_in_both_directions():
@@ -313,9 +313,11 @@ def test_the_gap_of_a_crushed_stop_in_a_swept_sine_is_that_of_its_run():
     of_run = beamsim.run(Scenario.model_validate({**plain, "excitation": drive, "run": run}))
     crush = of_run["histories"]["snubber_residual_crush"].sel(snubber="s").item()
     assert crush > 0.1e-3
-    assert curve.peak_gap["s"].max() == pytest.approx(of_run.summary["largest_gap_m"]["s"], rel=1e-9)
-    lowest = min(probe.minimum.min() for probe in curve.displacement.values())
-    assert curve.peak_gap["s"].max() > 1e-3 - lowest + 0.1e-3
+    assert curve["peak_gap"].sel(snubber="s").values.max() == pytest.approx(
+        of_run.summary["largest_gap_m"]["s"], rel=1e-9
+    )
+    lowest = curve["min_displacement"].values.min()
+    assert curve["peak_gap"].sel(snubber="s").values.max() > 1e-3 - lowest + 0.1e-3
 
 
 @pytest.mark.slow

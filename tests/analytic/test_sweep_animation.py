@@ -28,9 +28,9 @@ def test_frames_are_those_of_the_cycles_about_the_highest_peak(more, tmp_path):
     write_result(beamsim.sweep(scenario), tmp_path / "swept.h5")
     result = load(tmp_path / "swept.h5")
     frames = frames_of_sweep(result)
-    curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
-    mass, force = curve.displacement["mass"], curve.force["stop"]
-    k = int(mass.response.argmax())
+    curve = max(result.curves.values(), key=lambda each: each.response("mass").max())
+    mass, force = curve.channel("displacement", "mass"), curve.channel("force", "stop")
+    k = int(curve.response("mass").argmax())
     shown = slice(k - 1, k + 2)
     assert frames.time[0] == pytest.approx(curve.time[k - 1])
     assert frames.time[-1] - frames.time[0] == pytest.approx(3.0 / curve.frequency_hz[k])
@@ -61,9 +61,9 @@ def test_frames_of_a_stepped_sweep_are_whole_periods_of_the_steady_motion(more, 
     write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": STEPPED | more})), tmp_path / "stepped.h5")
     result = load(tmp_path / "stepped.h5")
     frames = frames_of_sweep(result)
-    curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
-    mass = curve.displacement["mass"]
-    k = int(mass.response.argmax())
+    curve = max(result.curves.values(), key=lambda each: each.response("mass").max())
+    mass = curve.channel("displacement", "mass")
+    k = int(curve.response("mass").argmax())
     assert frames.time[-1] * curve.frequency_hz[k] == pytest.approx(3.0)
     x = frames.deflection[:, 0]
     reach = mass.maximum[k] - mass.minimum[k]

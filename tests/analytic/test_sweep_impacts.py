@@ -27,15 +27,21 @@ def test_a_stepped_sine_against_the_end_of_a_run(law):
     run = {"duration": 4.0, "sample_rate": 500.0, "convergence": "off", "impacts": {}}
     impacts = beamsim.run(case(law, run=run))["impacts"]
     cycles, last = 20, impacts["begin"].values > 3.0 - 1e-3
-    stop = curve.impacts["stop"]
+    stop = curve.cycles.sel(snubber="stop")
     k = int(np.argmin(np.abs(curve.frequency_hz - 20.0)))
-    assert curve.steady.period_cycles[k] == 1
+    assert curve.tables["steady_states"]["period_cycles"].values[k] == 1
     whole = last & (impacts["begin"].values < 4.0 - 1e-3)
-    assert stop.per_cycle[k] == pytest.approx(whole.sum() / cycles, rel=1e-12)
-    assert stop.contact_time[k] == pytest.approx(impacts["contact_time"].values[whole].mean(), rel=1e-6)
-    assert stop.impulse[k] == pytest.approx(impacts["impulse"].values[whole].sum() / cycles, rel=1e-6)
-    assert stop.energy_lost[k] == pytest.approx(impacts["energy_lost"].values[whole].sum() / cycles, rel=1e-6)
-    assert stop.penetration_rate[k] == pytest.approx(impacts["approach_speed"].values[whole].max(), rel=1e-6)
+    assert stop["impact_number"].values[k] == pytest.approx(whole.sum() / cycles, rel=1e-12)
+    assert stop["impact_contact_time"].values[k] == pytest.approx(
+        impacts["contact_time"].values[whole].mean(), rel=1e-6
+    )
+    assert stop["impact_impulse"].values[k] == pytest.approx(impacts["impulse"].values[whole].sum() / cycles, rel=1e-6)
+    assert stop["impact_energy_lost"].values[k] == pytest.approx(
+        impacts["energy_lost"].values[whole].sum() / cycles, rel=1e-6
+    )
+    assert stop["impact_penetration_rate"].values[k] == pytest.approx(
+        impacts["approach_speed"].values[whole].max(), rel=1e-6
+    )
 
 
 def swept(scenario):
@@ -51,12 +57,14 @@ def test_a_swept_sine_against_the_same_run(law):
     sine = {"kind": "swept_sine", "applied_to": "base", "level": 5.0, "from": 15.0, "to": 25.0, "rate": "20 oct/min"}
     run = {"duration": end, "sample_rate": 500.0, "convergence": "off", "impacts": {}}
     stop = beamsim.run(case(law, excitation=sine, run=run)).summary["impacts"]["stop"]
-    cycles = curve.impacts["stop"]
+    cycles = curve.cycles.sel(snubber="stop")
     before = curve.time < end - 1e-9
-    assert cycles.per_cycle[before].sum() == stop["number"] > 20
-    assert cycles.impulse[before].sum() == pytest.approx(stop["impulse_n_s"], rel=1e-8)
-    assert cycles.energy_lost[before].sum() == pytest.approx(stop["energy_lost_j"], rel=1e-8)
-    assert cycles.penetration_rate[before].max() == pytest.approx(stop["highest_approach_speed_m_s"], rel=1e-6)
+    assert cycles["impact_number"].values[before].sum() == stop["number"] > 20
+    assert cycles["impact_impulse"].values[before].sum() == pytest.approx(stop["impulse_n_s"], rel=1e-8)
+    assert cycles["impact_energy_lost"].values[before].sum() == pytest.approx(stop["energy_lost_j"], rel=1e-8)
+    assert cycles["impact_penetration_rate"].values[before].max() == pytest.approx(
+        stop["highest_approach_speed_m_s"], rel=1e-6
+    )
 
 
 def rubbing(stiffness, **sections):
@@ -76,16 +84,18 @@ def test_sliding_per_cycle_of_a_stepped_sine_against_the_end_of_a_run(stiffness)
     for duration in (3.0, 4.0):
         run = {"duration": duration, "sample_rate": 500.0, "convergence": "off"}
         pads.append(beamsim.run(rubbing(stiffness, run=run))["histories"].sel(friction="pad"))
-    sliding, cycles = curve.sliding["pad"], 20
+    sliding, cycles = curve.cycles.sel(friction="pad"), 20
 
     def per_cycle(name):
         return (pads[1][f"friction_{name}"].item() - pads[0][f"friction_{name}"].item()) / cycles
 
-    assert curve.impacts == {}
-    assert sliding.per_cycle[k] == pytest.approx(2.0) == per_cycle("slides")
-    assert sliding.distance[k] == pytest.approx(per_cycle("sliding_distance"), rel=1e-6)
-    assert sliding.energy_lost[k] == pytest.approx(per_cycle("dissipated_energy"), rel=1e-6)
-    assert sliding.wear_power[k] == pytest.approx(10.0 * per_cycle("sliding_distance") * 20.0, rel=1e-6)
+    assert "impact_number" not in curve.cycles
+    assert sliding["friction_slides"].values[k] == pytest.approx(2.0) == per_cycle("slides")
+    assert sliding["friction_distance"].values[k] == pytest.approx(per_cycle("sliding_distance"), rel=1e-6)
+    assert sliding["friction_energy_lost"].values[k] == pytest.approx(per_cycle("dissipated_energy"), rel=1e-6)
+    assert sliding["friction_wear_power"].values[k] == pytest.approx(
+        10.0 * per_cycle("sliding_distance") * 20.0, rel=1e-6
+    )
 
 
 def test_sliding_per_cycle_of_a_swept_sine_adds_up_to_that_of_a_run():
@@ -95,14 +105,14 @@ def test_sliding_per_cycle_of_a_swept_sine_adds_up_to_that_of_a_run():
     of_run = {**sine, "applied_to": "base", "level": 5.0}
     run = {"duration": end, "sample_rate": 500.0, "convergence": "off"}
     pad = beamsim.run(rubbing(4e4, excitation=of_run, run=run))
-    before, cycles = curve.time < end - 1e-9, curve.sliding["pad"]
+    before, cycles = curve.time < end - 1e-9, curve.cycles.sel(friction="pad")
     assert pad["histories"]["friction_slides"].sel(friction="pad").item() > 50
-    assert cycles.per_cycle[before].sum() == pytest.approx(
+    assert cycles["friction_slides"].values[before].sum() == pytest.approx(
         pad["histories"]["friction_slides"].sel(friction="pad").item(), abs=1.0
     )
-    assert cycles.distance[before].sum() == pytest.approx(
+    assert cycles["friction_distance"].values[before].sum() == pytest.approx(
         pad["histories"]["friction_sliding_distance"].sel(friction="pad").item(), rel=1e-2
     )
-    assert cycles.energy_lost[before].sum() == pytest.approx(
+    assert cycles["friction_energy_lost"].values[before].sum() == pytest.approx(
         pad["histories"]["friction_dissipated_energy"].sel(friction="pad").item(), rel=1e-2
     )

@@ -77,10 +77,11 @@ def receptances(hz, *forces):
 def test_the_linear_response_is_that_of_independent_matrices(forces):
     """The forces' phases count, each its own; supports follow levels of displacement and of acceleration."""
     result = sweep_alone(case(*forces, sweep={**STEPPED, "from": 5.0, "to": 60.0, "points": 5}))
-    linear, curve = result.linear, result.curves["up_0"]
-    stepped = 1j * curve.displacement["p"].harmonics[list(curve.orders).index(1.0)]  # over a sine
+    linear, curve = result["linear"].sel(probe="p"), result.curves["up_0"]
+    response = linear["displacement_real"].values + 1j * linear["displacement_imag"].values
+    stepped = 1j * curve.channel("displacement", "p").harmonics[list(curve.orders).index(1.0)]  # over a sine
     for hz, of in (
-        (linear.frequency_hz[::97], linear.displacement["p"][::97]),
+        (linear["frequency_hz"].values[::97], response[::97]),
         (curve.frequency_hz, stepped),
     ):
         expected = receptances(hz, *forces)
@@ -100,7 +101,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
     x = settled["histories"]["displacement"].sel(probe="p").values[-513:-1]
     first = 2 * np.fft.rfft(x)[1] / x.size
     stepped = sweep_alone(case(*forces, sweep=STEPPED, **stop)).curves["up_0"]
-    of = stepped.displacement["p"].harmonics[list(stepped.orders).index(1.0), -1]
+    of = stepped.channel("displacement", "p").harmonics[list(stepped.orders).index(1.0), -1]
     assert abs(of - first) < 1e-6 * abs(first)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 63}):
         followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "method": method}, **stop))

@@ -131,7 +131,7 @@ def test_a_sweep_loses_what_a_run_does(law):
     impacts = beamsim.run(Scenario.model_validate({**given, "run": run})).summary["impacts"]
     sweep = {"kind": "stepped", "from": 6.0, "to": 6.05, "points": 2, "impacts": True}
     (curve,) = beamsim.sweep(Scenario.model_validate({**given, "sweep": sweep})).curves.values()
-    lost = sum(curve.impacts[side].energy_lost[0] for side in ("below", "above"))
+    lost = sum(curve["impact_energy_lost"].sel(snubber=side).values[0] for side in ("below", "above"))
     assert lost == pytest.approx(sum(impacts[side]["energy_lost_j"] for side in ("below", "above")) / 10, rel=1e-6)
     assert lost > 1e-3
 

@@ -33,6 +33,7 @@ from scipy.optimize import brentq
 from shipped import PATHS, shipped
 
 import beamsim
+from beamsim.analyses.sweep.layouts import FOLLOWED
 from beamsim.errors import ScenarioError
 from beamsim.results.values import peaks_in
 from beamsim.scenario.base import path_text, plain
@@ -658,13 +659,14 @@ def of_curves(result):
                 found |= {f"{label} peak of {value.name} of {name}": peak[there] for name, peak in of.items()}
         return found
     for label, curve in result.curves.items():
-        of_outputs = [("output", output) for output in curve.outputs.values()]
-        for kind, values in [*((each.quantity, each) for each in (*curve.probes, *curve.snubbers)), *of_outputs]:
+        places = [(kind, place) for kind in (*FOLLOWED, "output") for place in curve.places(kind)]
+        for kind, place in places:
+            values = curve.channel(kind, place)
             for name in ("peak", "rms", "mean", "harmonics"):
-                found[f"{label} {name} of {kind} of {values.name}"] = np.abs(getattr(values, name))
-        for name, impacts in curve.impacts.items():
-            for key in ("per_cycle", "impulse", "energy_lost"):
-                found[f"{label} {key} of force of {name}"] = np.asarray(getattr(impacts, key), dtype=float)
+                found[f"{label} {name} of {kind} of {place}"] = np.abs(getattr(values, name))
+        for key in ("number", "impulse", "energy_lost"):
+            for place, values in curve.cycles.by_label(f"impact_{key}").items():
+                found[f"{label} {key} of force of {place}"] = values.values
     return found
 
 

@@ -73,8 +73,8 @@ def test_own_shapes_scaled_and_in_another_order_are_found_again(tmp_path):
         assert pair["mac"] == pytest.approx(1.0, abs=1e-12)
         assert pair["difference"] == pytest.approx(1 / 1.05 - 1, rel=1e-9)
     stored = beamsim.load(tmp_path / "case_modes.h5")
-    assert stored.mac.shape == (3, stored.predicted_hz.size)
-    assert stored.paired.tolist() == [3, 1, 2]
+    assert stored["compared_modes"]["mac"].values.shape == (3, stored["compared_modes"]["predicted_hz"].values.size)
+    assert stored["compared_modes"]["paired"].values.tolist() == [3, 1, 2]
     assert (tmp_path / "case_modes_mac.png").stat().st_size > 5000
 
 
@@ -82,13 +82,19 @@ def test_criterion_and_closed_contacts_in_closed_form(tmp_path):
     """Shapes (1, golden ratio) and (golden ratio, -1) of two masses; a closed stop makes the chain symmetric."""
     golden = (1 + np.sqrt(5)) / 2
     case, measured = write(tmp_path, CHAIN, "mass,1 Hz,2.5\n1,1,1\n2,1,-1\n")
-    open_ = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
+    opened = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
     expected = (1 + golden) ** 2 / (2 * (1 + golden**2))
-    np.testing.assert_allclose(open_.mac, [[expected, 1 - expected], [1 - expected, expected]], rtol=1e-12)
-    np.testing.assert_allclose(open_.predicted_hz, 10 / (2 * np.pi) * np.array([1 / golden, golden]), rtol=1e-12)
+    np.testing.assert_allclose(
+        opened["compared_modes"]["mac"].values, [[expected, 1 - expected], [1 - expected, expected]], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        opened["compared_modes"]["predicted_hz"].values, 10 / (2 * np.pi) * np.array([1 / golden, golden]), rtol=1e-12
+    )
     closed = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)), contacts="closed")
-    np.testing.assert_allclose(closed.mac, np.eye(2), atol=1e-12)
-    np.testing.assert_allclose(closed.predicted_hz, 10 / (2 * np.pi) * np.array([1.0, np.sqrt(3)]), rtol=1e-12)
+    np.testing.assert_allclose(closed["compared_modes"]["mac"].values, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(
+        closed["compared_modes"]["predicted_hz"].values, 10 / (2 * np.pi) * np.array([1.0, np.sqrt(3)]), rtol=1e-12
+    )
 
 
 def test_limits_give_exit_code_four_and_keep_the_result(tmp_path):
@@ -106,7 +112,7 @@ def test_limits_give_exit_code_four_and_keep_the_result(tmp_path):
 def test_modes_that_fit_nothing_are_said(tmp_path):
     case, measured = write(tmp_path, CHAIN, "mass,1 Hz,2.5 Hz,7 Hz\n1,1,1,1\n2,1.6,-0.6,0\n")
     result = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
-    assert result.paired.tolist() == [1, 2, 0]
+    assert result["compared_modes"]["paired"].values.tolist() == [1, 2, 0]
     assert result.summary["lowest_mac"] == 0.0
     assert result.warnings == ("no computed mode fits the one measured at 7 Hz",)
     done = call(case, measured, "-o", tmp_path, "--least-mac", "0.1", "--no-plots")
@@ -117,8 +123,8 @@ def test_modes_that_fit_nothing_are_said(tmp_path):
 def test_places_that_do_not_tell_modes_apart_are_said(tmp_path):
     case, measured = write(tmp_path, BEAM, "position,17 Hz\n0.49,1\n0.5,1.02\n")
     few = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
-    assert few.predicted_hz.size == 5
-    assert few.paired.tolist() == [1]  # the nearest frequency of those that look alike
+    assert few["compared_modes"]["predicted_hz"].values.size == 5
+    assert few["compared_modes"]["paired"].values.tolist() == [1]  # the nearest frequency of those that look alike
     assert few.warnings == ("at the measured places mode 1 looks like mode 2, 3, 4, 5: measure at more places",)
 
 
@@ -130,7 +136,7 @@ def test_places_on_several_bodies(tmp_path):
         rows.append(",".join([name, *(f"{value}" for value in row[:3])]))
     case, measured = write(tmp_path, TWO, "\n".join(rows))
     result = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
-    assert result.paired.tolist() == [1, 2, 3]
+    assert result["compared_modes"]["paired"].values.tolist() == [1, 2, 3]
     assert result.summary["lowest_mac"] == pytest.approx(1.0, abs=1e-12)
 
 

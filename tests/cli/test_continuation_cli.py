@@ -111,7 +111,7 @@ def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]
     (main,) = [b for b in result.branches if b["period_multiple"].item() == 1]
-    tops = {name: o.displacement["tip"].peak.max() for name, o in result.overlay.items()}
+    tops = {name: o.peaks["displacement", "tip"][1].max() for name, o in result.overlay.items()}
     for top in tops.values():
         assert top == pytest.approx(peaks_of(main, "tip").max(), rel=0.02)
     up = result.overlay["up_0"]
@@ -156,7 +156,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     steady = stored.overlay["up_1"]
     main = stored.branches[0]
     expected = np.interp(steady.frequency_hz, main["frequency_hz"].values, peaks_of(main, "tip"))
-    np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)
+    np.testing.assert_allclose(steady.peaks["displacement", "tip"][1], expected, rtol=2e-3)
     assert (tmp_path / "curve_response_tip.png").is_file()
     # nothing in common
     other = continuation(load_scenario(CHAIN, ["sweep.longest_period=1", "sweep.to=0.78 rad/s"]))

@@ -270,7 +270,7 @@ def test_a_study_of_sweeps():
 
     alone = sweep(load_scenario(text, {"snubbers[0].stiffness": 200e3}))
     assert result.responses["up_0/probes/tip/peak_displacement"].values[1] == pytest.approx(
-        alone.curves["up_0"].displacement["tip"].peak.max(), rel=1e-9
+        alone.curves["up_0"].channel("displacement", "tip").peak.max(), rel=1e-9
     )
     assert result.summary["margins"]["peak_force"]["exceeded"]
 

@@ -142,27 +142,17 @@ def followed(scenario: dict, key: str, ends: tuple[float, float]):
 def stepped(scenario: dict, key: str, value: float):
     hz = scenario["excitation"]["frequency"]
     section = {"kind": "stepped", "from": hz, "to": hz * (1 + 1e-9), "points": 2, "steady_to": 1e-10}
-    return sweep(load_scenario({**scenario, "sweep": section}, {key: value})).curves["up_0"]
+    return sweep(load_scenario({**scenario, "sweep": section}, {key: value})).curves["up_0"].cycles
 
 
-def measured_along(branch, at: int) -> dict[str, float]:
-    """The same at a point of a branch."""
+def measured_along(points, at: int) -> dict[str, float]:
+    """Peaks of probes, forces and outputs, the stress, gaps and shares of contact at a point or in a cycle."""
     called = {"peak_displacement": "displacement", "peak_acceleration": "acceleration", "peak_force": "force",
               "peak_moment": "force", "peak_output": "outputs", "largest_gap": "peak_gap",
               "bending_stress": "stress"}  # fmt: skip
-    values = {f"{called[value.name]} {name}".strip(): x[at] for value, of in peaks_in(branch) for name, x in of.items()}
-    share = branch.by_label("contact_share")
+    values = {f"{called[value.name]} {name}".strip(): x[at] for value, of in peaks_in(points) for name, x in of.items()}
+    share = points.by_label("contact_share")
     return values | {f"contact_share {name}": of.values[at] for name, of in share.items()}
-
-
-def measured(curve, at: int) -> dict[str, float]:
-    """Peaks of probes, forces and outputs, the stress, gaps and shares of contact at a point of a curve."""
-    values = {} if curve.peak_bending_stress is None else {"stress": curve.peak_bending_stress[at]}
-    for section in ("displacement", "acceleration", "force", "outputs"):
-        values |= {f"{section} {name}": of.peak[at] for name, of in getattr(curve, section).items()}
-    for section in ("peak_gap", "contact_share"):
-        values |= {f"{section} {name}": of[at] for name, of in getattr(curve, section).items()}
-    return values
 
 
 @pytest.mark.slow
@@ -175,7 +165,7 @@ def test_both_ends_are_the_case_built_anew(name):
         if not branch["stable"].values[end]:
             continue  # what is stepped does not stay there
         values = measured_along(branch, end)
-        anew = measured(stepped(scenario, key, float(branch["parameter"].values[end])), 0)
+        anew = measured_along(stepped(scenario, key, float(branch["parameter"].values[end])), 0)
         assert values.keys() == anew.keys()
         for quantity, value in values.items():
             # moments along the beam are known to their stations, which differ by the mesh of the places added
@@ -244,7 +234,7 @@ def test_the_system_with_another_number_is_that_built_anew(key, value):
 def test_the_share_of_a_turning_base_is_worth_a_third():
     """Twin of the first case: 0.681 mm at 270 mm, and 0.453 mm with the share of the written position."""
     scenario, key, _ = CASES[FIRST]
-    right = measured(stepped(scenario, key, 0.27), 0)["displacement tip"]
+    right = measured_along(stepped(scenario, key, 0.27), 0)["displacement tip"]
     assert right == pytest.approx(0.681e-3, rel=2e-3)
     assert abs(right - 0.453e-3) > 0.2e-3
 
@@ -256,5 +246,5 @@ def test_a_stop_at_the_axis_of_the_base_feels_nothing_of_it():
     branch = followed(scenario, POSITION, (0.2, 0.26))
     assert branch["status"].item().startswith("complete")
     for end in (0, -1):
-        anew = measured(stepped(scenario, POSITION, float(branch["parameter"].values[end])), 0)
+        anew = measured_along(stepped(scenario, POSITION, float(branch["parameter"].values[end])), 0)
         assert measured_along(branch, end)["force tip"] == pytest.approx(anew["force tip"], rel=1e-8)

@@ -124,12 +124,12 @@ def test_extremes_are_those_of_a_stepped_sine():
     branch = curve.branches[0]
     assert branch["stable"].values[0]
     pairs = [
-        (peaks_of(branch, "tip"), stepped.displacement["tip"].peak),
-        (peaks_of(branch, "tip", "force"), stepped.force["tip"].peak),
-        (peaks_of(branch, "tip", "absolute_acceleration"), stepped.acceleration["tip"].peak),
-        (branch["peak_bending_stress"].values, stepped.peak_bending_stress),
-        (branch["peak_gap"].sel(snubber="tip").values, stepped.peak_gap["tip"]),
-        (branch["contact_share"].sel(snubber="tip").values, stepped.contact_share["tip"]),
+        (peaks_of(branch, "tip"), stepped.channel("displacement", "tip").peak),
+        (peaks_of(branch, "tip", "force"), stepped.channel("force", "tip").peak),
+        (peaks_of(branch, "tip", "absolute_acceleration"), stepped.channel("absolute_acceleration", "tip").peak),
+        (branch["peak_bending_stress"].values, stepped["peak_bending_stress"].values),
+        (branch["peak_gap"].sel(snubber="tip").values, stepped["peak_gap"].sel(snubber="tip").values),
+        (branch["contact_share"].sel(snubber="tip").values, stepped["contact_share"].sel(snubber="tip").values),
     ]
     for ours, exact in pairs:
         np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)

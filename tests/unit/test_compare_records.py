@@ -202,7 +202,10 @@ def test_moments_and_outputs_of_a_sweep(tmp_path):
         "sweep": {"kind": "swept_sine", "from": 0.4, "to": 1.0, "rate": "0.02 Hz/s", "convergence": "off"},
     }))  # fmt: skip
     (curve,) = result.curves.values()
-    moment, angle = curve.force["root.end"].peak / 1.1, np.degrees(curve.outputs["angle"].peak) / 1.1
+    moment, angle = (
+        curve.channel("force", "root.end").peak / 1.1,
+        np.degrees(curve.channel("output", "angle").peak) / 1.1,
+    )
     rows = np.column_stack([curve.frequency_hz, moment, angle]).tolist()
     text = ["frequency [Hz],root.end moment [N m],angle [deg]", *(",".join(map(repr, row)) for row in rows)]
     (tmp_path / "lab.csv").write_text("\n".join(text))

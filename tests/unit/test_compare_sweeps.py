@@ -43,7 +43,7 @@ def swept():
 def measured(swept, place, factor=1.0, shift=1.0, *, complex_values=True):
     """The sweep itself with another level and other frequencies, as a laboratory's channel."""
     curve = swept.curves["up_0"]
-    of = curve.acceleration[place]
+    of = curve.channel("absolute_acceleration", place)
     y = factor * (of.harmonics[0] if complex_values else of.peak)
     return MeasuredSignal(f"{place} absolute acceleration", shift * curve.frequency_hz, y, True, "m/s^2")
 
@@ -112,13 +112,13 @@ def test_what_cannot_be_compared_is_refused(swept, signal, words):
 
 def record_of(swept, late=0.3):
     """Time of a record that begins before the sweep, the excitation and the response of the second mass in it."""
-    history, curve = swept.histories[0], swept.curves["up_0"]
+    history, curve = swept["histories"], swept.curves["up_0"]
     before = np.arange(round(2000 * late)) / 2000
     rate = np.log(2) * 30 / 60
-    drive = G * np.sin(2 * np.pi * 15 * np.expm1(rate * history.time) / rate)
+    drive = G * np.sin(2 * np.pi * 15 * np.expm1(rate * history["time"].values) / rate)
     at_rest = np.zeros(before.size)
-    time = np.append(before, history.time + late)
-    response = np.append(at_rest, history.acceleration["second"])
+    time = np.append(before, history["time"].values + late)
+    response = np.append(at_rest, history["absolute_acceleration"].sel(probe="second").values)
     assert curve.time[0] == 0.0
     return time, np.append(at_rest, drive), response
 
@@ -127,7 +127,7 @@ def test_a_tracked_history_is_what_the_sweep_computes(swept):
     """The history of the sweep itself, resampled at its cycles, against the exact values of each cycle."""
     time, _, response = record_of(swept)
     of = track(swept.curves["up_0"], MeasuredSignal("second", time, response), 0.3)
-    envelope = swept.curves["up_0"].acceleration["second"]
+    envelope = swept.curves["up_0"].channel("absolute_acceleration", "second")
     known = slice(of.frequency_hz.size)
     size = envelope.peak.max()
     np.testing.assert_allclose(of.frequency_hz, swept.curves["up_0"].frequency_hz[known], rtol=1e-12)
@@ -194,7 +194,9 @@ def test_tracking_that_cannot_be_is_refused(swept):
     history = ("second", "absolute_acceleration", MeasuredSignal("second", time, response))
     excitation = MeasuredSignal("drive", time, drive)
     over_frequency = ("second", "absolute_acceleration", measured(swept, "second"))
-    stepped = replace(swept, kind="stepped")
+    stepped = replace(
+        swept, datasets=swept.datasets | {"curves": swept["curves"].assign(kind=np.array(["stepped"], dtype=object))}
+    )
     for result, pair, detector, tracking, words in (
         (swept, history, None, Tracking(0.9, excitation), "does not follow the sweep"),
         (swept, history, "peak", Tracking(0.3, cycles=3), "leave one of them out"),
@@ -218,7 +220,7 @@ HEADERS = {
 def test_csv_files_of_laboratories(swept, tmp_path, kind):
     header, separator, point = HEADERS[kind]
     curve = swept.curves["up_0"]
-    columns = [curve.frequency_hz, *(curve.acceleration[p].peak / G for p in ("first", "second"))]
+    columns = [curve.frequency_hz, *(curve.channel("absolute_acceleration", p).peak / G for p in ("first", "second"))]
     rows = [separator.join(f"{v:.9g}".replace(".", point) for v in row) for row in zip(*columns, strict=True)]
     path = tmp_path / "test.csv"
     path.write_text(header + "\n".join(rows) + "\n")
@@ -270,7 +272,7 @@ def response(swept, *, over, kind=4, level=1.0):
     """The sweep as a frequency response: a data set 58 of the second probe over what excites it."""
     curve = swept.curves["up_0"]
     f = np.arange(16.0, 34.0, 0.1)
-    values = curve.acceleration["second"].harmonics[0]
+    values = curve.channel("absolute_acceleration", "second").harmonics[0]
     phase = np.interp(f, curve.frequency_hz, np.unwrap(np.angle(values)))
     y = np.interp(f, curve.frequency_hz, np.abs(values)) * np.exp(1j * phase) / level
     fields = {"kind": kind, "over": over, "begin": f[0], "step": 0.1, "axis": (0, "", "Hz"), "name": "second"}

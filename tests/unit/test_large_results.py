@@ -63,6 +63,16 @@ def test_values_are_read_once_when_they_are_used(long_run, read_bytes):
     assert "low_passed_acceleration" not in result["histories"]
 
 
+def test_a_part_of_a_part_is_that_of_its_place(long_run):
+    path, run = long_run
+    whole = run["histories"]["displacement"].sel(probe="tip").values
+    time = float(run["histories"]["time"].values[700])
+    assert load(path)["histories"]["displacement"].sel(probe="tip").sel(time=time).item() == whole[700]
+    part = load(path)["histories"].isel(time=slice(500, 900))
+    np.testing.assert_array_equal(part["displacement"].sel(probe="tip").values, whole[500:900])
+    assert part["displacement"].sel(probe="tip", time=time).item() == whole[700]
+
+
 def test_info_reads_no_large_array(long_run, read_bytes):
     result = load(long_run[0])
     assert "peak" in str(result)

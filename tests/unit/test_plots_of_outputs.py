@@ -51,6 +51,8 @@ def test_of_a_sweep():
     figure = result.plot()["outputs"]
     assert labels(figure) == ["Peak of wall (kN)", "Peak of mass (g)"]
     peaks, limit = (line.get_ydata() for line in figure.axes[0].lines)
-    np.testing.assert_allclose(np.asarray(peaks) * 1e3, result.curves["up_0"].outputs["wall"].peak, rtol=1e-15)
+    np.testing.assert_allclose(
+        np.asarray(peaks) * 1e3, result.curves["up_0"].channel("output", "wall").peak, rtol=1e-15
+    )
     assert list(limit) == [2.0, 2.0]
     assert len(figure.axes[1].lines) == 1

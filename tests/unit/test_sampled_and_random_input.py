@@ -298,7 +298,7 @@ def test_swept_run_is_the_sweep(tmp_path):
     last = np.searchsorted(curve.time, 2.0) - 2
     until = run["histories"]["time"].values < curve.time[last + 1]
     peak = np.abs(run["histories"]["displacement"].sel(probe="first").values[until]).max()
-    assert curve.displacement["first"].peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
+    assert curve.channel("displacement", "first").peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
     with pytest.raises(ScenarioError, match="longer than the sweep, which ends at 2 s"):
         beamsim.run(load_scenario({**scenario, "run": {"duration": 3.0}}))
 

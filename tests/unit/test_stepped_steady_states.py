@@ -41,13 +41,15 @@ def test_without_contact_the_steady_state_is_that_of_linear_theory():
     q = transfer(sweep_system(scenario), curve.frequency_hz)
     expected = np.abs(q @ np.array([p.shape for p in sweep_system(scenario).probes]).T) * 0.004
     for k, name in enumerate(("first", "second")):
-        np.testing.assert_allclose(curve.displacement[name].peak, expected[:, k], rtol=1e-8)
-        np.testing.assert_allclose(curve.displacement[name].rms, expected[:, k] / np.sqrt(2), rtol=1e-8)
+        np.testing.assert_allclose(curve.channel("displacement", name).peak, expected[:, k], rtol=1e-8)
+        np.testing.assert_allclose(curve.channel("displacement", name).rms, expected[:, k] / np.sqrt(2), rtol=1e-8)
         order = list(curve.orders).index(1.0)
-        np.testing.assert_allclose(np.abs(curve.displacement[name].harmonics[order]), expected[:, k], rtol=1e-8)
-    assert set(curve.steady.kind) == {"periodic"}
-    assert set(curve.steady.period_cycles) == {1}
-    assert np.all(curve.contact_share["stop"] == 0)
+        np.testing.assert_allclose(
+            np.abs(curve.channel("displacement", name).harmonics[order]), expected[:, k], rtol=1e-8
+        )
+    assert set(curve.tables["steady_states"]["kind"].values) == {"periodic"}
+    assert set(curve.tables["steady_states"]["period_cycles"].values) == {1}
+    assert np.all(curve["contact_share"].sel(snubber="stop").values == 0)
     assert result.outcome == COMPLETE
 
 
@@ -55,9 +57,12 @@ def test_with_contact_the_steady_state_is_the_end_of_a_long_transient():
     scenario = stepped(levels=["0.4 N"], steady_to=1e-9, direction="both", points=5)
     curve = sweep(scenario).curves["up_0"]
     system = sweep_system(scenario)
-    assert np.any(curve.contact_share["stop"] > 0)
+    assert np.any(curve["contact_share"].sel(snubber="stop").values > 0)
     checked = 0
-    for k in np.flatnonzero((curve.steady.period_cycles == 1) & (curve.contact_share["stop"] > 0)):
+    for k in np.flatnonzero(
+        (curve.tables["steady_states"]["period_cycles"].values == 1)
+        & (curve["contact_share"].sel(snubber="stop").values > 0)
+    ):
         f = curve.frequency_hz[k]
         signal = Signal.harmonic(0.4, 2 * np.pi * f)
         flow = ExactFlow(system.dynamics, Forcing(system.forcing.load, (signal,)), 400 / f)
@@ -66,8 +71,8 @@ def test_with_contact_the_steady_state_is_the_end_of_a_long_transient():
         w = trajectory.states_at(times)[:, :2] @ system.probes[0].shape
         if np.abs(w[:72_000] - w[8_000:80_000]).max() > 1e-6 * np.abs(w).max():
             continue  # another attractor
-        assert curve.displacement["first"].maximum[k] == pytest.approx(w.max(), rel=1e-5)
-        assert curve.displacement["first"].minimum[k] == pytest.approx(w.min(), rel=1e-5)
+        assert curve.channel("displacement", "first").maximum[k] == pytest.approx(w.max(), rel=1e-5)
+        assert curve.channel("displacement", "first").minimum[k] == pytest.approx(w.min(), rel=1e-5)
         checked += 1
     assert checked > 0
 
@@ -124,15 +129,15 @@ def impacts(damping, n, **settings):
 @pytest.mark.parametrize("n", [3, 5, 7, 9])
 def test_subharmonics_of_an_impact_oscillator_have_the_period_of_its_swing(n):
     """One impact in n cycles where the forcing is n times the bilinear frequency (Shaw and Holmes 1983)."""
-    steady = sweep(impacts(0.02, n)).curves["up_0"].steady
-    assert list(steady.kind) == ["periodic"] * 2
-    assert list(steady.period_cycles) == [n] * 2
+    steady = sweep(impacts(0.02, n))["steady_states"]
+    assert steady["kind"].values.tolist() == ["periodic"] * 2
+    assert steady["period_cycles"].values.tolist() == [n] * 2
 
 
 @pytest.mark.parametrize(("damping", "n", "more"), [(0.02, 9, {"longest_period": 8}), (0.005, 5, {}), (0.005, 9, {})])
 def test_a_motion_that_comes_to_repeat_is_not_called_quasi_periodic(damping, n, more):
     """Of a longer period than is looked for, or one whose transient outlasts the cycles that are allowed."""
-    assert set(sweep(impacts(damping, n, **more)).curves["up_0"].steady.kind) == {"not settled"}
+    assert set(sweep(impacts(damping, n, **more))["steady_states"]["kind"].values) == {"not settled"}
 
 
 @pytest.mark.parametrize("frequency", [0.31, 0.4771, 0.7, 1.57])

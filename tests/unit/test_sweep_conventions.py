@@ -1,14 +1,15 @@
 """Conventions of a sweep's values: weights, signs of tables of levels, what a fractional order covers."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from sampling import slow_after
 
-from beamsim.analyses.sweep.analysis import sweep
+from beamsim.analyses.sweep.analysis import demand_consistent, sweep
+from beamsim.analyses.sweep.layouts import CYCLES
 from beamsim.analyses.sweep.peaks import find_peaks
+from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.scenario import load_scenario
+from beamsim.store.results import load, write_result
 
 CHAIN = {
     "chain": {
@@ -32,12 +33,25 @@ def test_a_table_of_levels_has_the_sign_of_a_single_level(level):
     single = curve({"level": level})
     for quantity in ({}, {"quantity": "acceleration", "level": 1.0}):
         given = curve({"level": level, **quantity}, **table, levels=[1.0])
-        np.testing.assert_allclose(given.displacement["first"].maximum, single.displacement["first"].maximum, rtol=1e-9)
-        assert given.contacts["stop"].sum() == single.contacts["stop"].sum() > 0
+        np.testing.assert_allclose(
+            given.channel("displacement", "first").maximum, single.channel("displacement", "first").maximum, rtol=1e-9
+        )
+        assert (
+            given["contacts"].sel(snubber="stop").values.sum()
+            == single["contacts"].sel(snubber="stop").values.sum()
+            > 0
+        )
     reversed_ = curve({"level": f"-{level}"})
     factor = curve({"level": level}, **table, levels=[-1.0])
-    np.testing.assert_allclose(factor.displacement["first"].maximum, reversed_.displacement["first"].maximum, rtol=1e-9)
-    assert np.abs(reversed_.displacement["first"].maximum / single.displacement["first"].maximum - 1).max() > 0.1
+    np.testing.assert_allclose(
+        factor.channel("displacement", "first").maximum, reversed_.channel("displacement", "first").maximum, rtol=1e-9
+    )
+    assert (
+        np.abs(
+            reversed_.channel("displacement", "first").maximum / single.channel("displacement", "first").maximum - 1
+        ).max()
+        > 0.1
+    )
 
 
 RATE = 20_000.0  # Hz
@@ -52,19 +66,24 @@ def recorded():
 
 
 def test_mean_square_mean_and_contact_share_are_weighted_by_time(recorded):
-    values, history = recorded.curves["up_0"], recorded.histories[0]
+    values, history = recorded.curves["up_0"], recorded["histories"]
     ends = np.append(values.time, values.time[-1] + 1 / values.frequency_hz[-1])[:-1]
-    force, displacement = history.force["stop"], history.displacement["first"]
+    force = history["force"].sel(snubber="stop").values
+    displacement = history["displacement"].sel(probe="first").values
     for cycle in range(ends.size - 1):
-        inside = (history.time >= ends[cycle]) & (history.time < ends[cycle + 1])
-        size = values.displacement["first"].rms[cycle]
-        assert values.displacement["first"].mean[cycle] == pytest.approx(displacement[inside].mean(), abs=2e-3 * size)
+        inside = (history["time"].values >= ends[cycle]) & (history["time"].values < ends[cycle + 1])
+        size = values.channel("displacement", "first").rms[cycle]
+        assert values.channel("displacement", "first").mean[cycle] == pytest.approx(
+            displacement[inside].mean(), abs=2e-3 * size
+        )
         assert size == pytest.approx(np.sqrt(np.mean(displacement[inside] ** 2)), rel=2e-3)
-        assert values.contact_share["stop"][cycle] == pytest.approx(np.mean(force[inside] != 0), abs=2e-3)
-    whole = history.time < ends[-1]
+        assert values["contact_share"].sel(snubber="stop").values[cycle] == pytest.approx(
+            np.mean(force[inside] != 0), abs=2e-3
+        )
+    whole = history["time"].values < ends[-1]
     share = recorded.summary["contact_share"]["up_0"]["stop"]
     assert share == pytest.approx(np.mean(force[whole] != 0), abs=0.02)
-    assert share == pytest.approx(values.weights @ values.contact_share["stop"])
+    assert share == pytest.approx(values.weights @ values["contact_share"].sel(snubber="stop").values)
     assert values.weights.sum() == pytest.approx(1.0)
 
 
@@ -78,19 +97,21 @@ def test_the_last_row_takes_up_the_incomplete_cycle_at_the_end():
         "sweep": {"kind": "swept_sine", "from": 5.0, "to": 5.9, "rate": "0.5 Hz/s", "history_rate": 2e4},
     }
     result = sweep(load_scenario(case))
-    (history,), (row,) = result.histories.values(), (curve for curve in result.curves.values())
-    moved = history.displacement["mass"]
-    values = row.displacement["mass"]
+    history, (row,) = result["histories"], result.curves.values()
+    moved = history["displacement"].sel(probe="mass").values
+    values = row.channel("displacement", "mass")
     assert values.maximum[-1] == pytest.approx(moved.max(), rel=1e-6)
     assert values.maximum[:-1].max() < 0.99 * moved.max()
-    last = moved[history.time >= row.time[-1]]
+    last = moved[history["time"].values >= row.time[-1]]
     assert values.mean[-1] == pytest.approx(last.mean(), abs=2e-3 * moved.max())
     assert values.rms[-1] == pytest.approx(np.sqrt(np.mean(last**2)), rel=2e-3)
     case["chain"]["snubbers"] = [{**free, "gap": 0.995 * moved.max()}]
     touched = sweep(load_scenario(case)).curves["up_0"]
-    assert touched.contacts["stop"].sum() == touched.contacts["stop"][-1] == 1
-    assert touched.force["stop"].maximum[-1] > 0.0
-    assert touched.contact_share["stop"][-1] > 0.0
+    assert (
+        touched["contacts"].sel(snubber="stop").values.sum() == touched["contacts"].sel(snubber="stop").values[-1] == 1
+    )
+    assert touched.channel("force", "stop").maximum[-1] > 0.0
+    assert touched["contact_share"].sel(snubber="stop").values[-1] > 0.0
 
 
 def fast_sweep_of_one_mode(gap=1.0, **sweep_settings):
@@ -139,15 +160,23 @@ def test_a_jump_ends_the_resonance_whatever_harmonics_it_excites():
     harmonics = np.array(
         [np.where(before, 1.0 + 0.6 * (f - 14.0) / 7.3, 0.12), 0.4 * np.exp(-(((f - 21.3) / 0.5) ** 2))]
     )
-    curve = SimpleNamespace(
-        name="up_0", direction="up", level=1.0, frequency_hz=f, orders=np.array([1.0, 4.0]), bent=None,
-        displacement={"tip": SimpleNamespace(response=peak, harmonics=harmonics)},
-        contact_share={"stop": np.where(before, 0.3, 0.0)}, excitation_amplitude=np.ones(f.size),
-    )  # fmt: skip
-    (jump,) = find_peaks(curve, "tip", None)
+    none, every = np.zeros(f.size), np.arange(f.size)
+
+    def curve(harmonics):
+        statistics = dict.fromkeys(("min", "rms", "mean"), -none) | {"max": peak, "peak": peak}
+        cycles = CYCLES.dataset({
+            "cycle": 1 + every, "curve": 0 * every, "frequency_hz": f, "time": none, "excitation_amplitude": none + 1.0,
+            "energy_error": none, "order": [1.0, 4.0], "probe": ["tip"], "static_displacement": [0.0],
+            "snubber": ["stop"], "contact_share": np.where(before, 0.3, 0.0)[None], "contacts": 0 * every[None],
+            **{f"{name}_displacement": values[None] for name, values in statistics.items()},
+            "harmonic_displacement_real": harmonics[None], "harmonic_displacement_imag": 0.0 * harmonics[None],
+        }, excitation_unit="N")  # fmt: skip
+        return SweepCurve("up_0", "swept_sine", "up", 0, 1.0, "N", "force", {"cycles": cycles})
+
+    (jump,) = find_peaks(curve(harmonics), "tip", None)
     assert (jump.kind, jump.order) == ("nonlinear resonance", 1.0)
-    curve.displacement["tip"].harmonics[0] = 1.0  # what the excitation causes does not change: order 4 has the peak
-    (of_order_4,) = find_peaks(curve, "tip", None)
+    harmonics[0] = 1.0  # what the excitation causes does not change: order 4 has the peak
+    (of_order_4,) = find_peaks(curve(harmonics), "tip", None)
     assert (of_order_4.kind, of_order_4.order) == ("superharmonic", 4.0)
 
 
@@ -170,3 +199,24 @@ def test_the_edge_of_a_notch_is_no_resonance():
     assert abs(edge.frequency_hz / 26 - 1) < 0.01
     assert edge.kind == "level step"
     assert {peak.kind for peak in beats} == {"beat"}
+
+
+def test_a_resumed_sweep_knows_which_springs_pass_breakpoints(tmp_path):
+    """Its peaks are nonlinear resonances although no contact closes; the file of a part was refused."""
+    law = {"kind": "piecewise_linear", "breakpoints": [-1e-3, 1e-3], "stiffnesses": [6e3, 4e3, 6e3]}
+    chain = {"masses": [1.0, 1.0], "springs": [4e3, 0.0, 0.0], "springs_between": [{"masses": [1, 2], **law}],
+             "damping": {"kind": "modal", "ratio": 0.05}}  # fmt: skip
+    base = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 6.0}
+    settings = {"kind": "stepped", "from": 5.0, "to": 9.0, "points": 13, "levels": [0.5, 3.0], "most_cycles": 100}
+    scenario = load_scenario({"chain": chain, "excitation": base, "sweep": settings})
+    whole = sweep(scenario)
+    assert "nonlinear resonance" in {peak.kind for peak in whole.peaks}
+    write_result(whole, tmp_path / "swept.h5")
+    stored = load(tmp_path / "swept.h5", whole=True)
+    demand_consistent(stored)
+    again = sweep(scenario, resume=stored)
+    assert again.peaks == whole.peaks
+    assert again.summary == whole.summary
+    for name, dataset in whole.datasets.items():
+        for variable, array in dataset.items():
+            np.testing.assert_array_equal(again[name][variable].values, array.values, variable)

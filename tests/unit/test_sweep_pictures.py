@@ -65,7 +65,7 @@ def test_levels_are_compared_in_the_units_that_are_shown(swept):
     axes = figures["levels"].axes[0]
     assert axes.get_ylabel().endswith("(mm per g)")
     curve = swept.curves["up_0"]
-    expected = 1e3 * np.max(curve.displacement["first"].peak / (curve.excitation_amplitude / 9.80665))
+    expected = 1e3 * np.max(curve.channel("displacement", "first").peak / (curve.excitation_amplitude / 9.80665))
     assert np.max(axes.lines[0].get_ydata()) == pytest.approx(expected, rel=1e-6)
     panels = figures["harmonic_energy"].axes
     for panel, level in zip(panels, ("level 0.2039 g", "level 0.4079 g"), strict=True):

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.coexisting.result import DISTURBANCES, MOTIONS, STARTS, CoexistingResult
-from beamsim.analyses.continuation.analysis import largest_values, motion_warnings, response
+from beamsim.analyses.continuation.analysis import largest_values, response
 from beamsim.analyses.continuation.tables import MeasuredBranch, response_datasets
 from beamsim.analyses.studies.cases import CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.analyses.studies.plan import Case
@@ -38,7 +38,7 @@ from beamsim.parallel import Cluster, Computation, working
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
-from beamsim.results.result import dashpots_of, reduction_checked
+from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
 from beamsim.results.values import peaks_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
@@ -304,7 +304,7 @@ def _gathered(
     datasets |= {"motions": MOTIONS.table(motions), "starts": STARTS.dataset(starts)}
     return CoexistingResult(
         scenario=scenario, outcome=COMPLETE, datasets=datasets,
-        warnings=(*scenario.warnings, *system.warnings, *motion_warnings(marches.model, datasets["points"])),
+        warnings=(*scenario.warnings, *system.warnings, *warnings_along(scenario, system.modes, datasets["points"])),
     )  # fmt: skip
 
 

@@ -585,10 +585,11 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
             for name, of in histories.by_label("output_quantity").items()
         }
     else:
-        curves = result.curves.values()
-        probes = [name for c in curves for name in c.displacement]
-        outputs = {name: (output.quantity, output.unit) for c in curves for name, output in c.outputs.items()}
-        contacts = {name: envelope.unit for c in curves for name, envelope in c.force.items()}
+        cycles = result["cycles"]
+        probes = cycles.labels("probe")
+        quantities, units = (cycles.by_label(f"output_{column}") for column in ("quantity", "unit"))
+        outputs = {name: (quantities[name].item(), units[name].item()) for name in quantities}
+        contacts = {name: force.unit for name, force in cycles.by_label("peak_force").items()}
     of_probe = {q: motion_dimension(q) for q in OF_PROBES}
     found = {name: dict(of_probe) for name in probes}
     for name, unit in contacts.items():

@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison, outcome_of_comparison
-from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, SweepResult
+from beamsim.analyses.sweep.layouts import FOLLOWED
+from beamsim.analyses.sweep.result import CycleValues, SweepCurve, SweepResult
 from beamsim.measurements.channels import demand_amplitudes, unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
@@ -146,10 +147,10 @@ def _settled(
                 "leave them out",
             )
         return tracking
-    if result.kind != "swept_sine":
+    if curve.kind != "swept_sine":
         raise unusable(
             f"{histories[0][2].label} is a time history, which is compared with a swept sine, and the sweep is "
-            f"{result.kind.replace('_', ' ')}",
+            f"{curve.kind.replace('_', ' ')}",
             "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
         )
     if tracking.reference is not None:
@@ -157,7 +158,7 @@ def _settled(
     else:
         records = [
             Followed(
-                signal, _detected(curve, _envelope(curve, place, quantity, signal.label), "fundamental", signal.label)
+                signal, _detected(curve, _computed(curve, place, quantity, signal.label), "fundamental", signal.label)
             )
             for place, quantity, signal in histories
         ]
@@ -166,19 +167,17 @@ def _settled(
     return replace(tracking, begin=begin)
 
 
-def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope | OutputEnvelope:
-    sources: dict[str, dict[str, Any]] = {
-        "force": curve.force, "moment": curve.force, "displacement": curve.displacement,
-        "absolute_acceleration": curve.acceleration,
-    }  # fmt: skip
-    outputs = {name: output for name, output in curve.outputs.items() if output.quantity == quantity}
-    envelope: Envelope | OutputEnvelope | None = sources.get(quantity, {}).get(place) or outputs.get(place)
-    if envelope is None:
+def _computed(curve: SweepCurve, place: str, quantity: str, where: str) -> CycleValues:
+    followed = "force" if quantity == "moment" else quantity
+    if followed in FOLLOWED and place in curve.places(followed):
+        return curve.channel(followed, place)
+    outputs = curve.cycles.by_label("output_quantity")
+    if place not in outputs or outputs[place].item() != quantity:
         raise unusable(
             f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
             "compare absolute_acceleration or displacement of a probe, force of a snubber, or an output",
         )
-    return envelope
+    return curve.channel("output", place)
 
 
 def _channel(
@@ -191,12 +190,12 @@ def _channel(
 ) -> SweptComparison:
     where = signal.label
     followed = not signal.of_frequency
-    envelope = _envelope(curve, place, quantity, where)
+    computed = _computed(curve, place, quantity, where)
     if detector is None:
         measured_phases = followed or signal.has_phase
         detector = "fundamental" if measured_phases and np.any(curve.orders == 1.0) else "peak"
     rising = np.argsort(curve.frequency_hz, kind="stable")
-    frequency, values = curve.frequency_hz[rising], _detected(curve, envelope, detector, where)[rising]
+    frequency, values = curve.frequency_hz[rising], _detected(curve, computed, detector, where)[rising]
     if followed:
         signal = _tracked(curve, signal, detector, tracking)
         frequency, values = filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
@@ -217,7 +216,7 @@ def _channel(
     return SweptComparison(
         place=place,
         quantity=quantity,
-        unit=envelope.unit,
+        unit=computed.unit,
         channel=signal.description,
         source=signal.source,
         curve=curve.name,
@@ -255,19 +254,19 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
 
 
-def _detected(curve: SweepCurve, envelope: Envelope | OutputEnvelope, detector: Detector, where: str) -> Complexes:
+def _detected(curve: SweepCurve, computed: CycleValues, detector: Detector, where: str) -> Complexes:
     """(C,) what an instrument of that kind shows in each cycle."""
     if detector == "peak":
-        return envelope.peak.astype(complex)
+        return computed.peak.astype(complex)
     if detector == "rms":
-        return envelope.rms.astype(complex)
+        return computed.rms.astype(complex)
     first = np.flatnonzero(curve.orders == 1.0)
     if not first.size:
         raise unusable(
             f"{where} is compared with the fundamental, which the sweep did not track",
             "add 1 to sweep.orders, or use --detector peak",
         )
-    return np.asarray(envelope.harmonics[first[0]])
+    return np.asarray(computed.harmonics[first[0]])
 
 
 MOST_OF_FDAC = 120  # frequencies of an FDAC matrix, on each side

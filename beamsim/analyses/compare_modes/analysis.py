@@ -20,8 +20,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
+from beamsim.fields import Entry, Number, list_of, record
 from beamsim.files import reading
+from beamsim.labelled import Layout, Variable
 from beamsim.measurements.read import TEXT, UNIVERSAL, ending_of
 from beamsim.measurements.signal import split_heading
 from beamsim.measurements.tables import read_named_columns
@@ -39,48 +40,48 @@ from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.typing import Complexes, Floats, Ints
 
-_MEASURED = Counter("measured", "number of the measured mode")
-_PREDICTED = Counter("predicted", "number of the computed mode")
+_MEASURED, _PREDICTED = ("measured",), ("predicted",)
+COMPARED_MODES = Layout(
+    "compared_modes",
+    "Measured and computed modes, and how alike their shapes are at the measured places.",
+    {
+        "contacts": Variable((), "", "open or closed: how the snubbers are in the computed modes", str),
+        "source": Variable((), "", "file of the measured shapes", str),
+        "measured": Variable(_MEASURED, "1", "number of the measured mode", int),
+        "predicted": Variable(_PREDICTED, "1", "number of the computed mode", int),
+        "other": Variable(("other",), "1", "number of the other computed mode", int),
+        "measured_hz": Variable(_MEASURED, "Hz", "measured natural frequency"),
+        "predicted_hz": Variable(_PREDICTED, "Hz", "computed natural frequency"),
+        "mac": Variable(
+            _MEASURED + _PREDICTED, "1",
+            "modal assurance criterion |m^H p|^2 / (m^H m p^T p) of measured and computed shapes at the places",
+        ),
+        "auto_mac": Variable(
+            (*_PREDICTED, "other"), "1",
+            "MAC of computed shapes with each other: near 1 off the diagonal, the places cannot tell them apart",
+        ),
+        "paired": Variable(_MEASURED, "1", "number of the computed mode of each measured one, 0 where none fits", int),
+        "difference": Variable(_MEASURED, "1", "computed over measured frequency less 1; NaN where no mode fits"),
+    },
+)  # fmt: skip
 UNPAIRED = 0.2  # largest MAC of a pair that is none
 
 
 MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predicted_hz", "difference", "mac"), Number))
 
 
-@declared(along=(_MEASURED,), repr=False)
+@dataclass(frozen=True, repr=False)
 class ModeComparison(Result):
     """Result of ``beamsim compare-modes``."""
 
-    DATASET = "modes"
     KIND = "compare-modes"
+    DATASETS = (COMPARED_MODES,)
     SUMMARY = (
         Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
                  "difference (relative, of the prediction), mac", form=list_of(MODE_PAIR)),
         Entry("lowest_mac", "1", "smallest MAC of the pairs, 0 where a mode has no partner"),
         Entry("largest_difference", "1", "largest relative difference of a paired frequency"),
     )  # fmt: skip
-
-    contacts: str = attribute("", "open or closed: how the snubbers are in the computed modes")
-    source: str = attribute("", "file of the measured shapes")
-    measured_hz: Floats = dataset("Hz", "measured natural frequency")
-    predicted_hz: Floats = dataset("Hz", "computed natural frequency", along=(_PREDICTED,))
-    mac: Floats = dataset(
-        "1", "modal assurance criterion |m^H p|^2 / (m^H m p^T p) of measured and computed shapes at the places",
-        along=(_MEASURED, _PREDICTED),
-    )  # fmt: skip
-    auto_mac: Floats = dataset(
-        "1", "MAC of computed shapes with each other: near 1 off the diagonal, the places cannot tell them apart",
-        along=(_PREDICTED, Counter("other", "number of the other computed mode")),
-    )  # fmt: skip
-    paired: Ints = dataset("1", "number of the computed mode of each measured one, 0 where none fits")
-
-    @property
-    @stored(dataset("1", "computed over measured frequency less 1; NaN where no mode fits"))
-    def difference(self) -> Floats:
-        """(m,) relative difference of the frequencies of each pair."""
-        has_pair = self.paired > 0
-        computed = np.where(has_pair, self.predicted_hz[np.maximum(self.paired, 1) - 1], np.nan)
-        return np.asarray(computed / self.measured_hz - 1.0)
 
 
 @dataclass(frozen=True)
@@ -132,18 +133,19 @@ def compare_modes(
         }
         for k, (f, number) in enumerate(zip(measured.frequency_hz, paired, strict=True))
     ]
+    number = 1 + np.arange(frequencies.size)
+    modes = COMPARED_MODES.dataset({
+        "contacts": contacts, "source": measured.source, "measured": 1 + np.arange(paired.size), "predicted": number,
+        "other": number, "measured_hz": measured.frequency_hz, "predicted_hz": frequencies, "mac": mac,
+        "auto_mac": auto, "paired": paired,
+        "difference": [np.nan if pair["difference"] is None else pair["difference"] for pair in pairs],
+    })  # fmt: skip
     fitting: list[dict[str, Any]] = [pair for pair in pairs if pair["predicted"]]
     return ModeComparison(
         scenario=scenario,
         outcome=COMPLETE,
         warnings=tuple(_warnings(scenario, paired, auto, measured)),
-        contacts=contacts,
-        source=measured.source,
-        measured_hz=measured.frequency_hz,
-        predicted_hz=frequencies,
-        mac=mac,
-        auto_mac=auto,
-        paired=paired,
+        datasets={"compared_modes": modes},
         wall_time_s=perf_counter() - begin,
     ).with_summary(
         pairs=pairs,

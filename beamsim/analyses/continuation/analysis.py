@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import count, pairwise
 from typing import Any
 
@@ -15,10 +15,11 @@ import numpy as np
 
 from beamsim.analyses.continuation.folds import FollowedFolds, follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
-from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.analyses.continuation.overlay import OverlayCurve, overlaid, overlay_datasets
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.continuation.tables import MeasuredBranch, fold_datasets, response_datasets
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
@@ -52,7 +53,7 @@ from beamsim.outcomes import (
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
-from beamsim.results.result import dashpots_of, deflection_warnings, forces_beyond_tables, reduction_checked
+from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
 from beamsim.results.values import (
     DISPLACEMENT,
     LIMITED,
@@ -104,7 +105,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     datasets = response_datasets(model, branches) | fold_datasets(model, folds)
     points = datasets["points"]
     outcome = _outcome(model, points, remarks)
-    overlay: dict[str, OverlayCurve] | None = {}
+    overlay: list[OverlayCurve] | None = []
     interrupted = asked_to_stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
     if settings.overlay is not None:
@@ -117,10 +118,13 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     result = ContinuationResult(
         scenario=scenario,
         outcome=outcome,
-        datasets={"modes": model.system.modes} | datasets,
+        datasets={
+            "modes": model.system.modes,
+            **datasets,
+            **overlay_datasets(overlay or [], scenario.level_unit or "1"),
+        },
         warnings=_warnings(model, points),
         wall_time_s=clock.perf_counter() - begin,
-        overlay=overlay or {},
     )
     return result.with_summary(
         **_summary(model, result, folds),
@@ -182,18 +186,8 @@ def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
         *scenario.warnings,
         *system.warnings,
         *((WITHOUT_CERTIFICATE,) if uncertified else ()),
-        *motion_warnings(model, points),
+        *warnings_along(model.scenario, model.system.modes, points),
     )
-
-
-def motion_warnings(model: ResponseModel, points: Dataset) -> list[str]:
-    """A warning for each body whose deflection is not small, and each stop that is pressed further than its table."""
-    displacement, force = (
-        {name: peak.values for name, peak in points.by_label(f"peak_{quantity}").items()}
-        for quantity in ("displacement", "force")
-    )
-    deflections = deflection_warnings(model.scenario, model.system.modes, [displacement])
-    return [*deflections, *forces_beyond_tables(model.scenario, [force])]
 
 
 def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) -> Outcome:
@@ -462,7 +456,7 @@ def _highest(branches: Sequence[Dataset]) -> list[tuple[Dataset, str, Floats, in
     return highest
 
 
-def swept_overlay(scenario: Scenario, progress: Progress = None) -> dict[str, OverlayCurve] | None:
+def swept_overlay(scenario: Scenario, progress: Progress = None) -> list[OverlayCurve] | None:
     """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
 
     Parameters
@@ -492,7 +486,7 @@ def swept_overlay(scenario: Scenario, progress: Progress = None) -> dict[str, Ov
         return None
     if not result.complete:
         raise ScenarioError.at("sweep.overlay", f"was not computed: {result.status}", "leave it out")
-    return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}
+    return [overlaid(curve, name, "", result.title) for name, curve in result.curves.items()]
 
 
 def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
@@ -523,17 +517,18 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
     probes = set(result["points"].labels("probe"))
     overlay = dict(result.overlay)
     for curve in stored.curves.values():
-        if not probes & set(curve.displacement):
+        if not probes & set(curve.places("displacement")):
             raise ScenarioError.at(
                 "--overlay",
-                f"{source} has the probes {', '.join(curve.displacement)}, and the curve has "
+                f"{source} has the probes {', '.join(curve.places('displacement'))}, and the curve has "
                 f"{', '.join(sorted(probes))}",
                 "give a sweep with a probe of the same name",
             )
         names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
         name = next(name for name in names if name not in overlay)
-        overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)
-    return replace(result, overlay=overlay, summary=result.summary | {"overlay": _described(overlay)})
+        overlay[name] = overlaid(curve, name, source, stored.title)
+    datasets = result.datasets | overlay_datasets(list(overlay.values()), result.level_unit or "1")
+    return replace(result, datasets=datasets, summary=result.summary | {"overlay": _described(overlay)})
 
 
 def _described(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
@@ -541,12 +536,7 @@ def _described(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
     return {
         name: {
             "direction": curve.direction, "level": curve.level, "source": curve.source,
-            "stepped": curve.steady is not None,
+            "stepped": curve.kind == "stepped",
         }
         for name, curve in overlay.items()
     } or None  # fmt: skip
-
-
-def _overlaid(curve: SweepCurve, title: str, source: str) -> OverlayCurve:
-    values = {field.name: getattr(curve, field.name) for field in fields(curve)}
-    return OverlayCurve(**values, source=source, title=title)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.sweep.result import SweepCurve
+from beamsim.analyses.continuation.overlay import OVERLAY, OVERLAY_CYCLES, OverlayCurve, overlay_in
 from beamsim.fields import (
     Entry,
     Flag,
@@ -20,7 +20,6 @@ from beamsim.fields import (
     by_name,
     declared,
     list_of,
-    members,
     record,
     stored,
 )
@@ -42,14 +41,6 @@ from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
 NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
-
-
-@declared
-class OverlayCurve(SweepCurve):
-    """A swept or stepped sine drawn with the curve."""
-
-    source: str = attribute("", "file it comes from; empty where it was computed with the curve", default="")
-    title: str = attribute("", "title of its scenario", default="")
 
 
 _COMPARISON, _POINT, _FACTOR, _PROBE = ("comparison",), ("point",), ("number",), ("probe",)
@@ -131,7 +122,7 @@ FOLLOWED = record(
     {"ended": Text, **dict.fromkeys(("level", "period_multiple", "points", "stable_points"), Number)},
     {"off_centre": Text, "largest_mean_m": Number},
 )
-OVERLAY = record({"direction": Text, "level": Number, "source": Text, "stepped": Flag})
+OVERLAID = record({"direction": Text, "level": Number, "source": Text, "stepped": Flag})
 BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
@@ -142,7 +133,7 @@ _SUMMARY = (
     Entry("followed", "", "by branch: level, period_multiple, points, stable_points, the largest mean of a probe where "
              "the branch has lost the symmetry of others, and how it ended", form=list_of(FOLLOWED)),
     Entry("overlay", "", "by curve of a sweep that is drawn over the branches: direction, level, source, whether it is "
-             "stepped", form=by_name(OVERLAY)),
+             "stepped", form=by_name(OVERLAID)),
     Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy", "solver"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
              form=list_of(SPECIAL_POINT)),
@@ -212,12 +203,15 @@ class ContinuationResult(Result):
         SPECIAL_POINTS,
         FOLD_CURVES,
         FOLD_POINTS,
+        OVERLAY,
+        OVERLAY_CYCLES,
         *EXPANSION,
     )
 
-    overlay: dict[str, OverlayCurve] = members(
-        "overlay", OverlayCurve, "curve", rows="overlay_cycles", default_factory=dict
-    )
+    @cached_property
+    def overlay(self) -> dict[str, OverlayCurve]:
+        """The curves of sweeps that are drawn over the branches, by name."""
+        return overlay_in(self.datasets)
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:

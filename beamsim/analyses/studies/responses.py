@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, largest_in, limited
+from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_in, limited
 from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]
@@ -124,12 +124,12 @@ def _of_sweep(result: SweepResult) -> Responses:
     """For every curve (direction and level) the largest values and their frequencies."""
     values: Responses = {}
     for curve in result.curves.values():
-        for value, name, largest, frequency in largest_along([curve]):
+        for value, name, largest, frequency in curve.largest():
             values |= _largest(curve.name, value, name, largest, frequency)
         for name, share in result.summary["contact_share"][curve.name].items():
             values[f"{curve.name}/snubbers/{name}/contact_share"] = share
-        for name, count in curve.contacts.items():
-            values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
+        for name, count in curve.cycles.by_label("contacts").items():
+            values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count.values))
     ratios = result.summary.get("gapping_ratio", {})
     return values | {f"snubbers/{name}/gapping": ratio for name, ratio in ratios.items()}
 

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.sweep.layouts import LINEAR, PEAKS
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
-from beamsim.analyses.sweep.result import (
-    Envelope,
-    LinearCurve,
-    SweepCurve,
-    SweepResult,
-    SweepWork,
-)
+from beamsim.analyses.sweep.result import OF_PEAKS, ResponsePeak, SweepCurve, SweepResult, contact_levels_of, tables_of
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level, with_held_limits, with_limited_outputs
 from beamsim.errors import ScenarioError
-from beamsim.inputs.measured import limit_curve, read_profile
-from beamsim.outcomes import Progress, asked_to_stop, combined, interruption, part_of
+from beamsim.inputs.drift import CorrectionSize
+from beamsim.inputs.measured import read_profile
+from beamsim.labelled import Dataset, joined
+from beamsim.outcomes import Outcome, Progress, asked_to_stop, combined, interruption, part_of
 from beamsim.responses.gapping import (
     contact_levels,
     gapping,
@@ -33,7 +30,7 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.results.result import curve_warnings, dashpots_of, reduction_checked
+from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
 from beamsim.results.values import (
     ALWAYS,
     BY_ENTRY,
@@ -42,15 +39,16 @@ from beamsim.results.values import (
     ROTATIONAL,
     VALUES,
     Margins,
-    largest_along,
     margins_along,
+    of_angles,
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
-from beamsim.scenario.reporting import Limits
+from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
 
 LINEAR_POINTS = 2000  # of the curve without snubbers
 
@@ -129,26 +127,21 @@ def demand_consistent(result: SweepResult) -> None:
         If its levels are not those of its scenario, or the summary differs from what follows from its curves: says in
         which entry. Missing parts of a curve cause other exceptions.
     """
-    scenario, settings = result.scenario, sweep_settings(result.scenario)
-    levels = _levels(scenario, settings)
+    levels, computed = _levels(result.scenario, sweep_settings(result.scenario)), result["levels"].labels("level_index")
     for curve in result.curves.values():
-        if curve.level != levels[curve.level_index] or curve.level_index not in result.levels:
+        if curve.level_index not in computed or curve.level != levels[curve.level_index]:
             raise ValueError(f"the level of {curve.name} is {curve.level:g}")
-        for name, share in curve.contact_share.items():
-            if not np.all((share >= 0.0) & (share <= 1.0)):
+        for name, share in curve.cycles.by_label("contact_share").items():
+            if not np.all((share.values >= 0.0) & (share.values <= 1.0)):
                 raise ValueError(f"contact_share of {name} in {curve.name} is not between 0 and 1")
-    runs = {
-        index: LevelRun(tuple(curve for curve in result.curves.values() if curve.level_index == index), work)
-        for index, work in result.levels.items()
-    }
-    again = _result(scenario, settings, sweep_system(scenario), runs, len(levels)).summary
-    for entry, value in again.items():
-        if entry not in OF_WHOLE_SWEEP and not _alike(result.summary.get(entry), value):
+    if not _alike(result.peaks, _peaks(result.curves.values(), result["modes"])):
+        raise ValueError("its peaks are not those of its curves")
+    for entry, value in _summary(result).items():
+        if entry != "margins" and not _alike(result.summary.get(entry), value):  # a check with a finer model changes it
             raise ValueError(f"{entry} of its summary is not that of its curves")
 
 
-OF_WHOLE_SWEEP = ("status", "margins")  # entries that a check with a finer model changes
-ROUND_OFF = 1e-6  # relative difference of values that are computed again on another processor
+ROUND_OFF = 1e-9  # relative difference of values that are computed again on another processor
 
 
 def _alike(one: Any, other: Any) -> bool:
@@ -159,16 +152,32 @@ def _alike(one: Any, other: Any) -> bool:
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return len(one) == len(other) and all(map(_alike, one, other))
     if isinstance(one, int | float) and isinstance(other, int | float):
-        return bool(np.isclose(one, other, rtol=ROUND_OFF, atol=ROUND_OFF, equal_nan=True))
+        return bool(np.isclose(one, other, rtol=ROUND_OFF, atol=0.0, equal_nan=True))
     return bool(one == other)
 
 
 def _computed_before(index: int, earlier: SweepResult) -> LevelRun | None:
     """A level of an interrupted sweep, if that completed it."""
-    if index not in earlier.levels or not earlier.levels[index].outcome.complete:
+    levels = earlier["levels"]
+    known = levels.labels("level_index")
+    if index not in known:
         return None
-    curves = tuple(curve for curve in earlier.curves.values() if curve.level_index == index)
-    return LevelRun(curves, earlier.levels[index], earlier.histories.get(index))
+    row = known.index(index)
+    level = levels.isel(level_index=slice(row, row + 1))
+    if not outcomes_of(level)[0].complete:
+        return None
+    curves, history = (curve for curve in earlier.curves.values() if curve.level_index == index), None
+    if "histories" in earlier.datasets:
+        first, end = np.searchsorted(earlier["histories"]["level"].values, [row, row + 1]).tolist()
+        history = earlier["histories"].isel(sample=slice(first, end))
+    return LevelRun(tuple(curves), level, history)
+
+
+def outcomes_of(levels: Dataset) -> list[Outcome]:
+    """How the computation of each level ended."""
+    columns = {name: levels[name].values.tolist() for name in ("outcome", "outcome_numbers")}
+    rows = zip(*columns.values(), strict=True)
+    return [Outcome.from_texts(dict(zip(columns, row, strict=True))) for row in rows]
 
 
 def _result(
@@ -179,48 +188,54 @@ def _result(
     count: int,
 ) -> SweepResult:
     """The result of the levels computed so far, of ``count`` in all."""
-    work = {index: run.work for index, run in runs.items()}
-    outcome = combined(level.outcome for level in work.values())
-    if len(work) < count:
+    curves = [curve for run in runs.values() for curve in run.curves]
+    levels = joined([run.level for run in runs.values()], level_index=list(runs))
+    outcome = combined(outcomes_of(levels))
+    if len(runs) < count:
         doubts = () if outcome.trusted else (outcome,)
-        outcome = interruption(f"after {len(work)} of {count} levels of the sweep", *doubts)
-    corrections = [level.base_correction for level in work.values() if level.base_correction is not None]
-    correction = max(corrections, key=lambda size: size.share, default=None)
-    curves = {curve.name: _with_limits(scenario, curve) for run in runs.values() for curve in run.curves}
+        outcome = interruption(f"after {len(runs)} of {count} levels of the sweep", *doubts)
     logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
-    linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
-    contact = _gapping(linear, curves)
-    summary = _summary(scenario, curves, contact)
-    return SweepResult(
+    peaks = _peaks(curves, system.modes)
+    datasets = {
+        **tables_of(curves),
+        "peaks": PEAKS.table(peaks, [{"level_unit": (curves[0].level_unit if curves else "") or "1"}]),
+        "levels": levels,
+        "linear": _linear_response(system, settings.from_, settings.to, logarithmic),
+        "modes": system.modes,
+    }
+    histories = [run.history for run in runs.values() if run.history is not None]
+    if histories:
+        number = np.repeat(np.arange(len(histories)), [of["sample"].values.size for of in histories])
+        datasets["histories"] = joined(histories, sample=1 + np.arange(number.size), level=number)
+    result = SweepResult(
         scenario=scenario,
-        kind=settings.kind,
         outcome=reduction_checked(outcome, scenario, system.modes),
-        curves=curves,
-        linear=linear,
-        peaks=tuple(
-            peak
-            for curve in curves.values()
-            for probe in curve.displacement
-            for peak in find_peaks(curve, probe, system.modes)
-        ),
-        datasets={"modes": system.modes},
-        work=_sum([work[index].work for index in sorted(work)]),
-        levels=work,
-        histories={index: run.history for index, run in runs.items() if run.history is not None},
-        truncation=max((level.truncation for level in work.values()), default=0.0),
-        warnings=(
-            *scenario.warnings,
-            *system.warnings,
-            *_not_followed(system, summary["margins"]),
-            *([] if correction is None else correction.warnings(held=holds_levels(settings))),
-            *curve_warnings(scenario, system.modes, list(curves.values())),
-        ),
-    ).with_summary(
-        **summary,
-        **contact,
-        dashpots=dashpots_of(system.modes),
-        **({} if correction is None else correction.summary()),
+        datasets=datasets,
     )
+    summary, correction = _summary(result), _largest_correction(levels)
+    warnings = (
+        *scenario.warnings,
+        *system.warnings,
+        *_not_followed(system, summary["margins"]),
+        *([] if correction is None else correction.warnings(held=holds_levels(settings))),
+        *(warnings_along(scenario, system.modes, datasets["cycles"]) if curves else []),
+    )
+    return replace(result, warnings=warnings).with_summary(**summary)
+
+
+def _peaks(curves: Iterable[SweepCurve], modes: Dataset) -> list[ResponsePeak]:
+    """The peaks of all curves, at all probes."""
+    places = [(curve, probe) for curve in curves for probe in curve.places("displacement")]
+    return [peak for curve, probe in places for peak in find_peaks(curve, probe, modes)]
+
+
+def _largest_correction(levels: Dataset) -> CorrectionSize | None:
+    """The largest correction of a swept base, relative to its level; None where the base is not swept."""
+    if "base_correction_share" not in levels:
+        return None
+    at = int(np.argmax(levels["base_correction_share"].values))
+    names = ("acceleration", "share", "time")
+    return CorrectionSize(*(float(levels[f"base_correction_{name}"].values[at]) for name in names))
 
 
 def swept_scenario(scenario: Scenario) -> Scenario:
@@ -250,24 +265,33 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
     return system
 
 
-def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
+def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> Dataset:
     """The steady response with open and with closed snubbers; resonances of the open ones are among its points."""
     between = np.geomspace if logarithmic else np.linspace
     frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.open_frequencies_hz
     frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
     q, contacts, penetration = transfer(system, frequency), system.dynamics.contacts, static_penetration(system)
     omega2 = (2 * np.pi * frequency) ** 2
-    displacement = {probe.name: q @ probe.shape for probe in system.probes}
-    closed = {}
-    if system.snubbers and not contacts.ever_hold and not contacts.pressed.size:
+    shapes, names = [probe.shape for probe in system.probes], [probe.name for probe in system.probes]
+    displacement = [q @ shape for shape in shapes]
+    acceleration = [base - omega2 * w for base, w in zip(system.base_influence, displacement, strict=True)]
+    responses = {"displacement": displacement, "absolute_acceleration": acceleration}
+    known = bool(system.snubbers) and not contacts.ever_hold and not contacts.pressed.size
+    if known:
         pressed = transfer(system, frequency, pressed_phases(system, penetration))
-        closed = {probe.name: pressed @ probe.shape for probe in system.probes}
-    acceleration = {
-        name: base - omega2 * w for base, (name, w) in zip(system.base_influence, displacement.items(), strict=True)
-    }
-    at_rest = bool(closed) and bool(np.all(penetration[: len(system.snubbers)] > 0.0))
+        responses["displacement_closed"] = [pressed @ shape for shape in shapes]
+    at_rest = known and bool(names) and bool(np.all(penetration[: len(system.snubbers)] > 0.0))
+    values: dict[str, Any] = {"frequency_hz": frequency, "probe": names, "closed_at_rest": at_rest}
+    for name, of in responses.items():
+        values |= {f"{name}_real": np.array([x.real for x in of]), f"{name}_imag": np.array([x.imag for x in of])}
     levels = contact_levels(system, frequency)
-    return LinearCurve(frequency, displacement, acceleration, closed, closed_at_rest=at_rest, contact=levels)
+    if levels:
+        values |= {"snubber": list(levels), "contact_turns": [bool(of.turns) for of in levels.values()]}
+        for name in ("onset", "loss", "preload_needed", "preload_alone", "before"):
+            values[f"contact_{name}"] = np.array([getattr(of, name) for of in levels.values()])
+    units = [{"force_unit": of.force_unit} for of in levels.values()]
+    excitation = amplitude_unit(system.scenario.sine.quantity or "acceleration")
+    return LINEAR.dataset(values, {"snubber": units}, excitation_unit=excitation)
 
 
 def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
@@ -288,71 +312,96 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
     return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 
-def _sum(parts: list[SweepWork]) -> SweepWork:
-    return SweepWork(
-        cycles=sum(p.cycles for p in parts),
-        events=sum(p.events for p in parts),
-        evaluations=sum(p.evaluations for p in parts),
-        segments=sum(p.segments for p in parts),
-        states=max((p.states for p in parts), default=0),
-        processor_time_s=sum(p.processor_time_s for p in parts),
-    )
-
-
-def _with_limits(scenario: Scenario, curve: SweepCurve) -> SweepCurve:
-    """The curve with the limits of its responses over frequency."""
-    called = {each.unit: name for name, each in Limits.curves["response"].items()}
-
-    def limited(envelopes: tuple[Envelope, ...]) -> tuple[Envelope, ...]:
-        limits = (
-            limit_curve(scenario, "response", e.name, called.get(e.unit, ""), curve.frequency_hz) for e in envelopes
-        )
-        return tuple(replace(each, limit=limit) for each, limit in zip(envelopes, limits, strict=True))
-
-    return replace(curve, probes=limited(curve.probes), snubbers=limited(curve.snubbers))
-
-
-def _summary(scenario: Scenario, curves: dict[str, SweepCurve], contact: Mapping[str, Any]) -> dict[str, Any]:
-    """What does not repeat a field of the result; ``contact`` is that of `_gapping`."""
+def _summary(result: SweepResult) -> dict[str, Any]:
+    """What the summary says of the datasets of a result."""
+    scenario, curves, levels = result.scenario, result.curves, result["levels"]
+    contact, correction = _gapping(result["linear"], curves), _largest_correction(levels)
     found = [
         (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
         for curve in curves.values()
-        for value, name, largest, frequency in largest_along([curve])
+        for value, name, largest, frequency in curve.largest()
     ]
     found += [
         (BY_ENTRY["gapping_ratio"], name, ratio, f"{contact['gapping'][name]['frequency_hz']:.4g} Hz")
         for name, ratio in contact.get("gapping_ratio", {}).items()
     ]
+    errors = [float(np.max(curve["energy_error"].values)) for curve in curves.values()]
     return {
         **_largest(curves),
+        **contact,
+        "dashpots": dashpots_of(result["modes"]),
+        **({} if correction is None else correction.summary()),
+        "peaks": [{name: getattr(peak, name) for name in OF_PEAKS} for peak in result.peaks],
         "curves": {name: _described(curve) for name, curve in curves.items()},
         "contact_share": {
-            curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
+            curve.name: {
+                name: float(curve.weights @ share.values)
+                for name, share in curve.cycles.by_label("contact_share").items()
+            }
             for curve in curves.values()
         },
-        "impacts": {
-            curve.name: {name: impacts.summary() for name, impacts in curve.impacts.items()}
-            for curve in curves.values()
-            if curve.impacts
-        }
-        or None,
-        "sliding": {
-            curve.name: {name: sliding.summary() for name, sliding in curve.sliding.items()}
-            for curve in curves.values()
-            if curve.sliding
-        }
-        or None,
-        "notches": {curve.name: curve.notching.summary() for curve in curves.values() if curve.notching is not None}
-        or None,
-        "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
-                            default=None),
+        "impacts": {name: of for name, curve in curves.items() if (of := _impacts(curve))} or None,
+        "sliding": {name: of for name, curve in curves.items() if (of := _sliding(curve))} or None,
+        "notches": {name: of for name, curve in curves.items() if (of := _notches(curve))} or None,
+        "energy_error": max(errors, default=None),
+        "truncation": float(levels["truncation"].values.max()),
+        **{name: int(levels[name].values.sum()) for name in ("cycles", "events")},
+        "processor_time_s": float(levels["processor_time_s"].values.sum()),
         "margins": with_held_limits(scenario, margins_along(scenario.limits, found)),
+    }
+
+
+def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:
+    """Largest values of impacts along a curve, by snubber; none where the sweep does not look at them."""
+    entries = {
+        "most_per_cycle": "impact_number", "longest_mean_contact_time_s": "impact_contact_time",
+        "largest_impulse_n_s": "impact_impulse", "largest_energy_lost_j": "impact_energy_lost",
+        "highest_penetration_rate_m_s": "impact_penetration_rate",
     }  # fmt: skip
+    found: dict[str, dict[str, float]] = {}
+    for name, rate in curve.cycles.by_label("impact_penetration_rate").items():
+        called = of_angles if rate.unit == "rad/s" else str
+        values = {entry: curve[variable].sel(snubber=name).values for entry, variable in entries.items()}
+        found[name] = {called(entry): float(np.nanmax(of, initial=0.0)) for entry, of in values.items()}
+    return found
+
+
+def _sliding(curve: SweepCurve) -> dict[str, dict[str, float]]:
+    """Largest values of sliding along a curve, by friction contact; none where the sweep does not look at it."""
+    entries = {
+        "most_slides_per_cycle": "friction_slides", "largest_distance_m": "friction_distance",
+        "largest_energy_lost_j": "friction_energy_lost", "largest_wear_power_w": "friction_wear_power",
+    }  # fmt: skip
+    names = curve.cycles.labels("friction")
+    return {
+        name: {
+            entry: float(np.max(curve[variable].sel(friction=name).values, initial=0.0))
+            for entry, variable in entries.items()
+        }
+        for name in names
+    }
+
+
+def _notches(curve: SweepCurve) -> dict[str, Any]:
+    """Limits of the level by name, and the ranges in which it is lowered; nothing where it has no limits."""
+    notching = curve.notching
+    if notching is None:
+        return {}
+    limits = [limit._asdict() for limit in notching.limits]
+    return {
+        "limits": {limit.pop("name"): limit for limit in limits},
+        "ranges": [part._asdict() for part in notching.ranges],
+        "points": notching.frequency_hz.size,
+    }
 
 
 def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """The largest values of every curve by name, and units of the outputs, for the summary."""
-    units = {name: output.unit for curve in curves.values() for name, output in curve.outputs.items()}
+    units = {
+        name: str(unit.item())
+        for curve in curves.values()
+        for name, unit in curve.cycles.by_label("output_unit").items()
+    }
     entries: dict[str, Any] = {
         value.entry: {name: {} for name in curves}
         for value in VALUES
@@ -360,7 +409,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     }
     frequencies: dict[str, dict[str, dict[str, float]]] = {}
     for curve in curves.values():
-        for value, name, largest, frequency in largest_along([curve]):
+        for value, name, largest, frequency in curve.largest():
             if value.followed or value is RESPONSE or value.entry in entries:
                 of = entries.setdefault(value.entry, {name: {} for name in curves})
                 of[curve.name][name] = largest / value.scale
@@ -370,31 +419,40 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
 
 def _described(curve: SweepCurve) -> dict[str, Any]:
     """Direction, level and points of a curve; of a stepped one how many steady motions of each kind it has."""
-    kinds = () if curve.steady is None else curve.steady.kind
-    steady = {"steady": {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}} if kinds else {}
-    return {"direction": curve.direction, "level": curve.level, "points": curve.frequency_hz.size, **steady}
+    steady = curve.tables.get("steady_states")
+    kinds = [] if steady is None else steady["kind"].values.tolist()
+    counts = {"steady": {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}} if kinds else {}
+    return {"direction": curve.direction, "level": curve.level, "points": curve.frequency_hz.size, **counts}
 
 
-def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+def _gapping(linear: Dataset, curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """Where the linear motion first changes contact, and where the sweep did, for the summary."""
-    if not linear.contact or not curves:
+    levels, frequency_hz = contact_levels_of(linear), linear["frequency_hz"].values
+    if not levels or not curves:
         return {}
     strongest = max(curves.values(), key=lambda curve: float(np.max(np.abs(curve.excitation_amplitude), initial=0.0)))
-    summary = gapping(linear.contact, linear.frequency_hz, strongest.amplitude_at(linear.frequency_hz))
+    summary = gapping(levels, frequency_hz, strongest.amplitude_at(frequency_hz))
     for name, of in summary.items():
         at_rest = 1.0 if of["closed_at_rest"] else 0.0
         changed = {
-            curve.name: np.flatnonzero(np.abs(curve.contact_share[name] - at_rest) > ALWAYS)
+            curve.name: np.flatnonzero(np.abs(curve["contact_share"].sel(snubber=name).values - at_rest) > ALWAYS)
             for curve in curves.values()
         }
         of["first_change_hz"] = {
             curve.name: float(curve.frequency_hz[changed[curve.name][0]]) if changed[curve.name].size else None
             for curve in curves.values()
         }
-        gaps = [curve.peak_gap[name] for curve in curves.values() if name in curve.peak_gap]
+        gaps = [gap for c in curves.values() if not np.isnan(gap := _gap(c, name)).all()]
         of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
-    by_units = in_their_units(summary, {name: of.gap_unit for name, of in linear.contact.items()})
+    by_units = in_their_units(summary, {name: of.gap_unit for name, of in levels.items()})
     return {"gapping": by_units, "gapping_ratio": gapping_ratios(summary)}
+
+
+def _gap(curve: SweepCurve, snubber: str) -> Floats:
+    """(C,) m, largest opening of a snubber in every cycle; NaN where it is not looked at."""
+    if "peak_gap" not in curve.cycles:
+        return np.full(1, np.nan)
+    return curve["peak_gap"].sel(snubber=snubber).values
 
 
 def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:

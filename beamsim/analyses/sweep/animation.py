@@ -120,6 +120,6 @@ def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _
 
 def _response(curve: SweepCurve) -> Floats:
     """(C,) the largest displacement from equilibrium of any probe in each cycle; without probes the first output."""
-    responses = [np.nan_to_num(each.response) for each in curve.displacement.values()]
-    outputs = [np.nan_to_num(each.peak) for each in curve.outputs.values()] or [np.zeros(curve.time.size)]
-    return np.asarray(np.max(responses or outputs[:1], axis=0))
+    responses = [np.nan_to_num(curve.response(name)) for name in curve.places("displacement")]
+    outputs = [np.nan_to_num(curve.channel("output", name).peak) for name in curve.places("output")[:1]]
+    return np.asarray(np.max(responses or outputs or [np.zeros(curve.frequency_hz.size)], axis=0))

@@ -301,7 +301,7 @@ def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
     parts = []
     for curve in curves:
-        error = np.zeros(0) if curve.energy_error is None else curve.energy_error
+        error = curve["energy_error"].values
         bad = np.flatnonzero(~(error <= LARGEST_ERROR))
         if bad.size and not np.all(np.isfinite(error)):
             parts.append(not_finite(float(curve.time[bad[0]])))

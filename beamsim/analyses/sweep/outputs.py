@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,26 +11,24 @@ import numpy as np
 
 from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.sweep.cycles import CycleRecord
-from beamsim.analyses.sweep.peaks import bent
-from beamsim.analyses.sweep.result import (
-    CycleImpacts,
-    CycleSliding,
-    Envelope,
-    LevelWork,
-    OutputEnvelope,
-    SweepCurve,
-    SweepHistory,
-)
+from beamsim.analyses.sweep.layouts import CYCLES, FOLLOWED, HISTORIES, LEVELS
+from beamsim.analyses.sweep.peaks import changing
+from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.sliders import FORWARDS, STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.inputs.measured import limit_curve
+from beamsim.labelled import Dataset
+from beamsim.outcomes import Outcome
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
+from beamsim.scenario.quantities import amplitude_unit, level_unit
+from beamsim.scenario.reporting import Limits
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.equations import Channel, ChannelSet, Key, RowsOf, StateEquations
-from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.system.structural import StructuralSystem, contact_units
+from beamsim.typing import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,28 @@ class LevelRun:
     """One level, all its directions."""
 
     curves: tuple[SweepCurve, ...]
-    work: LevelWork
-    history: SweepHistory | None = None
+    level: Dataset  # its row of `LEVELS`
+    history: Dataset | None = None  # its rows of `HISTORIES`
+
+
+def level_row(
+    one: SweepLevel, outcome: Outcome, columns: Mapping[str, Any], aliased: Mapping[str, Any] | None = None
+) -> Dataset:
+    """The row of `LEVELS` of a level.
+
+    Parameters
+    ----------
+    one : the level.
+    outcome : how its computation ended.
+    columns : the work of the solver, and what else is known of it.
+    aliased : of a kept history, see `SweepLevel.aliased`.
+    """
+    values = {
+        "level_index": one.index, "level": float(one.value), **outcome.as_texts(), **columns,
+    }  # fmt: skip
+    return LEVELS.dataset(
+        {name: [value] for name, value in values.items()} | dict(aliased or {}), level_unit=one.level_unit or "1"
+    )
 
 
 @dataclass(frozen=True)
@@ -67,6 +85,11 @@ class SweepLevel:
     def quantity(self) -> str:
         """What is prescribed."""
         return self.system.scenario.sine.quantity or "acceleration"
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the level; empty where it is the factor of a profile."""
+        return "" if isinstance(self.settings, SweptSine) and self.settings.profile else level_unit(self.quantity)
 
     @cached_property
     def channels(self) -> ChannelSet:
@@ -110,74 +133,137 @@ class SweepLevel:
         """Columns of channels that are alike, by name of probe, snubber or output; of one unit, if given."""
         return {c.name: k for c, k in self.channels.located if c.key == key and unit in ("", c.unit)}
 
-    def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
-        """The curve of one way from the values of its cycles; ``fields`` are the other fields of `SweepCurve`."""
-        force, stress = self._named(FORCE), self.channels.places.get(STRESS)
-        rest = self.system.static_equilibrium
-        shapes = {(probe.name, *DISPLACEMENT): probe.shape for probe in self.system.probes}
-        at_rest = {} if rest is None else {key: float(shape @ rest) for key, shape in shapes.items()}
+    def curve(
+        self, record: CycleRecord, direction: str, values: Mapping[str, Any],
+        tables: Mapping[str, Dataset] | None = None,
+    ) -> SweepCurve:  # fmt: skip
+        """The curve of one way.
 
-        def numbers(k: int) -> tuple[Floats, Floats, Floats, Floats, Complexes]:
-            rms, harmonic = np.sqrt(np.maximum(record.mean_square[:, k], 0.0)), record.harmonic[:, k]
-            return record.high[:, k], record.low[:, k], rms, harmonic[:, 0].real, harmonic[:, 1:].T
+        Parameters
+        ----------
+        record : values of its C cycles.
+        direction : up or down.
+        values : the columns of `CYCLES` that are no quantities of the motion: frequency_hz, time ...
+        tables : what else of `OF_CURVES` the curve has.
 
-        def envelopes(section: str) -> tuple[Envelope, ...]:
-            of = [(c, k) for c, k in self.channels.located if c.section == section and c.key != OPENING]
-            of.sort(key=lambda located: located[0].quantity)
-            static = [at_rest.get((c.name, *c.key), 0.0) for c, _ in of]
-            return tuple(
-                Envelope(c.name, c.quantity, c.unit, *numbers(k), x) for (c, k), x in zip(of, static, strict=True)
-            )
-
+        Returns
+        -------
+        SweepCurve
+        """
+        snubbers, count = self.system.snubbers, record.count
+        columns: dict[str, Any] = {
+            "cycle": 1 + np.arange(count), "curve": np.zeros(count, dtype=np.int64), **values,
+            "order": np.array(self.settings.tracked_orders), **self._of_quantities(record, values["frequency_hz"]),
+            **self._of_outputs(record),
+        }  # fmt: skip
+        if self.system.probes:
+            rest = self.system.static_equilibrium
+            at_rest = [0.0 if rest is None else float(probe.shape @ rest) for probe in self.system.probes]
+            columns |= {"probe": [probe.name for probe in self.system.probes], "static_displacement": at_rest}
+        if snubbers:
+            columns |= {
+                "snubber": [snubber.name for snubber in snubbers],
+                "contact_share": record.contact_share[:, : len(snubbers)].T,
+                "contacts": record.closings[:, : len(snubbers)].T,
+            }
+        if record.contact_share.shape[1] > len(snubbers):
+            columns["spring_changes"] = changing(record.contact_share[:, len(snubbers) :])
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: record.high[:, k] for name, k in self._named(OPENING, "m").items()}
-        if stress is not None:
+            opening = self._named(OPENING, "m")
+            unknown = np.full(count, np.nan)
+            gaps = [record.high[:, opening[s.name]] if s.name in opening else unknown for s in snubbers]
+            columns["peak_gap"] = np.array(gaps).reshape(len(snubbers), count)
+        if (stress := self.channels.places.get(STRESS)) is not None:
             extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
-            fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
+            columns["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
         if self.settings.impacts:
-            fields |= {"impacts": self._impacts(record), "sliding": self._sliding(record)}
+            columns |= self._impacts(record) | self._sliding(record)
+        outputs = [c for c, _ in self.channels.located if c.section == "outputs"]
+        of_members = {
+            "snubber": [contact_units(snubber.gap_unit) for snubber in snubbers],
+            "output": [{"unit": output.unit} for output in outputs],
+        }
+        cycles = CYCLES.dataset(columns, of_members, excitation_unit=amplitude_unit(self.quantity))
         return SweepCurve(
-            name=f"{direction}_{self.index}",
-            direction=direction,
-            level_index=self.index,
-            level=self.value,
-            quantity=self.quantity,
-            orders=np.array(self.settings.tracked_orders),
-            probes=envelopes("probes"),
-            snubbers=envelopes("snubbers"),
-            contact_share={name: record.contact_share[:, k] for k, name in enumerate(force)},
-            contacts={name: record.closings[:, k] for k, name in enumerate(force)},
-            bent=bent(record.contact_share[:, len(force) :]),
-            outputs={
-                c.name: OutputEnvelope(c.name, c.quantity, c.unit, c.at, *numbers(k))
-                for c, k in self.channels.located
-                if c.section == "outputs"
-            },
-            **fields,
-        )
+            name=f"{direction}_{self.index}", kind=self.settings.kind, direction=direction, level_index=self.index,
+            level=float(self.value), level_unit=self.level_unit, quantity=self.quantity,
+            tables={"cycles": cycles, **(tables or {})},
+        )  # fmt: skip
 
-    def _impacts(self, record: CycleRecord) -> dict[str, CycleImpacts]:
-        """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost, or from the
-        product of rate and force that a snubber which yields loses."""
+    def _of_quantities(self, record: CycleRecord, frequency_hz: Floats) -> dict[str, Any]:
+        """Extremes, means, harmonics and limits over frequency of the quantities that sweeps follow."""
+        scenario, columns = self.system.scenario, dict[str, Any]()
+        called = {each.unit: name for name, each in Limits.curves["response"].items()}
+        for quantity, dim in FOLLOWED.items():
+            located = [(c, k) for c, k in self.channels.located if c.key == (f"{dim}s", quantity)]
+            if not located:
+                continue
+            numbers = [k for _, k in located]
+            columns |= {name.format(quantity): of for name, of in self._statistics(record, numbers).items()}
+            limits = [
+                limit_curve(scenario, "response", c.name, called.get(c.unit, ""), frequency_hz) for c, _ in located
+            ]
+            if any(limit is not None for limit in limits):
+                unknown = np.full(frequency_hz.size, np.nan)
+                columns[f"limit_{quantity}"] = np.array([unknown if each is None else each for each in limits])
+        return columns
+
+    def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
+        """What the outputs are, and their extremes, means and harmonics."""
+        outputs = [(c, k) for c, k in self.channels.located if c.section == "outputs"]
+        if not outputs:
+            return {}
+        of = self._statistics(record, [k for _, k in outputs])
+        return {
+            "output": [c.name for c, _ in outputs],
+            "output_quantity": [c.quantity for c, _ in outputs],
+            "output_unit": [c.unit for c, _ in outputs],
+            "output_at": [c.at for c, _ in outputs],
+            "output_maximum": of["max_{}"],
+            "output_minimum": of["min_{}"],
+            "output_rms": of["rms_{}"],
+            "output_mean": of["mean_{}"],
+            "output_harmonics_real": of["harmonic_{}_real"],
+            "output_harmonics_imag": of["harmonic_{}_imag"],
+        }
+
+    def _statistics(self, record: CycleRecord, columns: list[int]) -> dict[str, Any]:
+        """Of k columns the extremes (k, C), root mean square and mean, and the parts of the harmonics (k, R, C).
+
+        By name of the variable, where ``{}`` stands for the quantity.
+        """
+        high, low, harmonic = record.high[:, columns].T, record.low[:, columns].T, record.harmonic[:, columns]
+        amplitudes = np.moveaxis(harmonic[:, :, 1:], 0, 2)
+        return {
+            "max_{}": high, "min_{}": low, "peak_{}": np.maximum(np.abs(high), np.abs(low)),
+            "rms_{}": np.sqrt(np.maximum(record.mean_square[:, columns], 0.0)).T, "mean_{}": harmonic[:, :, 0].real.T,
+            "harmonic_{}_real": amplitudes.real, "harmonic_{}_imag": amplitudes.imag,
+        }  # fmt: skip
+
+    def _impacts(self, record: CycleRecord) -> dict[str, Any]:
+        """Impacts at the snubbers, (m, C) each.
+
+        They follow from rates in contact and from outputs whose squares are the power lost, or from the product of rate
+        and force that a snubber which yields loses.
+        """
         force = self._named(FORCE)
         yielding = self._mean_products(record)
         rates, losses = np.split(self._beyond[0], [len(force)])
         owner = loss_owner(self.system.dynamics.contacts)
-        period, out = record.duration / record.cycles, {}
-        for k, (name, column) in enumerate(force.items()):
+        period, rows = record.duration / record.cycles, []
+        for k, column in enumerate(force.values()):
             per_cycle = record.closings[:, k] / record.cycles
             with np.errstate(divide="ignore", invalid="ignore"):
                 time = np.where(per_cycle > 0, record.contact_share[:, k] * period / per_cycle, np.nan)
-            out[name] = CycleImpacts(
-                turns=self.system.snubbers[k].turns,
-                per_cycle=per_cycle,
-                contact_time=time,
-                impulse=record.harmonic[:, column, 0].real * period,
-                energy_lost=np.maximum(yielding.get(k, record.mean_square[:, losses[owner == k]].sum(axis=1)), 0.0)
-                * period,
-                penetration_rate=record.high[:, rates[k]],
-            )
-        return out
+            lost = yielding.get(k, record.mean_square[:, losses[owner == k]].sum(axis=1))
+            rows.append({
+                "impact_number": per_cycle,
+                "impact_contact_time": time,
+                "impact_impulse": record.harmonic[:, column, 0].real * period,
+                "impact_energy_lost": np.maximum(lost, 0.0) * period,
+                "impact_penetration_rate": record.high[:, rates[k]],
+            })  # fmt: skip
+        return _stacked(rows)
 
     def _mean_products(self, record: CycleRecord) -> dict[int, Floats]:
         """Mean powers lost of `_rubbing`, by contact, W; of friction that a snubber presses for a coefficient of 1."""
@@ -186,8 +272,8 @@ class SweepLevel:
             zip(_rubbing(self.system.dynamics.contacts).tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True)
         )
 
-    def _sliding(self, record: CycleRecord) -> dict[str, CycleSliding]:
-        """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
+    def _sliding(self, record: CycleRecord) -> dict[str, Any]:
+        """Sliding of the friction contacts, (k, C) each, from mean speeds of sliding and from how often it ends.
 
         Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
         begins; of a force that falls with the speed what is lost is the mean of both.
@@ -197,39 +283,52 @@ class SweepLevel:
         _, columns, _ = self._beyond
         period, wear = record.duration / record.cycles, self._mean_products(record)
         begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
-        out = {}
+        rows, names = [], []
         for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
-            name, normal, law = spring.name, spring.normal_force, contacts.laws[j]
+            normal, law = spring.normal_force, contacts.laws[j]
             sliding, begins = sliding_limit(law), snap(law)
             loss, pressed_loss = law.arrays.event_loss[STICK, FORWARDS]
             slides = record.closings[:, j] / record.cycles
             moved = record.harmonic[:, column, 0].real * period
             if normal is None:  # numbers are those of a unit of the force
                 force, squared = begun[j]
-                out[name] = CycleSliding(
-                    per_cycle=slides,
-                    distance=moved + begins * force,
-                    energy_lost=sliding * wear[j] * period + pressed_loss * squared,
-                    wear_power=wear[j] + begins * squared / period,
-                )
-                continue
-            distance = moved + slides * begins
-            out[name] = CycleSliding(
-                per_cycle=slides,
-                distance=distance,
-                energy_lost=wear[j] * period if j in wear else sliding * moved + slides * loss,
-                wear_power=normal * distance / period,
-            )
-        return out
+                distance = moved + begins * force
+                lost = sliding * wear[j] * period + pressed_loss * squared
+                power = wear[j] + begins * squared / period
+            else:
+                distance = moved + slides * begins
+                lost = wear[j] * period if j in wear else sliding * moved + slides * loss
+                power = normal * distance / period
+            names.append(spring.name)
+            rows.append({
+                "friction_slides": slides, "friction_distance": distance, "friction_energy_lost": lost,
+                "friction_wear_power": power,
+            })  # fmt: skip
+        return {"friction": names, **_stacked(rows)} if names else {}
 
-    def history(self, time: Floats, values: Floats, aliased: Floats) -> SweepHistory:
-        """The time history of all columns (nt, K), with their shares (K,) above half its rate."""
-        of_keys = (self._named(*key) for key in ((DISPLACEMENT,), (ACCELERATION,), (FORCE, "N"), (FORCE, "N m")))
-        displacement, acceleration, force, moment = (
-            {name: values[:, k] for name, k in columns.items()} for columns in of_keys
-        )
-        shares = aliased[list(self._named(DISPLACEMENT).values())]
-        return SweepHistory(time, displacement, acceleration, force, moment, shares)
+    def history(self, time: Floats, values: Floats) -> Dataset:
+        """The time history of all columns (nt, K)."""
+        columns: dict[str, Any] = {
+            "sample": 1 + np.arange(time.size), "level": np.zeros(time.size, dtype=np.int64), "time": time,
+        }  # fmt: skip
+        for dim, quantity, key in (
+            ("probe", "displacement", DISPLACEMENT), ("probe", "absolute_acceleration", ACCELERATION),
+            ("snubber", "force", FORCE),
+        ):  # fmt: skip
+            if located := self._named(key):
+                columns |= {dim: list(located), quantity: values[:, list(located.values())].T}
+        units = [contact_units(snubber.gap_unit) for snubber in self.system.snubbers]
+        return HISTORIES.dataset(columns, {"snubber": units})
+
+    def aliased(self, shares: Floats) -> dict[str, Any]:
+        """The columns of `LEVELS` with shares (K,) of the columns above half the rate of a history."""
+        located = self._named(DISPLACEMENT)
+        return {"probe": list(located), "aliased_displacement": shares[None, list(located.values())]}
+
+
+def _stacked(rows: list[dict[str, Floats]]) -> dict[str, Any]:
+    """The values of all rows, by name; none without rows."""
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else {}
 
 
 def loss_owner(contacts: Contacts) -> Ints:

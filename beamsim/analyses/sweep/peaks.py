@@ -18,7 +18,7 @@ from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
 from beamsim.labelled import Dataset
 from beamsim.results.values import ALWAYS
 from beamsim.signals.quality import LEAST_PROMINENCE
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response
 NEIGHBOURHOOD = 1.25  # frequency ratio within which the increase of a harmonic is measured
@@ -46,8 +46,7 @@ def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[Res
     """
     from scipy import signal
 
-    envelope = curve.displacement[probe]
-    response = envelope.response
+    response = curve.response(probe)
     good = np.isfinite(response) & (response > 0)
     if good.sum() < 5:
         return []
@@ -67,18 +66,20 @@ def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[Res
     inner = [bin_ for bin_ in maxima - 1 if 0 < bin_ < high.size - 1]  # the ends of the sweep are not peaks
     tops = [first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]])) for bin_ in inner]
     largest = sorted(tops, key=lambda at: -float(peak[at]))[:MOST_PEAKS]
-    return [_named(curve, probe, modes, index, frequency, at) for at in largest]
+    of_cycles = response, curve.channel("displacement", probe).harmonics
+    return [_named(curve, probe, modes, of_cycles, index, frequency, at) for at in largest]
 
 
 def _named(
-    curve: SweepCurve, probe: str, modes: Dataset | None, index: Ints, frequency: Floats, at: int
-) -> ResponsePeak:
-    envelope = curve.displacement[probe]
+    curve: SweepCurve, probe: str, modes: Dataset | None, of_cycles: tuple[Floats, Complexes], index: Ints,
+    frequency: Floats, at: int,
+) -> ResponsePeak:  # fmt: skip
+    response, harmonics = of_cycles
     f = frequency[at]
 
     def median(r: int, part: Ints) -> float:
         """NaN where there is no number: order 1/2 has no value in the first cycle."""
-        numbers = np.abs(envelope.harmonics[r, index[part]])
+        numbers = np.abs(harmonics[r, index[part]])
         numbers = numbers[~np.isnan(numbers)]
         return float(np.median(numbers)) if numbers.size else np.nan
 
@@ -110,7 +111,7 @@ def _named(
     steps = np.diff(np.log(np.abs(curve.excitation_amplitude[index[here]])))
     if linear and np.any(np.abs(steps) > np.log(LEVEL_STEP)):
         kind = "level step"
-    value = float(envelope.response[index[at]])
+    value = float(response[index[at]])
     share = float(strength / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
@@ -125,10 +126,10 @@ def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
 
     A stepped sine has no beats. Where some contacts stay open and others closed the natural frequencies are not known.
     """
-    shares = [share[cycle] for share in curve.contact_share.values()]
-    if curve.steady is not None or (min(shares, default=0.0) < 0.5 < max(shares, default=0.0)):
+    shares = curve["contact_share"].values[:, cycle] if "contact_share" in curve.cycles else np.zeros(0)
+    if curve.kind == "stepped" or (min(shares.tolist(), default=0.0) < 0.5 < max(shares.tolist(), default=0.0)):
         return True
-    closed = max(shares, default=0.0) >= 0.5
+    closed = max(shares.tolist(), default=0.0) >= 0.5
     natural = modes["closed_frequencies_hz" if closed else "open_frequencies_hz"].values
     ratios = modes["closed_damping_ratios" if closed else "damping_ratios"].values
     width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST)
@@ -140,12 +141,12 @@ def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
 
 def _linear(curve: SweepCurve, part: Ints) -> bool:
     """Whether no contact is made or lost and no breakpoint of a spring is passed in these cycles."""
-    shares = curve.contact_share.values()
-    if curve.bent is not None and np.any(curve.bent[part]):
+    if "spring_changes" in curve.cycles and np.any(curve["spring_changes"].values[part]):
         return False
-    return all(bool(np.all(share[part] <= ALWAYS) or np.all(share[part] >= 1 - ALWAYS)) for share in shares)
+    shares = curve["contact_share"].values[:, part] if "contact_share" in curve.cycles else np.zeros((0, 0))
+    return bool(np.all(np.all(shares <= ALWAYS, axis=1) | np.all(shares >= 1 - ALWAYS, axis=1)))
 
 
-def bent(share: Floats) -> Bools:
+def changing(share: Floats) -> Bools:
     """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) with the spring beyond it."""
     return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

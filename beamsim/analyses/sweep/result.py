@@ -2,289 +2,173 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import (
-    ByName,
-    Counter,
-    Entry,
-    Number,
-    Plain,
-    Text,
-    attribute,
-    axis,
-    by_name,
-    dataset,
-    declared,
-    ending,
-    group,
-    key,
-    members,
-    per_probe,
-    per_snubber,
-    record,
-    stored,
-    table,
+from beamsim.analyses.sweep.layouts import (
+    CURVES,
+    FOLLOWED,
+    HISTORIES,
+    LEVELS,
+    LINEAR,
+    OF_CURVES,
+    PEAKS,
 )
+from beamsim.fields import ByName, Entry, Number, Plain, Text, by_name, declared, list_of, record
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.outcomes import Outcome
+from beamsim.labelled import Dataset, LabelledArray, joined
 from beamsim.responses.gapping import ContactLevels
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
-from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
+from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, Value, largest_in
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.signals.quality import QualityPeak, peaks_of
-from beamsim.system.structural import MODES, ContactUnits
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.system.structural import MODES
+from beamsim.typing import Complexes, Floats
 
 OFFSET = 1e-6  # of the peak
-_FREQUENCY = ("frequency_hz",)
-_TIME = ("time",)
-_SECTION = ("poincare_frequency_hz", "section_probe")
+_OF_QUANTITY = ("max_{}", "min_{}", "rms_{}", "mean_{}", "harmonic_{}_real", "harmonic_{}_imag")
+_OF_OUTPUT = (
+    "output_maximum", "output_minimum", "output_rms", "output_mean", "output_harmonics_real", "output_harmonics_imag",
+)  # fmt: skip
 
 
-@declared(along=_FREQUENCY)
-class ChannelExtremes:
-    """One channel of a probe or snubber, motion by motion of a branch."""
+class NotchLimit(NamedTuple):
+    """A limit to which the level is lowered, and the largest value it meets: a row of `NOTCH_LIMITS`."""
 
-    name: str = key("name of the probe or snubber")
-    quantity: str  # "displacement", "absolute_acceleration", "force", ...
+    name: str
     unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity} of a cycle or period", name="max")
-    minimum: Floats = dataset("{unit}", "smallest {quantity} of a cycle or period", name="min")
-
-    @property
-    @stored(dataset("{unit}", "largest magnitude of the {quantity} in a cycle or period", name="peak"))
-    def peak(self) -> Floats:
-        """(np,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+    limit: float
+    largest: float
+    share: float  # of the largest over the limit
+    frequency_hz: float  # of that cycle
 
 
-@declared(along=_FREQUENCY)
-class OutputExtremes:
-    """One of the `outputs`, motion by motion of a branch."""
+class NotchedRange(NamedTuple):
+    """A range of frequencies in which the level is lowered: a row of `NOTCH_RANGES`."""
 
-    name: str = key("name of the output")
-    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
-    unit: str = attribute("", "unit of the quantity")
-    at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a cycle or period")
-    minimum: Floats = dataset("{unit}", "smallest value of a cycle or period")
-
-    @property
-    def peak(self) -> Floats:
-        """(np,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+    limit: str  # the one that governs, in most of the range
+    from_hz: float
+    to_hz: float
+    at_hz: float  # where the level is lowered most
+    level: float  # there
+    reduction_db: float
 
 
-@declared(along=_FREQUENCY)
-class Envelope(ChannelExtremes):
-    """One channel of a probe or snubber, cycle by cycle (or frequency by frequency)."""
-
-    # mean included
-    rms: Floats = dataset("{unit}", "root mean square of the {quantity} over the time of a cycle", name="rms")
-    mean: Floats = dataset("{unit}", "mean of the {quantity} over the time of a cycle", name="mean")
-    harmonics: Complexes = dataset(  # (R, C), zero to peak
-        "{unit}", "amplitude of cos(order x phase) in the {quantity}; of order p/q over q cycles up to this one",
-        along=("order", *_FREQUENCY), name="harmonic",
-        imaginary="minus the amplitude of sin(order x phase) in the {quantity}",
-    )  # fmt: skip
-    at_rest: float = dataset(
-        "{unit}", "{quantity} at static equilibrium, of displacements; else 0", along=(),
-        name="static", default=0.0,
-    )  # fmt: skip
-    limit: Floats | None = dataset(
-        "{unit}", "limit of the largest magnitude, nan where there is none", name="limit", default=None
-    )
-
-    @property
-    def response(self) -> Floats:
-        """(C,) largest distance from static equilibrium."""
-        return np.maximum(np.abs(self.maximum - self.at_rest), np.abs(self.minimum - self.at_rest))
-
-    @property
-    def offset(self) -> float:
-        """The static part where it is none of round-off, which text names; else 0."""
-        return self.at_rest if abs(self.at_rest) > OFFSET * np.nanmax(self.peak, initial=0.0) else 0.0
-
-
-@declared(along=_FREQUENCY)
-class OutputEnvelope(OutputExtremes):
-    """One of the `outputs`, cycle by cycle (or frequency by frequency)."""
-
-    rms: Floats = dataset("{unit}", "root mean square over the time of a cycle, mean included")
-    mean: Floats = dataset("{unit}", "mean over the time of a cycle")
-    harmonics: Complexes = dataset(
-        "{unit}", "amplitude of cos(order x phase)", along=("order", *_FREQUENCY),
-        imaginary="minus the amplitude of sin(order x phase)",
-    )  # fmt: skip
-
-
-@declared(along=_FREQUENCY)
-class CycleImpacts(ContactUnits):
-    """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
-
-    per_cycle: Floats = dataset("1", "impacts per cycle: closings", name="number")
-    contact_time: Floats = dataset("s", "mean time in contact of an impact; NaN in a cycle without closing")
-    impulse: Floats = dataset("{force_unit} s", "integral of the contact force over a cycle")
-    energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle")
-    penetration_rate: Floats = dataset(
-        "{gap_unit}/s",
-        "highest rate of penetration in contact, which is the approach speed unless the load still accelerates",
-    )
-
-    def summary(self) -> dict[str, float]:
-        """Largest values along the curve, by name."""
-        called = of_angles if self.gap_unit == "rad" else str
-        return {
-            "most_per_cycle": float(np.max(self.per_cycle, initial=0.0)),
-            "longest_mean_contact_time_s": float(np.nanmax(self.contact_time, initial=0.0)),
-            called("largest_impulse_n_s"): float(np.max(self.impulse, initial=0.0)),
-            "largest_energy_lost_j": float(np.max(self.energy_lost, initial=0.0)),
-            called("highest_penetration_rate_m_s"): float(np.max(self.penetration_rate, initial=0.0)),
-        }
-
-
-@declared(along=_FREQUENCY)
-class CycleSliding:
-    """Sliding of one friction contact, cycle by cycle; at each frequency of a stepped sweep means over the cycles
-    measured. What the tangential spring springs back where sliding begins counts in the cycle in which that slide ends,
-    under the force of a snubber in that in which it begins.
-    """
-
-    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", name="slides")
-    distance: Floats = dataset("m", "sliding distance in a cycle")
-    energy_lost: Floats = dataset("J", "energy lost by friction in a cycle")
-    wear_power: Floats = dataset("W", "mean of normal force times sliding speed")
-
-    def summary(self) -> dict[str, float]:
-        """Largest values along the curve, by name."""
-        return {
-            "most_slides_per_cycle": float(np.max(self.per_cycle, initial=0.0)),
-            "largest_distance_m": float(np.max(self.distance, initial=0.0)),
-            "largest_energy_lost_j": float(np.max(self.energy_lost, initial=0.0)),
-            "largest_wear_power_w": float(np.max(self.wear_power, initial=0.0)),
-        }
-
-
-@declared(along=_FREQUENCY)
-class SteadyStates:
-    """What the stepped sweep found at every frequency."""
-
-    kind: tuple[str, ...] = dataset("1", "periodic, quasi-periodic, chaotic or not settled")
-    period_cycles: Ints = dataset("1", "cycles after which the motion repeats, 0 where it does not")
-    cycles: Ints = dataset("1", "cycles computed until the motion was steady")
-    change: Floats = dataset("1", "change of the state over a period, over its size")
-    # nan where the motion is periodic
-    lyapunov_exponent: Floats = dataset("1/s", "largest Lyapunov exponent, where the motion is not periodic")
-    poincare_frequency_hz: Floats = axis("Hz", "excitation frequency of each point of the Poincare sections")
-    probes: tuple[str, ...] = axis("1", "name of the probe", name="section_probe", shared=True)
-    poincare_displacement: Floats = dataset("m", "probes' displacement at phase 0", along=_SECTION)
-    poincare_velocity: Floats = dataset("m/s", "probes' velocity at phase 0", along=_SECTION)
-
-
-@declared
-class NotchLimit:
-    """A limit to which the level is lowered, and the largest value it meets."""
-
-    name: str = dataset("1", "what is limited")
-    unit: str = dataset("1", "its unit")
-    limit: float = dataset("", "the limit, in that unit")
-    largest: float = dataset("", "largest magnitude in the sweep, in that unit")
-    share: float = dataset("1", "that magnitude over the limit")
-    frequency_hz: float = dataset("Hz", "excitation frequency of that cycle")
-
-
-@declared
-class NotchedRange:
-    """A range of frequencies in which the level is lowered."""
-
-    limit: str = dataset("1", "the limit that governs, in most of the range")
-    from_hz: float = dataset("Hz", "lowest excitation frequency")
-    to_hz: float = dataset("Hz", "highest excitation frequency")
-    at_hz: float = dataset("Hz", "frequency at which the level is lowered most")
-    level: float = dataset("", "level there, in the unit of the table of levels")
-    reduction_db: float = dataset("dB", "that level over the specified one")
-
-
-@declared(along=_FREQUENCY)
+@dataclass(frozen=True)
 class Notching:
     """The level that keeps the limits: a table that is interpolated on log-log axes."""
 
-    quantity: str = attribute(
-        "", "what the levels are of: acceleration, velocity or displacement of the base, or force"
-    )
-    frequency_hz: Floats = axis("Hz", "excitation frequency of the table's points")  # (P,)
-    level: Floats = dataset("{unit}", "notched level, zero to peak, interpolated log-log")
-    specified: Floats = dataset("{unit}", "level without notches, its steps drawn out over a cycle")
-    trials: int = attribute("1", "motions of a few cycles that were computed to choose the level")
-    limits: tuple[NotchLimit, ...] = table(
-        "limits", NotchLimit, Counter("limit_number", "number of the limit"), default=()
-    )
-    ranges: tuple[NotchedRange, ...] = table(
-        "ranges", NotchedRange, Counter("range", "number of the range"), default=()
-    )
+    quantity: str  # of the levels: acceleration, velocity or displacement of the base, or force
+    frequency_hz: Floats  # (P,) Hz, excitation frequency
+    level: Floats  # (P,) zero to peak
+    specified: Floats  # (P,) without notches, its steps drawn out over a cycle
+    limits: Sequence[NotchLimit] = ()
+    ranges: Sequence[NotchedRange] = ()
+    trials: int = 0  # motions of a few cycles that were computed to choose the level
 
     @property
     def unit(self) -> str:
         """SI unit of the levels; 1 where they multiply several forces."""
         return level_unit(self.quantity)
 
-    def summary(self) -> dict[str, Any]:
-        """Limits by name, and ranges."""
-        limits = {limit.name: {**vars(limit)} for limit in self.limits}
-        for limit in limits.values():
-            del limit["name"]
-        return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
 
+@dataclass(frozen=True)
+class SweepCurve:
+    """One way through the frequencies at one level: a row of `curves`, and what it has in the other tables."""
 
-@declared(kw_only=True, along=_FREQUENCY)
-class SweepCurve(AlongCurve):
-    """One way through the frequencies at one level."""
-
-    name: str = key("direction and number of the level, up_0")
-    direction: str = attribute("", "up or down")
-    level_index: int = attribute("1", "number of the level, from 0")
-    level: float = attribute("{level_unit}", "level of the excitation; with a profile the factor applied to it")
-    quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
-    frequency_hz: Floats = axis("Hz", "excitation frequency", rows="cycle")  # (C,) in the middle of each cycle
-    time: Floats = dataset("s", "time at the start of the cycle")
-    excitation_amplitude: Floats = dataset(
-        "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak"
-    )
-    orders: Floats = axis("1", "order: frequency over excitation frequency", name="order", shared=True)  # (R,)
-    probes: tuple[Envelope, ...] = members("", Envelope, "probe", by=("name", "quantity", "unit"), split="quantity")
-    snubbers: tuple[Envelope, ...] = members("", Envelope, "snubber", by=("name", "quantity", "unit"), split="quantity")
-    contacts: dict[str, Ints] = per_snubber("1", "number of closings")
-    energy_error: Floats | None = dataset(
-        "1",
-        "imbalance of the energies that has added up since the curve began (of a stepped sweep: over the cycles "
-        "evaluated at the frequency), over the largest energy of the structure",
-        default=None,
-    )
-    level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
-    steady: SteadyStates | None = group("steady", SteadyStates, default=None)  # of a stepped sweep
-    impacts: dict[str, CycleImpacts] = members(  # where sweep.impacts asks for them
-        "", CycleImpacts, "snubber", prefix="impact_", default_factory=dict
-    )
-    sliding: dict[str, CycleSliding] = members(  # likewise
-        "", CycleSliding, "friction", prefix="friction_", default_factory=dict
-    )
-    outputs: dict[str, OutputEnvelope] = members("", OutputEnvelope, "output", prefix="output_", default_factory=dict)
-    notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
-    bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
-
-    def envelope_of(self, of: LimitedQuantity) -> Envelope | OutputEnvelope:
-        """What a limit on the level applies to, in every cycle."""
-        return self.outputs[of.item] if of.section == "outputs" else getattr(self, of.quantity)[of.item]
+    name: str  # direction and number of the level, up_0
+    kind: str  # swept_sine or stepped
+    direction: str  # up or down
+    level_index: int
+    level: float  # with a profile the factor applied to it
+    level_unit: str  # empty where it is the factor of a profile
+    quantity: str  # that is prescribed
+    tables: Mapping[str, Dataset]  # its rows of `OF_CURVES`, by name
 
     @property
-    def cycles_at(self) -> tuple[Floats, Bools]:
-        """(C,) Hz, of each cycle; all count."""
-        return self.frequency_hz, np.ones(self.frequency_hz.size, dtype=bool)
+    def cycles(self) -> Dataset:
+        """Its C cycles, or frequencies."""
+        return self.tables["cycles"]
+
+    def __getitem__(self, name: str) -> LabelledArray:
+        """A variable of its cycles, ``curve["peak_force"].sel(snubber="tip")``."""
+        return self.cycles[name]
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """(C,) Hz, of the excitation."""
+        return self["frequency_hz"].values
+
+    @property
+    def time(self) -> Floats:
+        """(C,) s, at which the cycles begin."""
+        return self["time"].values
+
+    @property
+    def excitation_amplitude(self) -> Floats:
+        """(C,) of the base's acceleration or of the force, zero to peak."""
+        return self["excitation_amplitude"].values
+
+    @property
+    def excitation_unit(self) -> str:
+        """Unit of that amplitude."""
+        return amplitude_unit(self.quantity)
+
+    @property
+    def orders(self) -> Floats:
+        """(R,) orders of the harmonics."""
+        return self["order"].values
+
+    def places(self, quantity: str) -> list[str]:
+        """Names of the probes, snubbers or outputs of which a quantity is followed; none where it is left out."""
+        kept = quantity == "output" or f"peak_{quantity}" in self.cycles
+        return self.cycles.labels(FOLLOWED.get(quantity, quantity)) if kept else []
+
+    def channel(self, quantity: str, place: str) -> CycleValues:
+        """A quantity at a place in every cycle.
+
+        Parameters
+        ----------
+        quantity : that sweeps follow, or ``output``.
+        place : name of the probe, snubber or output.
+
+        Returns
+        -------
+        CycleValues
+        """
+        forms = _OF_OUTPUT if quantity == "output" else _OF_QUANTITY
+        at = {FOLLOWED.get(quantity, quantity): place}
+        arrays = [self[form.format(quantity)].sel(**at) for form in forms]
+        *statistics, real, imaginary = (array.values for array in arrays)
+        maximum, minimum, rms, mean = statistics
+        return CycleValues(arrays[0].unit, maximum, minimum, rms, mean, real + 1j * imaginary)
+
+    def limited(self, of: LimitedQuantity) -> CycleValues:
+        """What a limit on the level applies to."""
+        quantity = "absolute_acceleration" if of.quantity == "acceleration" else of.quantity or "output"
+        return self.channel(quantity, of.item)
+
+    def response(self, probe: str) -> Floats:
+        """(C,) m, largest distance of a probe from static equilibrium."""
+        high, low = (self[f"{end}_displacement"].sel(probe=probe).values for end in ("max", "min"))
+        at_rest = self["static_displacement"].sel(probe=probe).item()
+        return np.asarray(np.maximum(np.abs(high - at_rest), np.abs(low - at_rest)))
+
+    def offset(self, probe: str) -> float:
+        """Displacement of a probe at static equilibrium where it is none of round-off, which text names; else 0."""
+        at_rest = float(self["static_displacement"].sel(probe=probe).item())
+        peak = self["peak_displacement"].sel(probe=probe).values
+        return at_rest if abs(at_rest) > OFFSET * np.nanmax(peak, initial=0.0) else 0.0
+
+    def largest(self) -> Iterator[tuple[Value, str, float, float]]:
+        """The values that have limits, and outputs: by name the largest of all cycles, and at which frequency, Hz."""
+        return largest_in([self.cycles], "frequency_hz")
 
     def amplitude_at(self, frequency_hz: Floats) -> Floats:
         """Amplitude of the excitation at any frequencies, Hz, that of the ends beyond them."""
@@ -292,21 +176,28 @@ class SweepCurve(AlongCurve):
         return np.interp(frequency_hz, self.frequency_hz[rising], np.abs(self.excitation_amplitude[rising]))
 
     @property
-    def excitation_unit(self) -> str:
-        """Unit of its amplitude."""
-        return amplitude_unit(self.quantity)
+    def notching(self) -> Notching | None:
+        """The lowered level, with its limits and where each governs; None where the sweep does not ask for it."""
+        if "notches" not in self.tables:
+            return None
+        table = self.tables["notches"]
+        frequency_hz, level, specified = (table[name].values for name in ("frequency_hz", "level", "specified"))
+        limits = [NotchLimit(*row) for row in _rows(self.tables["notch_limits"], NotchLimit._fields)]
+        ranges = [NotchedRange(*row) for row in _rows(self.tables["notch_ranges"], NotchedRange._fields)]
+        return Notching(str(table["quantity"].item()), frequency_hz, level, specified, limits, ranges)
 
     @property
     def has_transmissibility(self) -> bool:
         """Whether the base moves, and accelerations and the fundamental were kept."""
-        return bool(self.acceleration) and bool(np.any(self.orders == 1.0)) and self.excitation_unit == "m/s^2"
+        kept = bool(self.places("absolute_acceleration")) and bool(np.any(self.orders == 1.0))
+        return kept and self.excitation_unit == "m/s^2"
 
     def transmissibility(self, probe: str) -> Floats:
         """(C,) fundamental of a probe's absolute acceleration over that of the base, where there is one."""
         (first,) = np.flatnonzero(self.orders == 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(self.acceleration[probe].harmonics[first]) / np.abs(self.excitation_amplitude)
-        return np.asarray(ratio)
+            harmonics = self.channel("absolute_acceleration", probe).harmonics
+            return np.asarray(np.abs(harmonics[first]) / np.abs(self.excitation_amplitude))
 
     def resonance(self, probe: str) -> QualityPeak | None:
         """Highest peak of the transmissibility, whose Q is known where its half-power band is; None without peaks."""
@@ -317,106 +208,119 @@ class SweepCurve(AlongCurve):
     @property
     def weights(self) -> Floats:
         """(C,) shares of the cycles in the time of a swept sine; of a stepped one all frequencies count the same."""
-        if self.steady is not None or self.time.size == 0:
+        if self.kind == "stepped" or self.time.size == 0:
             return np.full(self.time.size, 1.0 / max(self.time.size, 1))
         duration = np.diff(self.time, append=self.time[-1] + 1.0 / self.frequency_hz[-1])
         return np.asarray(duration / duration.sum())
 
 
-@declared(along=_FREQUENCY)
-class LinearCurve:
-    """Steady response of the structure to a unit of the excitation's amplitude, no contact being made or lost."""
+class CycleValues(NamedTuple):
+    """A quantity at a place in C cycles."""
 
-    frequency_hz: Floats = axis("Hz", "excitation frequency")
-    displacement: dict[str, Complexes] = per_probe("1", "displacement per unit of excitation, without snubbers")
-    acceleration: dict[str, Complexes] = per_probe(
-        "1", "absolute acceleration per unit of excitation", name="absolute_acceleration"
-    )
-    # empty where that is no linear motion, or there are no snubbers
-    closed: dict[str, Complexes] = dataset(
-        "1", "displacement per unit of excitation, every snubber always closed", per="probe",
-        name="displacement_closed", default_factory=dict,
-    )  # fmt: skip
-    closed_at_rest: bool = attribute("", "whether every snubber is closed at static equilibrium", default=False)
-    contact: dict[str, ContactLevels] = members("", ContactLevels, "snubber", prefix="contact_", default_factory=dict)
+    unit: str
+    maximum: Floats  # (C,)
+    minimum: Floats  # (C,)
+    rms: Floats  # (C,) mean included
+    mean: Floats  # (C,)
+    harmonics: Complexes  # (R, C) amplitudes of cos(order phase) minus i times those of sin
+
+    @property
+    def peak(self) -> Floats:
+        """(C,) largest magnitude."""
+        return np.asarray(np.maximum(np.abs(self.maximum), np.abs(self.minimum)))
 
 
-@declared
-class ResponsePeak:
-    """A local maximum of a response curve and its classification."""
-
-    curve: str = dataset("1", "name of the curve")
-    probe: str = dataset("1", "name of the probe")
-    direction: str = dataset("1", "direction of the sweep")
-    level: float = dataset("", "level of the excitation")
-    frequency_hz: float = dataset("Hz", "excitation frequency of the peak")
-    value_m: float = dataset("m", "peak displacement, from static equilibrium")
-    kind: str = dataset(
-        "1", "kind of the peak"
-    )  # linear or nonlinear resonance, superharmonic, subharmonic, beat, level step
-    order: float = dataset("1", "order of the resonant harmonic")
-    share: float = dataset("1", "share of that harmonic in the peak displacement")
+def _rows(table: Dataset, columns: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    """The values of columns of a table, row by row."""
+    return zip(*(table[name].values.tolist() for name in columns), strict=True)
 
 
-@declared(along=_TIME)
-class SweepHistory:
-    """The time history of one sweep."""
-
-    time: Floats = axis("s", "time")
-    displacement: dict[str, Floats] = per_probe("m", "displacement relative to the base")
-    acceleration: dict[str, Floats] = per_probe("m/s^2", "absolute acceleration", name="absolute_acceleration")
-    force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes")
-    moment: dict[str, Floats] = per_snubber("N m", "that of a stop of a hinge", default_factory=dict)
-    aliased: Floats | None = dataset(
-        "1",
-        "share of the root mean square of each probe's displacement that lies above half the rate",
-        along=(Counter("probe_number", "number of the probe", shared=True),),
-        default=None,
-    )
+def tables_of(curves: Sequence[SweepCurve]) -> dict[str, Dataset]:
+    """The datasets of curves and of what they have, the rows of one curve after those of another."""
+    units = [{"level_unit": curve.level_unit or "1"} for curve in curves]
+    tables = {"curves": CURVES.table(curves, units, curve=[curve.name for curve in curves])}
+    for layout in OF_CURVES:
+        parts = {k: curve.tables[layout.name] for k, curve in enumerate(curves) if layout.name in curve.tables}
+        if parts:
+            dim = next(iter(layout.variables))
+            number = np.repeat(list(parts), [part[dim].values.size for part in parts.values()])
+            rows = {dim: 1 + np.arange(number.size), "curve": number}
+            tables[layout.name] = joined(list(parts.values()), **rows)
+    return tables
 
 
-@declared
-class SweepWork:
-    """Work of the solver of a sweep."""
+def curves_of(tables: Mapping[str, Dataset]) -> dict[str, SweepCurve]:
+    """The curves that are in datasets, by name.
 
-    events: int = attribute("1", "contact events, breakpoints of piecewise-linear springs included")
-    evaluations: int = attribute("1", "evaluations of the event functions")
-    segments: int = attribute("1", "time segments between events")
-    states: int = attribute("1", "contact states that were diagonalised")
-    processor_time_s: float = attribute("s", "processor time of the solver alone")
-    cycles: int = attribute("1", "cycles of the excitation computed")
+    Raises
+    ------
+    ValueError
+        If the rows of a table are not those of one curve after another.
+    """
+    described = tables["curves"]
+    names, parts = described.labels("curve"), dict[str, list[Dataset]]()
+    for layout in OF_CURVES:
+        if layout.name in tables:
+            table, dim = tables[layout.name], next(iter(layout.variables))
+            number = table["curve"].values
+            if number.size and (np.any(np.diff(number) < 0) or number[0] < 0 or number[-1] >= len(names)):
+                raise ValueError(f"the rows of {layout.name} are not those of one curve after another")
+            ends = np.searchsorted(number, np.arange(len(names) + 1)).tolist()
+            parts[layout.name] = [table.isel(**{dim: slice(a, b)}) for a, b in pairwise(ends)]
+    columns = {name: described[name].values.tolist() for name in CURVES.variables if name != "curve" and names}
+    return {
+        name: SweepCurve(
+            name, **{column: values[k] for column, values in columns.items()},
+            tables={table: of[k] for table, of in parts.items()},
+        )
+        for k, name in enumerate(names)
+    }  # fmt: skip
 
 
-@declared
-class LevelWork:
-    """One level that was computed."""
-
-    level: float = attribute("", "level of the excitation; with a profile the factor applied to it")
-    outcome: Outcome = ending("how the computation of the level ended")
-    truncation: float = attribute(
-        "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"
-    )
-    work: SweepWork = group("", SweepWork)
-    base_correction: CorrectionSize | None = group(
-        "", CorrectionSize, prefix="base_correction_", default=None
-    )  # of a base that is swept
+def contact_levels_of(linear: Dataset) -> dict[str, ContactLevels]:
+    """By snubber the levels at which the linear motion makes or loses contact."""
+    columns = ("onset", "loss", "preload_needed", "preload_alone", "before")
+    turns = {name: bool(of.item()) for name, of in linear.by_label("contact_turns").items()}
+    return {
+        name: ContactLevels(*(linear[f"contact_{column}"].sel(snubber=name).values for column in columns), turns=of)
+        for name, of in turns.items()
+    }
 
 
+class ResponsePeak(NamedTuple):
+    """A local maximum of a response curve and its classification, a row of `PEAKS`."""
+
+    curve: str
+    probe: str
+    direction: str
+    level: float
+    frequency_hz: float
+    value_m: float
+    kind: str
+    order: float
+    share: float
+
+
+OF_PEAKS: dict[str, Any] = {
+    "frequency_hz": Number, "value_m": Number, "kind": Text, "direction": Text, "level": Number, "order": Number,
+    "probe": Text, "curve": Text,
+}  # fmt: skip
+"""What the summary lists of each peak, with the types."""
 CURVE = record({"direction": Text, "level": Number, "points": Number}, {"steady": ByName})
 _SUMMARY = (
     STATUS,
     GAPPING,
     BY_ENTRY["gapping_ratio"].summary_entry("of the strongest sweep, "),
-    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "", "peaks",
-             ("frequency_hz", "value_m", "kind", "direction", "level", "order", "probe", "curve")),
+    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", form=list_of(record(OF_PEAKS))),
     Entry("curves", "",
              "by curve its direction, level and number of points, and of a stepped sweep how many motions of "
              "each kind it has", form=by_name(CURVE)),
     Entry("peak_frequencies_hz", "Hz", "by largest value, curve and place the frequency at which it is reached",
              form=dict[str, dict[str, ByName]]),
-    Entry("cycles", section="solver", of="work.cycles"),
-    Entry("events", section="solver", of="work.events"),
-    Entry("truncation", section="solver", of="truncation"),
+    Entry("cycles", "1", "cycles of the excitation computed", "solver"),
+    Entry("events", "1", "contact events, breakpoints of piecewise-linear springs included", "solver"),
+    Entry("truncation", "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude",
+             "solver"),
     *CorrectionSize.ENTRIES,
     *(value.summary_entry(by_curve=True) for value in VALUES if value.followed or value is RESPONSE),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
@@ -433,7 +337,7 @@ _SUMMARY = (
     MARGINS,
     *OF_MODES,
     *CONVERGENCE,
-    PROCESSOR_TIME._replace(of="work.processor_time_s"),
+    PROCESSOR_TIME,
 )  # fmt: skip
 
 
@@ -442,27 +346,23 @@ class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
     KIND = "sweep"
-    SUMMARY, DATASETS = _SUMMARY, (MODES,)
+    SUMMARY = _SUMMARY
+    DATASETS = (CURVES, *OF_CURVES, PEAKS, LEVELS, HISTORIES, LINEAR, MODES)
 
-    kind: str = attribute("", "swept_sine or stepped")
-    curves: dict[str, SweepCurve] = members("curves", SweepCurve, "curve", rows="cycles")
-    linear: LinearCurve = group("linear", LinearCurve)
-    peaks: tuple[ResponsePeak, ...] = table("peaks", ResponsePeak, Counter("peak", "number of the peak"))
-    work: SweepWork = group("work", SweepWork)
-    levels: dict[int, LevelWork] = members(
-        "levels", LevelWork, "level_index", default_factory=dict
-    )  # that were computed
-    histories: dict[int, SweepHistory] = members(
-        "history_levels", SweepHistory, "level_index", rows="histories", default_factory=dict
-    )  # by level index
-    truncation: float = attribute(
-        "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
-    )
+    @cached_property
+    def curves(self) -> dict[str, SweepCurve]:
+        """The curves by name, each with its rows of the datasets."""
+        return curves_of(self.datasets)
+
+    @cached_property
+    def peaks(self) -> list[ResponsePeak]:
+        """The peaks of all curves."""
+        return [ResponsePeak(*row) for row in _rows(self["peaks"], ResponsePeak._fields)]
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
         if keys == ("level",) and entry.name in ("curves", "peaks"):
-            return self.curves[record.get("curve") or place[0]].level_unit
+            return str(self["curves"]["level_unit"].sel(curve=record.get("curve") or place[0]).item())
         if entry.name == "notches" and keys[-1] in ("limit", "largest", "level") and keys != ("limit",):
-            return str(record.get("unit") or level_unit(self.curves[place[0]].quantity))
+            return str(record.get("unit") or level_unit(self["notches"]["quantity"].item()))
         return super().unit_of(entry, place, keys, record)

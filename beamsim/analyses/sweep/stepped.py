@@ -8,8 +8,9 @@ from fractions import Fraction
 import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
-from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
-from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
+from beamsim.analyses.sweep.layouts import POINCARE, STEADY_STATES
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, level_row
+from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
@@ -17,7 +18,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, tell
 from beamsim.responses.loads import harmonic_loads, sine_of
-from beamsim.scenario.quantities import acceleration_amplitude, level_unit
+from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
 from beamsim.typing import Floats, of_kind
@@ -69,15 +70,11 @@ def step_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
             break
         tell(progress, done / len(steps))
     curves = [_curve(one, direction, of) for direction, of in points.items() if of]
-    work = SweepWork(
-        cycles=stepper.cycles,
-        events=stepper.events,
-        evaluations=stepper.evaluations,
-        segments=stepper.segments,
-        states=len(stepper.flow.visited),
-        processor_time_s=processor_time() - begin,
-    )
-    return LevelRun(tuple(curves), LevelWork(float(one.value), balanced(outcome, curves), 0.0, work))
+    work = {
+        "truncation": 0.0, "cycles": stepper.cycles, "events": stepper.events, "evaluations": stepper.evaluations,
+        "segments": stepper.segments, "states": len(stepper.flow.visited), "processor_time_s": processor_time() - begin,
+    }  # fmt: skip
+    return LevelRun(tuple(curves), level_row(one, balanced(outcome, curves), work))
 
 
 def stepper_of(one: SweepLevel) -> tuple[CycleStepper, Motion]:
@@ -141,22 +138,33 @@ def _curve(one: SweepLevel, direction: str, points: list[_SteadyPoint]) -> Sweep
     frequencies, settled, exponents, measured = zip(*points, strict=True)
     frequency = np.array(frequencies)
     sections = [each.section[: 0 if each.period else None] for each in settled]
-    section = np.concatenate(sections)
+    section, count = np.concatenate(sections), np.array([each.shape[0] for each in sections])
     elapsed = np.cumsum([0.0] + [(each.cycles + m.count) / f for f, each, _, m in points])
-    steady = SteadyStates(
-        kind=tuple("periodic" if each is None else each.kind for each in exponents),
-        period_cycles=np.array([each.period for each in settled], dtype=np.int64),
-        cycles=np.array([each.cycles for each in settled], dtype=np.int64),
-        change=np.array([each.change for each in settled]),
-        lyapunov_exponent=np.array([np.nan if each is None else each.value for each in exponents]),
-        poincare_frequency_hz=np.repeat(frequency, [each.shape[0] for each in sections]),
-        probes=tuple(p.name for p in probes),
-        poincare_displacement=section[:, :n] @ shapes.T,
-        poincare_velocity=section[:, n : 2 * n] @ shapes.T,
-    )
-    return one.curve(
-        CycleRecord.joined([m.merged() for m in measured]), direction,
-        level_unit=level_unit(one.quantity), frequency_hz=frequency, time=elapsed[:-1], steady=steady,
-        excitation_amplitude=np.array([acceleration_amplitude(abs(one.value), one.quantity, f) for f in frequencies]),
-        energy_error=np.array([energy_errors(m.imbalance, m.energy).max() for m in measured]),
-    )  # fmt: skip
+    of_curve = np.zeros(frequency.size, dtype=np.int64)
+    steady = STEADY_STATES.dataset({
+        "cycle": 1 + np.arange(frequency.size),
+        "curve": of_curve,
+        "frequency_hz": frequency,
+        "kind": ["periodic" if each is None else each.kind for each in exponents],
+        "period_cycles": [each.period for each in settled],
+        "cycles": [each.cycles for each in settled],
+        "change": [each.change for each in settled],
+        "lyapunov_exponent": [np.nan if each is None else each.value for each in exponents],
+    })  # fmt: skip
+    at_phase_0 = POINCARE.dataset({
+        "point": 1 + np.arange(section.shape[0]),
+        "curve": np.repeat(of_curve, count),
+        "frequency_hz": np.repeat(frequency, count),
+        "probe": [p.name for p in probes],
+        "section_displacement": (section[:, :n] @ shapes.T).T,
+        "section_velocity": (section[:, n : 2 * n] @ shapes.T).T,
+    })  # fmt: skip
+    level = abs(one.value)
+    values = {
+        "frequency_hz": frequency, "time": elapsed[:-1],
+        "excitation_amplitude": [acceleration_amplitude(level, one.quantity, f) for f in frequencies],
+        "energy_error": np.array([energy_errors(m.imbalance, m.energy).max() for m in measured]),
+    }  # fmt: skip
+    merged = CycleRecord.joined([m.merged() for m in measured])
+    tables = {"steady_states": steady, "poincare": at_phase_0}
+    return one.curve(merged, direction, values, tables)

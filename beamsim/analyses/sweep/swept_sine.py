@@ -7,21 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
-from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
-from beamsim.analyses.sweep.result import (
-    LevelWork,
-    NotchedRange,
-    Notching,
-    NotchLimit,
-    SweepCurve,
-    SweepHistory,
-    SweepWork,
-)
+from beamsim.analyses.sweep.layouts import NOTCH_LIMITS, NOTCH_RANGES, NOTCHES
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, level_row
+from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads, SweptMotion
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
@@ -29,11 +22,12 @@ from beamsim.inputs.measured import on_curve
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, part_of
 from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
 from beamsim.results.values import Margins, judged
 from beamsim.results.values import limited as limited_value
-from beamsim.scenario.quantities import level_unit, power_of
+from beamsim.scenario.quantities import power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
@@ -133,27 +127,35 @@ def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
         notching = notched_level(one, notch_limits, part_of(progress, 0.0, CONTROL))
     march, profile, corrections = swept_march(one, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
-    parts, history = _recorded(one, march)
+    parts, history, aliased = _recorded(one, march)
     curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
-    work = SweepWork(
-        cycles=sum(part.count for part in parts),
-        events=march.events,
-        evaluations=march.evaluations,
-        segments=march.segments,
-        states=march.states,
-        processor_time_s=march.processor_time_s,
-    )
-    correction = None if corrections is None else CorrectionSize.of(corrections)
+    columns = {
+        "truncation": windows.truncation, "cycles": sum(part.count for part in parts), "events": march.events,
+        "evaluations": march.evaluations, "segments": march.segments, "states": march.states,
+        "processor_time_s": march.processor_time_s,
+    }  # fmt: skip
+    if corrections is not None:
+        size = CorrectionSize.of(corrections)
+        columns |= {f"base_correction_{name}": value for name, value in vars(size).items()}
     outcome = balanced(march.outcome, curves)
     if notching is not None:
+        columns["notch_trials"] = notching.trials
         judged = [with_notching(notching, notch_limits, curve) for curve in curves]
         curves, missed = tuple(curve for curve, _ in judged), [not_held for _, not_held in judged if not_held]
         outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
-    return LevelRun(curves, LevelWork(float(one.value), outcome, windows.truncation, work, correction), history)
+    return LevelRun(curves, level_row(one, outcome, columns, aliased), history)
 
 
-def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], SweepHistory | None]:
-    """March, with what is recorded of each stretch's cycles, and the time history where one is asked for."""
+def _recorded(
+    one: SweepLevel, march: SweptMotion
+) -> tuple[list[CycleRecord], Dataset | None, Mapping[str, Any] | None]:
+    """March, with what is recorded of each stretch's cycles, and the time history where one is asked for.
+
+    Returns
+    -------
+    parts : of the cycles.
+    history, aliased : rows of `HISTORIES`, and what lies above half their rate, see `SweepLevel.aliased`.
+    """
     settings, windows = of_kind(SweptSine, one.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.arange(0 if rate is None else samples_until(windows.duration, rate)) / (rate or 1.0)
@@ -170,10 +172,11 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
         here = reached(march.end, times)[sampled:]
         samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
     if rate is None:
-        return parts, None
+        return parts, None, None
     values = np.concatenate(samples)
     values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # it may end between two samples
-    return parts, one.history(times[: values.shape[0] : 2], values[::2], share_above_half_rate(values))
+    history = one.history(times[: values.shape[0] : 2], values[::2])
+    return parts, history, one.aliased(share_above_half_rate(values))
 
 
 def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
@@ -189,13 +192,12 @@ def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: Cy
             continue
         of_leg = tracked.some(computed)
         frequency = windows.frequency_hz[cycles]
-        curve = one.curve(
-            of_leg if complete[-1] else of_leg.with_rest_in_last(), "up" if leg.last_hz > leg.first_hz else "down",
-            level_unit="" if settings.profile else level_unit(one.quantity), frequency_hz=frequency,
-            time=windows.edge[cycles], excitation_amplitude=profile(frequency),
-            energy_error=energy_errors(of_leg.imbalance, of_leg.energy, complete),
-        )  # fmt: skip
-        curves.append(curve)
+        values = {
+            "frequency_hz": frequency, "time": windows.edge[cycles], "excitation_amplitude": profile(frequency),
+            "energy_error": energy_errors(of_leg.imbalance, of_leg.energy, complete),
+        }  # fmt: skip
+        direction = "up" if leg.last_hz > leg.first_hz else "down"
+        curves.append(one.curve(of_leg if complete[-1] else of_leg.with_rest_in_last(), direction, values))
     return tuple(curves)
 
 
@@ -284,7 +286,7 @@ def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progres
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)
-    return Notching(quantity, frequency, amplitude / divisor, specification(frequency) / divisor, control.trials)
+    return Notching(quantity, frequency, amplitude / divisor, specification(frequency) / divisor, trials=control.trials)
 
 
 def continuous(profile: Profile, leg: Leg) -> Profile:
@@ -336,16 +338,26 @@ def with_notching(
     curve : with the notching.
     not_held : what to say where a limit is exceeded by more than is allowed; None where all are met.
     """
-    envelopes = [curve.envelope_of(each.of) for each in limited]
-    share = np.array([of.peak / each.limit for of, each in zip(envelopes, limited, strict=True)])  # (limits, C)
-    limits = tuple(
+    values = [curve.limited(each.of) for each in limited]
+    share = np.array([of.peak / each.limit for of, each in zip(values, limited, strict=True)])  # (limits, C)
+    limits = [
         NotchLimit(
             each.name, of.unit, each.limit, float(of.peak[at]), float(shares[at]), float(curve.frequency_hz[at]),
         )
-        for each, of, shares, at in zip(limited, envelopes, share, np.nanargmax(share, axis=1), strict=True)
-    )  # fmt: skip
-    notching = replace(notching, limits=limits, ranges=tuple(_ranges(notching, limited, curve, share)))
-    return replace(curve, notching=notching), _not_held(curve, limited, share)
+        for each, of, shares, at in zip(limited, values, share, np.nanargmax(share, axis=1), strict=True)
+    ]  # fmt: skip
+    ranges, points = _ranges(notching, limited, curve, share), notching.frequency_hz.size
+    unit = [{"notch_unit": notching.unit}]
+    table = {
+        "point": 1 + np.arange(points), "curve": np.zeros(points, dtype=np.int64), "quantity": notching.quantity,
+        "frequency_hz": notching.frequency_hz, "level": notching.level, "specified": notching.specified,
+    }  # fmt: skip
+    tables = {
+        "notches": NOTCHES.dataset(table, {"point": unit}),
+        "notch_limits": NOTCH_LIMITS.table(limits, curve=np.zeros(len(limits), dtype=np.int64)),
+        "notch_ranges": NOTCH_RANGES.table(ranges, unit, curve=np.zeros(len(ranges), dtype=np.int64)),
+    }
+    return replace(curve, tables={**curve.tables, **tables}), _not_held(curve, limited, share)
 
 
 def _not_held(curve: SweepCurve, limited: Sequence[Limited], shares: Floats) -> Outcome | None:
@@ -356,7 +368,8 @@ def _not_held(curve: SweepCurve, limited: Sequence[Limited], shares: Floats) -> 
     where = np.flatnonzero(over.any(axis=0))
     f = np.sort(curve.frequency_hz[where])
     parts = np.split(f, np.flatnonzero(np.diff(f) > NARROW * f[:-1]) + 1)
-    moved = any(np.any((share[where] > 0) & (share[where] < 1)) for share in curve.contact_share.values())
+    share = curve["contact_share"].values[:, where] if "contact_share" in curve.cycles else np.zeros(0)
+    moved = bool(np.any((share > 0) & (share < 1)))
     reason = (
         "contacts open and close and the response does not settle from cycle to cycle" if moved else
         "the response changes faster than the level can follow"
