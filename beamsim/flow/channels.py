@@ -256,7 +256,7 @@ def interpolated(integrals: Complexes, position: Floats) -> Complexes:
     r"""Fourier integrals between the frequencies at which they are known, to about 1e-13 of the largest.
 
     A transform of what lasts for :math:`\pi / \delta` has twice as many values as determine it: it is their sum with
-    weights sinc times a Kaiser window.
+    weights sinc times a window, which is that of the spreading function above.
 
     Parameters
     ----------
@@ -267,17 +267,15 @@ def interpolated(integrals: Complexes, position: Floats) -> Complexes:
     -------
     (n,).
     """
-    first = np.floor(position).astype(np.int64) - NEIGHBOURS + 1
-    number = first[:, None] + np.arange(2 * NEIGHBOURS)
-    distance = position[:, None] - number
-    sharpness = 0.5 * np.pi * NEIGHBOURS
+    first, apart = np.floor(position).astype(np.int64) - NEIGHBOURS + 1, NEIGHBOURS - 1 - np.arange(2 * NEIGHBOURS)
+    number, share = first[:, None] - apart + apart[0], (position - np.floor(position))[:, None]
+    distance = share + apart
     inside = np.sqrt(np.maximum(1.0 - (distance / NEIGHBOURS) ** 2, 0.0))
-    weight = np.sinc(distance) * np.i0(sharpness * inside) / np.i0(sharpness)
+    weight = np.sinc(distance) * np.exp(0.5 * np.pi * NEIGHBOURS * (inside - 1.0))
     known = integrals[np.abs(number)]
     known = np.where(number < 0, known.conj(), known)
     # the phase of the middle of the signal is taken out before and put back after
-    turned = np.exp(-0.5j * np.pi * distance)
-    return np.asarray((known * turned * weight).sum(axis=1))
+    return np.asarray(((known * weight) @ np.exp(-0.5j * np.pi * apart)) * np.exp(-0.5j * np.pi * share[:, 0]))
 
 
 def values_to_sum(motion: Trajectory, output_of: RowsOf, highest: float) -> Iterator[tuple[Floats, Floats]]:

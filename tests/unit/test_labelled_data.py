@@ -27,6 +27,7 @@ LAYOUT = Layout(
         "count": Variable(("place",), "1", "how often", int, optional=True),
         "push": Variable(("stop", "time"), "N", "push of a stop"),
         "base": Variable(("time",), "{base}/s", "speed of the base", optional=True),
+        "scale": Variable((), "1", "of the drawing", optional=True),
     },
 )
 
@@ -58,6 +59,7 @@ def test_a_part_has_the_values_and_the_unit_of_its_label():
     assert made["motion"].unit == "see units_of_each"
     assert made["motion"].meaning == "motion along z | motion along ry"
     np.testing.assert_array_equal(made.sel(place="CON")["time"].values, made["time"].values)
+    assert LAYOUT.dataset({**values(), "scale": 2.0}, words()).sel(place="CON")["scale"].item() == 2.0
 
 
 def test_rows_of_a_table_are_found_by_what_they_belong_to():
