@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import RunResult, SignalStatistics
+from beamsim.analyses.run.result import RunResult
 from beamsim.cli.screens import (
     SHOWN,
     Changes,
@@ -24,7 +24,6 @@ from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.typing import not_none
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -77,11 +76,11 @@ def _matched(result: RunResult, _: Changes) -> Iterator[str]:
 
 
 def _largest_of_test(result: RunResult, _: Changes) -> Iterator[str]:
-    random = not_none(result.random)
-    signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
-    largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
+    random = result["random"]
+    signals = sorted(random.rows("signal")[1:], key=lambda signal: signal["quantity"] != "force")
+    largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
-        yield f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}"
+        yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, SHOWN)}"
 
 
 def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
@@ -139,14 +138,12 @@ def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
     return texts
 
 
-def _expected_peak(signal: SignalStatistics) -> str:
+def _expected_peak(signal: Mapping[str, Any]) -> str:
     """Largest value of a test with its interval; empty where there is none."""
-    if not is_known(signal.expected_peak):
-        return "not reliable" if signal.expected_peak_unknown else ""
-    expected, low, high = (
-        amount(value, signal.unit, 3)
-        for value in (signal.expected_peak, signal.expected_peak_low, signal.expected_peak_high)
-    )
+    if not is_known(signal.get("expected_peak")):
+        return "not reliable" if signal.get("expected_peak_unknown") else ""
+    names = ("expected_peak", "expected_peak_low", "expected_peak_high")
+    expected, low, high = (amount(signal[name], signal["unit"], 3) for name in names)
     return f"{expected} ({low} to {high}, 95 %)"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,9 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
-    RandomResponse,
     RunResult,
-    SignalStatistics,
     misfit_of_matched,
 )
 from beamsim.fields import place_in_words
@@ -387,35 +385,45 @@ def _histories_of_outputs(result: RunResult, outputs: Mapping[str, LabelledArray
     return charts
 
 
-def density(response: RandomResponse, note: str = "") -> Chart:
+def _signals(response: Dataset) -> list[Dataset]:
+    """The values of each signal, the input first."""
+    return [response.sel(signal=signal) for signal in response.labels("signal")]
+
+
+def _driven_by_base(response: Dataset) -> bool:
+    """Whether the input is an acceleration of the base, else a force."""
+    return bool(response["unit"].values[0] == "m/s^2")
+
+
+def density(response: Dataset, note: str = "") -> Chart:
     """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
 
     Thick grey lines are those of the linear structures with every snubber always open and always closed. The axis is
     the band of the input; how much of the power of a response lies outside is said with its name.
     """
-    on_base = response.input.unit == "m/s^2"
+    on_base, (entered, *signals) = _driven_by_base(response), _signals(response)
     quantity = "absolute_acceleration" if on_base else "displacement"
-    drawn = [*([response.input] if on_base else []), *(s for s in response.signals if s.quantity == quantity)]
-    unit = scale_for("m/s^2" if on_base else "m", *(np.sqrt(s.density[1:]) for s in drawn))
+    drawn = [*([entered] if on_base else []), *(s for s in signals if s["quantity"].item() == quantity)]
+    powers = [s["density"].values[1:] for s in drawn]
+    unit = scale_for("m/s^2" if on_base else "m", *map(np.sqrt, powers))
     squared = f"({unit.unit})²" if "/" in unit.unit else f"{unit.unit}²"
-    f, top = response.frequency_hz[1:], max((float(np.max(s.density[1:])) for s in drawn), default=0.0)
+    f, top = response["frequency_hz"].values[1:], max((float(np.max(power)) for power in powers), default=0.0)
     band = _driven(response)[1:]
 
-    def name_of(signal: SignalStatistics) -> str:
-        power = signal.density[1:]
+    def name_of(signal: Dataset) -> str:
+        power = signal["density"].values[1:]
         outside = float(power[~band].sum() / power.sum()) if power.any() and band.any() else 0.0
         over = "" if np.any(power > DENSITY_SHOWN * top) else " (over before)"
-        return signal.name + (over or f" ({100 * outside:.2g} % outside)" * (outside > POWER_TOLD))
+        return str(signal["name"].item()) + (over or f" ({100 * outside:.2g} % outside)" * (outside > POWER_TOLD))
 
-    curves = [Curve(name_of(s), f, s.density[1:]) for s in drawn]
+    curves = [Curve(name_of(s), f, power) for s, power in zip(drawn, powers, strict=True)]
     linear = []
-    for signal in [s for s in drawn[:MOST_CURVES] if s.density_open is not None][:1]:
+    for signal in [s for s in drawn[:MOST_CURVES] if "linear_open" in s and np.isfinite(s["linear_open"].item())][:1]:
         for name, dashes in (("open", "-"), ("closed", "-.")):
-            value = np.asarray(getattr(signal, f"density_{name}"))[1:]
+            value = signal[f"density_{name}"].values[1:]
             style = {"color": PALE, "linewidth": 2.2, "linestyle": dashes, "zorder": 1}
-            words = f"{signal.name}, linear, always {name}"
+            words = f"{signal['name'].item()}, linear, always {name}"
             linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
-    limits = {signal.name: signal.limit for signal in drawn}
     up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
     chart = Chart(
         _FREQUENCY,
@@ -423,65 +431,78 @@ def density(response: RandomResponse, note: str = "") -> Chart:
         curves,
         log="xy",
         of="signals",
-        marks=[*linear, *limit_curves(limits, f)],
+        marks=[*linear, *limit_curves(_limits(drawn), f)],
         note=note,
     )
     if not top > 0:
         return chart
-    shown = f[band] if band.any() else f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN]
+    shown = f[band] if band.any() else f[np.max(powers, axis=0) >= top * DENSITY_SHOWN]
     room = 300.0 if note else 3.0  # above the curves
     return chart._replace(x_ends=(float(shown[0]), float(shown[-1])), y_ends=(top * DENSITY_SHOWN, room * top))
 
 
-def force_densities(response: RandomResponse) -> list[Chart]:
+def _limits(signals: Sequence[Dataset]) -> dict[str, Floats | None]:
+    """By name of each signal its limit; None where it has none."""
+    limits = {s["name"].item(): s["limit"].values if "limit" in s else None for s in signals}
+    return {name: None if limit is None or np.isnan(limit).all() else limit for name, limit in limits.items()}
+
+
+def force_densities(response: Dataset) -> list[Chart]:
     """Densities of the forces of snubbers and of the moments of stops of hinges, where one of them has a limit."""
-    f, shown, charts = response.frequency_hz[1:], response.frequency_hz[_driven(response)], []
+    frequency, charts = response["frequency_hz"].values, []
+    f, shown = frequency[1:], frequency[_driven(response)]
     for unit, label, squared in (("N", "Force density", "N²/Hz"), ("N m", "Moment density", "N² m²/Hz")):
-        drawn = [s for s in response.signals if s.quantity == "force" and s.unit == unit]
-        if shown.size and any(s.limit is not None for s in drawn):
-            curves, up = [Curve(s.name, f, s.density[1:]) for s in drawn], (label, Scale(1.0, squared))
-            ends, marks = (float(shown[0]), float(shown[-1])), limit_curves({s.name: s.limit for s in drawn}, f)
+        drawn = [s for s in _signals(response)[1:] if (s["quantity"].item(), s["unit"].item()) == ("force", unit)]
+        limits = _limits(drawn)
+        if shown.size and any(limit is not None for limit in limits.values()):
+            curves, up = (
+                [Curve(s["name"].item(), f, s["density"].values[1:]) for s in drawn],
+                (label, Scale(1.0, squared)),
+            )
+            ends, marks = (float(shown[0]), float(shown[-1])), limit_curves(limits, f)
             charts.append(Chart(_FREQUENCY, up, curves, log="xy", of="stops", marks=marks, x_ends=ends))
     return charts
 
 
-def has_transmissibility(response: RandomResponse) -> bool:
+def has_transmissibility(response: Dataset) -> bool:
     """Whether the input has power: a shock may be over before the part of the run that the densities are of."""
-    return bool(response.transmissibility) and bool(np.any(_driven(response)))
+    return bool(response.labels("probe")) and bool(np.any(_driven(response)))
 
 
-def _driven(response: RandomResponse) -> Bools:
+def _driven(response: Dataset) -> Bools:
     """(nf,) where the input has power that is neither round-off nor leakage, as from the mean into the first line."""
-    power, lines = response.input.density, np.arange(response.frequency_hz.size)
-    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (lines > 1))
+    power = response["density"].values[0]
+    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (np.arange(power.size) > 1))
 
 
-def transmissibility(response: RandomResponse) -> Chart:
+def transmissibility(response: Dataset) -> Chart:
     """Magnitude of response over input, with gaps where the input has no power; lines are those of the densities."""
-    driven, on_base = _driven(response), response.input.unit == "m/s^2"
+    driven, on_base = _driven(response), _driven_by_base(response)
+    parts = (response[f"transmissibility_{part}"].values for part in ("real", "imag"))
+    sizes = zip(response.labels("probe"), np.hypot(*parts), strict=True)
     curves = [
-        Curve(name, response.frequency_hz, np.where(driven, np.abs(value), np.nan), curve_style(k))
-        for k, (name, value) in enumerate(response.transmissibility.items(), int(on_base))  # 0 of the densities: input
+        Curve(name, response["frequency_hz"].values, np.where(driven, size, np.nan), curve_style(k))
+        for k, (name, size) in enumerate(sizes, int(on_base))  # 0 of the densities: input
     ]
     up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
     return Chart(_FREQUENCY, up, curves, log="xy", of="probes")
 
 
-def random_picture(result: RunResult, response: RandomResponse) -> Picture:
+def random_picture(result: RunResult, response: Dataset) -> Picture:
     """Spectral densities and transmissibilities of the response to a random input."""
     more = [transmissibility(response)] if has_transmissibility(response) else []
     of_input = density(response, _doubts(result, "random", "values"))
     return Picture(result.title, [of_input, *more, *force_densities(response)], sharex=True)
 
 
-def crossings(response: RandomResponse) -> Chart:
+def crossings(response: Dataset) -> Chart:
     """Rates at which the signals cross levels upwards, over those of their means, and that of a Gaussian signal."""
-    assert response.level is not None
-    level = response.level
+    level = response["level"].values
+    columns = ("name", "quantity", "crossings_hz", "crossing_rate_hz")
     curves = [
-        Curve(f"{s.name} {s.quantity.replace('_', ' ')}", level, s.crossings_hz / s.crossing_rate_hz)
-        for s in response.signals
-        if s.crossings_hz is not None and s.crossing_rate_hz > 0
+        Curve(f"{name} {quantity.replace('_', ' ')}", level, crossed / rate)
+        for name, quantity, crossed, rate in zip(*(response[of].values[1:] for of in columns), strict=True)
+        if rate > 0
     ]
     grey = {"color": "0.6", "linewidth": 2.2, "linestyle": "-", "zorder": 0}
     gaussian = Curve("Gaussian", level, np.exp(-0.5 * level**2), grey)
@@ -636,7 +657,7 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
 
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
-    random, srs, of_run = result.random, result.datasets.get("srs"), result["histories"]
+    (random, srs), of_run = (result.datasets.get(name) for name in ("random", "srs")), result["histories"]
     panels = _histories_of_all(result)
     forces = of_run.by_label("snubber_force").values()
     if units := dict.fromkeys(force.unit for force in forces if np.any(force.values)):
@@ -647,7 +668,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["spring_force"] = [spring_forces(result, springs)]
     if (spectra := result.datasets.get("spectra")) is not None:
         panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(spectra["quantity"].values.tolist())]
-    if random is not None and random.level is not None:
+    if random is not None:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:
         panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
@@ -662,7 +683,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     places = [("snubber", name) for name in of_run.labels("snubber")[:MOST_CURVES]]
     places = places or [("probe", name) for name in of_run.labels("probe")[:1]]
     portraits = [
-        phase_portrait(result, *at) if random is None else phase_density(result, *at, random.start_s) for at in places
+        phase_portrait(result, *at) if random is None else phase_density(result, *at, random["start_s"].item())
+        for at in places
     ]
     if portraits:
         figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))

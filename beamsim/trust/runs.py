@@ -265,7 +265,7 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
     else:
         changes = relative_changes([first.values], [second.values])
         changes |= relative_changes([derived.reported()], derived.again(second))
-        scatter = {} if derived.result.random is None else derived.scatter()
+        scatter = {} if "random" not in derived.result.datasets else derived.scatter()
     changes, lines = _with_lines(derived, changes)
     for entry, quantity, _ in RMS_OF_PROBES:
         if isinstance(of_probes := changes.get(entry), dict):
@@ -354,8 +354,8 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
     part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, never, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
-    datasets = {name: of for name, of in part.result.datasets.items() if name != "srs"}
-    part = part._replace(result=replace(part.result, random=None, datasets=datasets))
+    datasets = {name: of for name, of in part.result.datasets.items() if name not in ("random", "srs")}
+    part = part._replace(result=replace(part.result, datasets=datasets))
     checked = replace(convergence_of(part, shared), compared_s=compared_s, lines=None)
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
@@ -448,20 +448,17 @@ class DerivedValues:
                 for signal, of in self.lines.items()
             }
         )
-        if self.result.random is not None:
-            figures["random"] = {
-                f"{s.name} {s.quantity} {key}": getattr(s, key)
-                for s in self.result.random.signals
-                for key in STATISTICS
-            }
+        if "random" in self.result.datasets:
+            signals = self.result["random"].rows("signal")[1:]
+            figures["random"] = {f"{of['signal']} {key}": of[key] for of in signals for key in STATISTICS}
         if (srs := self.result.datasets.get("srs")) is not None:
             figures |= _of_shock(srs)
         return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
     def scatter(self) -> Changes:
         """How far statistics of the response that few peaks decide differ between records by chance."""
-        signals = not_none(self.result.random).signals
-        return {"random": {f"{s.name} {s.quantity} {key}": x for s in signals for key, x in sampling_errors(s).items()}}
+        signals = self.result["random"].rows("signal")[1:]
+        return {"random": {f"{of['signal']} {key}": x for of in signals for key, x in sampling_errors(of).items()}}
 
     def again(self, model: Model, parts: int = 1) -> list[Values]:
         """The figures of the motion of another model.
@@ -478,7 +475,7 @@ class DerivedValues:
         """
         system, motion = model.motion.system, model.motion.known
         of_parts = [self._found_again(records) for records in self._records(system, motion, parts)]
-        if self.result.random is not None:
+        if "random" in self.result.datasets:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
         if "srs" in self.result.datasets:
@@ -540,7 +537,6 @@ class DerivedValues:
     def _statistics(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[dict[str, float]]:
-        random = not_none(self.result.random)
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, Histories):
             times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
@@ -548,7 +544,7 @@ class DerivedValues:
             times = self.result["histories"]["time"].values
             times = times[times <= motion.end]
             values = channel_values(motion, channels, times)
-        after = times >= random.start_s
+        after = times >= self.result["random"]["start_s"].item()
         rate = (times.size - 1) / float(times[-1] - times[0])
         names = (f"{channel.name} {channel.quantity}" for channel in channels.channels)
         signals = dict(zip(names, values[after].T, strict=True))

@@ -95,11 +95,11 @@ def test_ends_that_move_beside_a_base_are_drawn_where_they_are(tmp_path):
 
 def test_noise_in_a_list_has_statistics_where_nothing_else_comes_and_goes(tmp_path):
     noise, tone = {**NOISE, "applied_to": {"position": 0.5}}, {**entries(tmp_path)[6]}
-    response = run_of({"kind": "forces", "forces": [noise, tone]}).random
-    assert response.input.unit == "N"
-    assert response.input.rms == pytest.approx(np.sqrt(0.01 * 70.0), rel=0.1)
-    assert not response.transmissibility  # of one input among several
-    assert run_of({"kind": "forces", "forces": [noise, entries(tmp_path)[0]]}).random is None
+    response = run_of({"kind": "forces", "forces": [noise, tone]})["random"]
+    assert response["unit"].values[0] == "N"
+    assert response["rms"].values[0] == pytest.approx(np.sqrt(0.01 * 70.0), rel=0.1)
+    assert not response.labels("probe")  # of one input among several
+    assert "random" not in run_of({"kind": "forces", "forces": [noise, entries(tmp_path)[0]]}).datasets
 
 
 SWEEP = {"kind": "swept_sine", "from": 20, "to": 90, "rate": "100 Hz/s"}

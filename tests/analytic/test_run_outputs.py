@@ -299,9 +299,9 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
         )
     spectrum = spectrum_of(read, "reaction_force", "force_left")
     assert spectrum.rms == result.summary["rms_output"]["force_left"]
-    densities = {(each.name, each.quantity): each for each in read.random.signals}
-    assert densities["force_left", "reaction_force"].unit == "N"
-    assert densities["T", "kinetic_energy"].density.size == read.random.frequency_hz.size
+    of_force, of_energy = (read["random"].sel(signal=of) for of in ("force_left reaction_force", "T kinetic_energy"))
+    assert (of_force["unit"].item(), of_force["density"].unit, of_force["rms"].unit) == ("N", "(N)^2/Hz", "N")
+    assert of_energy["density"].values.size == read["random"]["frequency_hz"].values.size
 
 
 @pytest.mark.parametrize(

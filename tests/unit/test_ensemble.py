@@ -62,8 +62,8 @@ def test_seeds_of_a_random_input_are_realisations(scenario):
     (values,) = (r.values for r in result.responses.values())
     assert np.unique(values).size == 3
     one = beamsim.run(beamsim.load_scenario(random, {"excitation.seed": 2, "excitation.amplitudes": "random"}))
-    (signal,) = (s for s in one.random.signals if s.quantity == "displacement")
-    assert values[1] == pytest.approx(signal.rms, rel=1e-12)
+    (signal,) = (row for row in one["random"].rows("signal") if row["quantity"] == "displacement")
+    assert values[1] == pytest.approx(signal["rms"], rel=1e-12)
 
 
 @pytest.mark.parametrize(

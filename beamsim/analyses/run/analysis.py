@@ -236,7 +236,7 @@ def _asked_for(
 
         random = evaluation.computed("densities and statistics", lambda: random_response(result, system), None)
         if random is not None:
-            fields |= {"random": random, "outcome": largest_known(result.outcome, random, settings)}
+            fields["outcome"], datasets["random"] = largest_known(result.outcome, random, settings), random
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
         datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())

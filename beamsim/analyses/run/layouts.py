@@ -416,6 +416,92 @@ FATIGUE = Layout(
     },
     optional=True,
 )  # fmt: skip
+_LEVEL = ("level",)
+RANDOM = Layout(
+    "random",
+    "Statistics of a run with a stationary random input, without the first part of the run; the input first.",
+    {
+        "start_s": Variable((), "s", "what comes before is left out"),
+        "test_duration_s": Variable((), "s", "duration of the test for which the largest values are expected"),
+        "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),
+        "level": Variable(_LEVEL, "1", "level above the mean, in standard deviations of the signal"),
+        "signal": Variable(_SIGNAL, "1", "name and quantity of the signal", str),
+        "name": Variable(_SIGNAL, "", "input, or the name of the probe, snubber or output", str),
+        "quantity": Variable(_SIGNAL, "", "quantity of the signal", str),
+        "unit": Variable(_SIGNAL, "", "unit of the signal", str),
+        "mean": Variable(_SIGNAL, "{unit}", "mean"),
+        "rms": Variable(_SIGNAL, "{unit}", "root mean square, mean included"),
+        "standard_deviation": Variable(_SIGNAL, "{unit}", "standard deviation"),
+        "highest": Variable(_SIGNAL, "{unit}", "largest value"),
+        "lowest": Variable(_SIGNAL, "{unit}", "smallest value"),
+        "crest_factor": Variable(
+            _SIGNAL, "1", "largest distance from the mean over the standard deviation"
+        ),
+        "kurtosis": Variable(_SIGNAL, "1", "kurtosis; 3 for a Gaussian signal"),
+        "crossing_rate_hz": Variable(_SIGNAL, "Hz", "upward crossings of the mean per second"),
+        "peaks_over_2_sigma": Variable(
+            _SIGNAL, "1", "share of the maxima more than 2 standard deviations above the mean"
+        ),
+        "peaks_over_3_sigma": Variable(
+            _SIGNAL, "1", "share of the maxima more than 3 standard deviations above the mean"
+        ),
+        # NaN of a signal that does not move
+        "rms_low": Variable(
+            _SIGNAL, "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input",
+            optional=True,
+        ),
+        "rms_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
+        "degrees_of_freedom": Variable(
+            _SIGNAL, "1", "equivalent degrees of freedom of the mean square", optional=True
+        ),
+        # NaN also where they are not reliable
+        "expected_peak": Variable(
+            _SIGNAL, "{unit}", "largest magnitude expected in the test, which half of such tests exceed",
+            optional=True,
+        ),
+        "expected_peak_low": Variable(
+            _SIGNAL, "{unit}", "lower end of the interval of the largest magnitude, 95 % of tests", optional=True
+        ),
+        "expected_peak_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
+        "expected_peak_unknown": Variable(_SIGNAL, "", "why it is not stated", str, optional=True),
+        # NaN where the structure has no snubbers or is more than linear without them
+        "linear_open": Variable(
+            _SIGNAL, "{unit}", "standard deviation of the stationary linear response, every snubber always open",
+            optional=True,
+        ),
+        "linear_closed": Variable(
+            _SIGNAL, "{unit}", "standard deviation of the stationary linear response, every snubber always closed",
+            optional=True,
+        ),
+        "density": Variable(
+            _SIGNAL + _FREQUENCY, "({unit})^2/Hz", "one-sided spectral density of the {quantity}"
+        ),
+        "density_open": Variable(
+            _SIGNAL + _FREQUENCY, "({unit})^2/Hz",
+            "density of the stationary linear response, every snubber always open", optional=True,
+        ),
+        "density_closed": Variable(
+            _SIGNAL + _FREQUENCY, "({unit})^2/Hz",
+            "density of the stationary linear response, every snubber always closed", optional=True,
+        ),
+        "limit": Variable(
+            _SIGNAL + _FREQUENCY, "({unit})^2/Hz", "limit of the density, NaN where there is none", optional=True
+        ),
+        "crossings_hz": Variable(
+            _SIGNAL + _LEVEL, "Hz", "upward crossings of each level per second, at the samples"
+        ),
+        # of the absolute acceleration, of the displacement where a force drives the structure
+        "probe": Variable(_PROBE, "1", "name of the probe", str),
+        "transmissibility_real": Variable(
+            _PROBE + _FREQUENCY, "{transmissibility_unit}", "response over input (H1), real part"
+        ),
+        "transmissibility_imag": Variable(
+            _PROBE + _FREQUENCY, "{transmissibility_unit}", "imaginary part of that"
+        ),
+        "coherence": Variable(_PROBE + _FREQUENCY, "1", "coherence of response and input"),
+    },
+    optional=True,
+)  # fmt: skip
 CONTACT = Layout(
     "contact",
     "The motion of several bodies when the largest contact force of all snubbers acts.",

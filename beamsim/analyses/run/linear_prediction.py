@@ -96,7 +96,7 @@ def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tup
 
     Returns
     -------
-    By name and quantity the fields of `SignalStatistics` about them, SI; densities are means about the frequencies.
+    By name and quantity the values of `RANDOM` about them, SI; densities are means about the frequencies.
     Empty where there is no `linear_input`, and where one of the two has an undamped resonance within the input's band.
     """
     driven = linear_input(system)

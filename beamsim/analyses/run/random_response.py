@@ -36,20 +36,16 @@ the force of that snubber is stated, which follows its law.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
+from beamsim.analyses.run.layouts import RANDOM
 from beamsim.analyses.run.linear_prediction import linear_responses
-from beamsim.analyses.run.result import (
-    MAIN_QUANTITY,
-    RandomResponse,
-    RunResult,
-    SignalStatistics,
-)
+from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult
 from beamsim.contacts.laws import ContactLaw
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
@@ -73,7 +69,7 @@ DRAWS = 20_000  # of records, for the interval of a largest value
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-def random_response(result: RunResult, system: StructuralSystem) -> RandomResponse | None:
+def random_response(result: RunResult, system: StructuralSystem) -> Dataset | None:
     """Analyse a run with a stationary input, a process of which the run is a sample.
 
     Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
@@ -85,8 +81,8 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
 
     Returns
     -------
-    RandomResponse or None
-        None where the run is too short.
+    Dataset or None
+        Of the layout `RANDOM`; None where the run is too short.
     """
     histories, scenario = result["histories"], result.scenario
     times = histories["time"].values
@@ -101,22 +97,23 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     tested = not_none(scenario.run).test_duration or float(times[-1])
     beyond = _beyond_record(result, system, first, tested * rate)
 
-    def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:
+    def statistics(name: str, quantity: str, unit: str, x: Floats) -> dict[str, Any]:
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
         of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
         others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
         pressed = _compression(system, histories, name, first) if quantity == "force" else None
         figures |= {UNKNOWN: others} if others else largest_of_test(x, *of_test, pressed)
-        return SignalStatistics(
-            name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
-            limit=limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
-            crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
-        )  # fmt: skip
+        return {
+            "signal": f"{name} {quantity}", "name": name, "quantity": quantity, "unit": unit,
+            "density": cross_density(x, x, rate, length).real,
+            "limit": limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
+            "crossings_hz": crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
+        }  # fmt: skip
 
     quantity, given = _input_of(system, histories)
     shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given[first:]
     entered = statistics("input", quantity, amplitude_unit(quantity), given)
-    signals, transmissibility, coherence = [entered], {}, {}
+    signals, transmissibility, coherence = [entered], dict[str, Complexes](), dict[str, Floats]()
     for name, quantity, unit, values in _responses(result):
         check_stop()
         x = values[first:]
@@ -126,12 +123,42 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         if alone and of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
             cross = cross_density(given, x, rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
-                transmissibility[name] = np.asarray(cross / entered.density)
-                coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered.density * signals[-1].density))
-    return RandomResponse(
-        float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS,
-        test_duration_s=tested,
-    )  # fmt: skip
+                transmissibility[name] = np.asarray(cross / entered["density"])
+                coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered["density"] * signals[-1]["density"]))
+    known: dict[str, Any] = {
+        "start_s": float(times[first]),
+        "test_duration_s": tested,
+        "frequency_hz": frequency,
+        "level": LEVELS,
+        **_columns(signals),
+    }
+    if transmissibility:
+        complex_values = np.array(list(transmissibility.values()))
+        known |= {
+            "probe": list(transmissibility),
+            "transmissibility_real": complex_values.real,
+            "transmissibility_imag": complex_values.imag,
+            "coherence": np.array(list(coherence.values())),
+        }
+    said = [{"unit": signal["unit"], "quantity": signal["quantity"]} for signal in signals]
+    over = "1" if entered["unit"] == "m/s^2" else "m/N"
+    return RANDOM.dataset(known, {"signal": said}, transmissibility_unit=over)
+
+
+def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What is known of signals, as variables along them: NaN where one has not what others have."""
+    columns: dict[str, Any] = {}
+    for name, declared in RANDOM.variables.items():
+        if declared.dims[:1] != ("signal",):
+            continue
+        values = [signal.get(name) for signal in signals]
+        given = [value for value in values if value is not None]
+        if given and len(declared.dims) > 1:
+            unknown = np.full(given[0].size, np.nan)
+            columns[name] = np.array([unknown if value is None else value for value in values])
+        else:
+            columns[name] = values if given else None
+    return columns
 
 
 def _input_of(system: StructuralSystem, histories: Dataset) -> tuple[str, Floats]:
@@ -177,7 +204,7 @@ def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
 
 
 def statistics_of(x: Floats, rate: float) -> dict[str, float]:
-    """Fields of `SignalStatistics` of samples (nt,) at a rate in Hz, the density apart."""
+    """Values of `RANDOM` of samples (nt,) at a rate in Hz, the density apart."""
     mean, deviation = float(x.mean()), float(x.std())
     unknown = float("nan")
     y = (x - mean) / deviation if deviation > 0 else np.zeros(x.size)
@@ -198,20 +225,24 @@ def statistics_of(x: Floats, rate: float) -> dict[str, float]:
     }
 
 
-def sampling_errors(signal: SignalStatistics) -> dict[str, float]:
+def sampling_errors(signal: Mapping[str, Any]) -> dict[str, float]:
     """Half of the 95 % interval of what few peaks decide, over its size, by its name; none of a signal that rests.
 
     A Gaussian signal has half as many independent peaks as degrees of freedom.
+
+    Parameters
+    ----------
+    signal : its values by name, degrees_of_freedom None or NaN where it rests.
     """
-    n = signal.degrees_of_freedom
-    if n is None:
+    n = signal.get("degrees_of_freedom")
+    if n is None or not n > 0.0:
         return {}
     errors = {
         "crest_factor": np.pi / np.sqrt(6.0) / (2.0 * np.log(max(0.5 * n, 2.0))),
-        "kurtosis": np.sqrt(24.0 / n) / signal.kurtosis,
+        "kurtosis": np.sqrt(24.0 / n) / signal["kurtosis"],
     }
     for name in ("peaks_over_2_sigma", "peaks_over_3_sigma"):
-        share = max(float(getattr(signal, name)), 1.0 / n)
+        share = max(float(signal[name]), 1.0 / n)
         errors[name] = np.sqrt((1.0 - min(share, 1.0)) / (0.5 * n * share))
     return {name: 2.0 * float(error) for name, error in errors.items()}
 
@@ -313,7 +344,7 @@ def largest_of_test(
 
     Returns
     -------
-    Fields of `SignalStatistics`: the reason where the record does not say enough; none of a signal that rests.
+    Values of `RANDOM`: the reason where the record does not say enough; none of a signal that rests.
     """
     mean, peaks = abs(float(x.mean())), _segment_peaks(np.abs(x), freedom)
     if peaks.size == 0 and freedom:
@@ -337,7 +368,7 @@ def largest_of_test(
     }
 
 
-def largest_known(outcome: Outcome, random: RandomResponse | None, settings: Run) -> Outcome:
+def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Outcome:
     """The outcome of a run, which is incomplete where largest values of a test were asked for and are not reliable.
 
     Parameters
@@ -346,10 +377,10 @@ def largest_known(outcome: Outcome, random: RandomResponse | None, settings: Run
     random : statistics of the record; None of one that is too short.
     settings : of the run.
     """
-    recorded = () if random is None else random.recorded
-    reasons = {s.expected_peak_unknown: s for s in recorded[::-1] if s.expected_peak_unknown}
-    said = "; ".join(f"{s.name} {s.quantity}: {why}" for why, s in reasons.items())
-    said = said.replace("_", " ") if recorded else "the record is too short"
+    unknown = {} if random is None else random.by_label(UNKNOWN)
+    reasons = {why.item(): signal for signal, why in reversed(unknown.items()) if why.item()}
+    said = "; ".join(f"{signal}: {why}" for why, signal in reasons.items()).replace("_", " ")
+    said = "the record is too short" if random is None else said
     if settings.test_duration is None or not said:
         return outcome
     sentence, remedy = f"not every largest value of the test is reliable: {said}", "run longer (run.duration)"

@@ -18,6 +18,7 @@ from beamsim.analyses.run.layouts import (
     IMPACT_STATISTICS,
     IMPACTS,
     MATCHED,
+    RANDOM,
     SENSITIVITIES,
     SPECTRA,
     SRS,
@@ -30,15 +31,9 @@ from beamsim.fields import (
     Number,
     Plain,
     Text,
-    attribute,
-    axis,
     by_name,
-    dataset,
     declared,
-    group,
-    key,
     list_of,
-    members,
     record,
 )
 from beamsim.inputs.drift import CorrectionSize
@@ -48,7 +43,7 @@ from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROC
 from beamsim.results.values import BY_ENTRY, VALUES
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.structural import MODES
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Floats
 
 MAIN_QUANTITY = "absolute_acceleration"  # of probes
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
@@ -59,137 +54,17 @@ _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
 
 
-def over_limit(
-    frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats | None]]
-) -> dict[str, tuple[float, float]]:
+def over_limit(frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats]]) -> dict[str, tuple[float, float]]:
     """By name the largest ratio of a spectrum to its limit, and the frequency there.
 
     Parameters
     ----------
     frequency_hz : (nf,) Hz.
-    spectra : name, values (nf,) and limit (nf,) of each, nan or None where there is none.
+    spectra : name, values (nf,) and limit (nf,) of each, nan where there is none.
     """
-    ratios = {name: values / limit for name, values, limit in spectra if limit is not None}
+    ratios = {name: values / limit for name, values, limit in spectra if not np.isnan(limit).all()}
     known = {name: (ratio, int(np.nanargmax(ratio))) for name, ratio in ratios.items() if np.isfinite(ratio).any()}
     return {name: (float(ratio[k]), float(frequency_hz[k])) for name, (ratio, k) in known.items()}
-
-
-@declared(along=_FREQUENCY)
-class SignalStatistics:
-    """One signal of a run with a stationary random input, without the first part of the run."""
-
-    name: str  # input, or the name of the probe or snubber
-    quantity: str = key("quantity of the signal")
-    unit: str = attribute("", "unit of the signal")
-    mean: float = attribute("{unit}", "mean")
-    rms: float = attribute("{unit}", "root mean square, mean included")
-    standard_deviation: float = attribute("{unit}", "standard deviation")
-    highest: float = attribute("{unit}", "largest value")
-    lowest: float = attribute("{unit}", "smallest value")
-    crest_factor: float = attribute("1", "largest distance from the mean over the standard deviation")
-    kurtosis: float = attribute("1", "kurtosis; 3 for a Gaussian signal")
-    crossing_rate_hz: float = attribute("Hz", "upward crossings of the mean per second")
-    peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
-    peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
-    density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}")
-    # None of a signal that does not move, and in files of earlier versions
-    rms_low: float | None = attribute(
-        "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input", default=None
-    )
-    rms_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
-    degrees_of_freedom: float | None = attribute("1", "equivalent degrees of freedom of the mean square", default=None)
-    # None also where they are not reliable
-    expected_peak: float | None = attribute(
-        "{unit}", "largest magnitude expected in the test, which half of such tests exceed", default=None
-    )
-    expected_peak_low: float | None = attribute(
-        "{unit}", "lower end of the interval of the largest magnitude, 95 % of tests", default=None
-    )
-    expected_peak_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
-    expected_peak_unknown: str | None = attribute("", "why it is not stated", default=None)
-    # None where the structure has no snubbers or is more than linear without them
-    linear_open: float | None = attribute(
-        "{unit}", "standard deviation of the stationary linear response, every snubber always open", default=None
-    )
-    linear_closed: float | None = attribute(
-        "{unit}", "standard deviation of the stationary linear response, every snubber always closed", default=None
-    )
-    density_open: Floats | None = dataset(
-        "({unit})^2/Hz", "density of the stationary linear response, every snubber always open", default=None
-    )
-    density_closed: Floats | None = dataset(
-        "({unit})^2/Hz", "density of the stationary linear response, every snubber always closed", default=None
-    )
-    crossings_hz: Floats | None = dataset(
-        "Hz", "upward crossings of each level per second, at the samples", along=("level",), default=None
-    )
-    # None where there is none
-    limit: Floats | None = dataset("({unit})^2/Hz", "limit of the density, nan where there is none", default=None)
-
-
-@declared(along=_FREQUENCY)
-class RandomResponse:
-    """Statistics of a run with a stationary random input, without the first part of the run."""
-
-    start_s: float = attribute("s", "what comes before is left out")
-    frequency_hz: Floats = axis("Hz", "frequency")
-    recorded: tuple[SignalStatistics, ...] = members(
-        "", SignalStatistics, "signal", by=("name", "quantity"), split="quantity"
-    )  # the input first
-    # by probe: of the absolute acceleration, of the displacement where a force drives the structure
-    transmissibility: dict[str, Complexes] = dataset("{transmissibility_unit}", "response over input (H1)", per="probe")
-    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", per="probe")
-    level: Floats | None = axis(  # None in files of earlier versions
-        "1", "level above the mean, in standard deviations of the signal", default=None
-    )
-    test_duration_s: float | None = attribute(  # None in files of earlier versions
-        "s", "duration of the test for which the largest values are expected", default=None
-    )
-
-    @property
-    def input(self) -> SignalStatistics:
-        """The acceleration of the base, or the force."""
-        return self.recorded[0]
-
-    @property
-    def signals(self) -> tuple[SignalStatistics, ...]:
-        """The responses: probes, then snubbers."""
-        return self.recorded[1:]
-
-    @property
-    def transmissibility_unit(self) -> str:
-        """Unit of a probe's response over that of the input."""
-        return "1" if self.input.unit == "m/s^2" else "m/N"
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers, by name and quantity; the expected peak where a duration of the test is given."""
-        keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
-                "expected_peak", "expected_peak_low", "expected_peak_high", "expected_peak_unknown")  # fmt: skip
-        return {
-            f"{s.name} {s.quantity}": {key: value for key in keys if (value := getattr(s, key)) is not None}
-            for s in self.recorded
-        }
-
-    def over_limit(self) -> dict[str, tuple[float, float]]:
-        """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
-        return over_limit(self.frequency_hz, ((s.name, s.density, s.limit) for s in self.recorded))
-
-    def root_mean_squares(self) -> dict[str, dict[str, float]]:
-        """Those of the responses, by entry (see `beamsim.results.values`) and name."""
-        entries: dict[str, dict[str, float]] = {}
-        for signal in self.signals:
-            entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
-        return entries
-
-    def prediction(self) -> dict[str, dict[str, float]]:
-        """Standard deviations of the run and of the linear structures, by name and quantity, where there are any."""
-        return {
-            f"{s.name} {s.quantity}": {
-                "standard_deviation": s.standard_deviation, "open": s.linear_open, "closed": s.linear_closed
-            }
-            for s in self.recorded
-            if s.linear_open is not None and s.linear_closed is not None
-        }  # fmt: skip
 
 
 def highest_of_srs(srs: Dataset) -> dict[str, dict[str, float]]:
@@ -339,10 +214,8 @@ class RunResult(Result):
     SUMMARY = _SUMMARY
     DATASETS = (
         INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SPECTRA,
-        SRS, MATCHED, SENSITIVITIES, MODES,
+        SRS, MATCHED, RANDOM, SENSITIVITIES, MODES,
     )  # fmt: skip
-
-    random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
 
     @property
     def excitation_hz(self) -> float:
@@ -354,8 +227,8 @@ class RunResult(Result):
         """That of values which the name does not say; see `Result.unit_of`."""
         if entry.name == "inputs" and keys == ("rms",):
             return str(record["unit"])
-        if entry.name in ("random", "random_linear") and self.random is not None and keys[0] not in RATIOS:
-            return next(s.unit for s in self.random.recorded if f"{s.name} {s.quantity}" == place[0])
+        if entry.name in ("random", "random_linear") and keys[0] not in RATIOS:
+            return str(self["random"]["unit"].sel(signal=place[0]).item())
         if entry.name == "spectral_lines" and keys == ("amplitude",):
             signal = f"{record['probe']} {record['quantity']}"
             return self["spectra"]["amplitude"].sel(signal=signal).unit

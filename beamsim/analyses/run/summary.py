@@ -11,15 +11,17 @@ import numpy as np
 
 from beamsim.analyses.run.fatigue import known
 from beamsim.analyses.run.histories import friction_summary
-from beamsim.analyses.run.layouts import OF_SNUBBERS
+from beamsim.analyses.run.layouts import OF_SNUBBERS, RANDOM
 from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
 from beamsim.analyses.run.motion import Evaluation, Needed, RunMotion
 from beamsim.analyses.run.result import (
     ALLOWED_REMAINDER,
     MAIN_QUANTITY,
+    STATISTICS,
     RunResult,
     highest_of_srs,
     misfit_of_matched,
+    over_limit,
     srs_over_limit,
 )
 from beamsim.contacts.snubbers import FRICTION
@@ -171,6 +173,45 @@ def impact_total(statistics: Dataset) -> dict[str, float]:
     return total
 
 
+def random_summary(random: Dataset) -> dict[str, dict[str, Any]]:
+    """By name and quantity the numbers of a signal that are known; the expected peak of a test."""
+    keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
+            "expected_peak", "expected_peak_low", "expected_peak_high", "expected_peak_unknown")  # fmt: skip
+    return {
+        row["signal"]: {
+            key: row[key] for key in keys if key in row and (known(row[key]) or not RANDOM.variables[key].optional)
+        }
+        for row in random.rows("signal")
+    }
+
+
+def linear_summary(random: Dataset) -> dict[str, dict[str, float]]:
+    """By name and quantity standard deviations of the run and of the linear structures, where there are any."""
+    return {
+        row["signal"]: {
+            "standard_deviation": row["standard_deviation"], "open": row["linear_open"], "closed": row["linear_closed"]
+        }
+        for row in random.rows("signal")
+        if known(row.get("linear_open")) and known(row.get("linear_closed"))
+    }  # fmt: skip
+
+
+def root_mean_squares(random: Dataset) -> dict[str, dict[str, float]]:
+    """Those of the responses, by entry (see `beamsim.results.values`) and name."""
+    entries: dict[str, dict[str, float]] = {}
+    for row in random.rows("signal")[1:]:
+        entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
+    return entries
+
+
+def psd_over_limit(random: Dataset) -> dict[str, tuple[float, float]]:
+    """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
+    if "limit" not in random:
+        return {}
+    spectra = zip(random["name"].values.tolist(), random["density"].values, random["limit"].values, strict=True)
+    return over_limit(random["frequency_hz"].values, spectra)
+
+
 def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
     """By body the numbers of its damage that are known."""
     return {
@@ -187,11 +228,8 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     for name, left in result["histories"].by_label("snubber_residual_crush").items():
         if not np.isnan(left.item()):
             crushed[f"residual_crush_{left.unit}"][name] = left.item()
-    random, statistics, spectra = (
-        result.random,
-        result.datasets.get("impact_statistics"),
-        result.datasets.get("spectra"),
-    )
+    names = ("random", "impact_statistics", "spectra")
+    random, statistics, spectra = (result.datasets.get(name) for name in names)
     srs, matched = result.datasets.get("srs"), result.datasets.get("matched")
     return {
         **{entry: of or None for entry, of in crushed.items()},
@@ -203,8 +241,8 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "impacts_total": None if statistics is None else impact_total(statistics),
         "sensitivities": sensitivity_summary(result["sensitivities"]) if "sensitivities" in result.datasets else None,
         "fatigue": fatigue_summary(result["fatigue"]) if "fatigue" in result.datasets else None,
-        "random": None if random is None else random.summary(),
-        "random_linear": None if random is None else random.prediction() or None,
+        "random": None if random is None else random_summary(random),
+        "random_linear": None if random is None else linear_summary(random) or None,
         "srs": None if srs is None else highest_of_srs(srs),
         "matched": None if matched is None else misfit_of_matched(matched),
         "spectral_lines": [] if spectra is None else spectral_lines(spectra),
@@ -215,16 +253,16 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
 
 def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Ratios of spectra to their limit curves, and the margins, for which root mean squares are added."""
-    srs, random = result.datasets.get("srs"), result.random
+    srs, random = (result.datasets.get(name) for name in ("srs", "random"))
     over = {
         "srs_over_limit": {} if srs is None else srs_over_limit(srs),
-        "psd_over_limit": {} if random is None else random.over_limit(),
+        "psd_over_limit": {} if random is None else psd_over_limit(random),
     }
     ratios = {entry: {name: ratio for name, (ratio, _) in of.items()} or None for entry, of in over.items()}
     rms = {
         "rms_displacement": summary["rms_displacement_m"],
         "rms_absolute_acceleration": {at: x * STANDARD_GRAVITY for at, x in summary["rms_acceleration_g"].items()},
-    } | ({} if random is None else random.root_mean_squares())
+    } | ({} if random is None else root_mean_squares(random))
     known = {entry: of for entry, of in ratios.items() if of}
     compared = margins(result.scenario.limits, {**summary, **rms, **known})
     for name, item in compared.items():
