@@ -40,10 +40,10 @@ ORDERS = ("order", "harmonic")
 """Dimensions along which the functions of a variable are those of one harmonic after the other."""
 
 OF_CHANNELS = {
-    "/channels_predicted_spectrum_frequency/amplitude": ("/channels_predicted_spectrum", "predicted spectrum"),
-    "/channels_measured_spectrum_frequency/amplitude": ("/channels_measured_spectrum", "measured spectrum"),
-    "/channels_predicted_time/predicted_history": ("/channels", "predicted"),
-    "/channels_measured_time/measured_history": ("/channels", "measured"),
+    "/predicted_spectra/amplitude": ("/channels", "predicted spectrum"),
+    "/measured_spectra/amplitude": ("/channels", "measured spectrum"),
+    "/predicted_histories/history": ("/channels", "predicted"),
+    "/measured_histories/history": ("/channels", "measured"),
 }
 """Variables whose quantity is that of a channel, with the dataset of these and words for the label."""
 
@@ -300,7 +300,7 @@ def _abscissae(items: Items, axis: str) -> Iterator[tuple[Whose, Floats, slice, 
     Along the rows of several members they are those of one after the other.
     """
     dataset = parent(axis)
-    for name in ("time", "predicted_time", "measured_time", "frequency_hz"):
+    for name in ("time", "frequency_hz"):
         item = items.get(f"{dataset}/{name}")
         if item is None or item.values.dtype.kind != "f":
             continue

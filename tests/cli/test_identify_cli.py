@@ -144,7 +144,7 @@ def test_compare_aligns_and_tabulates(tmp_path, run_file, history):
     assert (channel["delay_s"] - 0.004 + 0.5 / 65) % (1 / 65) == pytest.approx(0.5 / 65, abs=2e-5)
     assert (tmp_path / "run_compare_tip_absolute_acceleration.png").is_file()
     with h5py.File(tmp_path / "run_compare.h5") as file:
-        assert file["channels_order/difference_db"].shape == (6,)
+        assert file["harmonics/difference_db"].shape == (6,)
 
 
 def test_compare_asks_where_a_single_channel_was_measured(tmp_path):

@@ -79,7 +79,7 @@ def test_response_spectra_against_integrated_oscillators():
     """Maximax of absolute acceleration during the record, of each oscillator by itself."""
     settings = ShockSpectrumSettings.model_validate({"from": 10.0, "to": 100.0, "quality": 5.0, "per_octave": 1})
     late = transient(TIME - 0.1)
-    of = compare_records("m/s^2", (TIME, transient(TIME)), (TIME, late), settings)
+    of = compare_records((TIME, transient(TIME)), (TIME, late), settings)
     fine = np.linspace(0.0, TIME[-1], 20 * TIME.size)
     for k, hz in enumerate(of.frequency_hz):
         omega = 2 * np.pi * hz
@@ -95,7 +95,7 @@ def test_noise_makes_the_standard_error_of_the_scale():
     rng, size = np.random.default_rng(5), float(np.sqrt(np.mean(x**2)))
     settings = ShockSpectrumSettings.model_validate({"from": 10.0, "to": 20.0, "per_octave": 1})
     found = [
-        compare_records("m", (TIME, x), (TIME, x / 0.8 + 0.2 * size * rng.standard_normal(TIME.size)), settings)
+        compare_records((TIME, x), (TIME, x / 0.8 + 0.2 * size * rng.standard_normal(TIME.size)), settings)
         for _ in range(60)
     ]
     scales, errors = np.array([of.scale for of in found]), np.array([of.scale_error for of in found])
@@ -106,8 +106,8 @@ def test_noise_makes_the_standard_error_of_the_scale():
 
 def test_records_that_share_little_or_nothing():
     x = transient(TIME)
-    assert compare_records("m", (TIME, x), (TIME + TIME[-1] - 10 / RATE, x), None) is None
-    assert compare_records("m", (TIME, 0 * x), (TIME, x), None) is None
+    assert compare_records((TIME, x), (TIME + TIME[-1] - 10 / RATE, x), None) is None
+    assert compare_records((TIME, 0 * x), (TIME, x), None) is None
 
 
 def test_table_json_file_and_picture(tmp_path, shaken):

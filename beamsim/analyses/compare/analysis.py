@@ -20,6 +20,7 @@ from beamsim.analyses.compare.result import (
     ComparedSpectrum,
     Comparison,
     RecordComparison,
+    channel_datasets,
     outcome_of_comparison,
 )
 from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
@@ -81,7 +82,7 @@ def compare(
     return Comparison(
         scenario=result.scenario,
         outcome=outcome_of_comparison(result),
-        channels=channels,
+        datasets=channel_datasets(channels),
         warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(
@@ -136,7 +137,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
         predicted, measured = _harmonics(run, record, (excitation, multiple), count, warnings)
     except InputFileError as fault:
         raise unusable(f"{signal.label} {fault.message}", fault.remedy) from None
-    spectra = [_spectrum(each, excitation, place, quantity, unit) for each in (run, record)]
+    spectra = [_spectrum(each, excitation) for each in (run, record)]
     has_phase = bool(np.isfinite(excitation)) and measured.has_phase
     phase, delay = 0.0, 0.0
     if has_phase:
@@ -149,7 +150,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     likeness = None
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
-        likeness = compare_records(unit, (time_p, history_p), (time_m, history_m), settings)
+        likeness = compare_records((time_p, history_p), (time_m, history_m), settings)
         if likeness is not None and settings is not None:
             rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
             warnings += _of_rate(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
@@ -275,7 +276,7 @@ def _harmonics(
     return harmonics_of(predicted, fundamental, every), harmonics_of(measured, fundamental, every)
 
 
-def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> ComparedSpectrum:
+def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
     """That of a history under a Hann window; one that was measured stays as it is."""
     if signal.of_frequency:
         frequency, amplitude = signal.x, np.abs(signal.y)
@@ -293,7 +294,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: s
         (record,) = sampled_records(signal.x, np.asarray(signal.y, dtype=float)[None], SpectrumSettings(), excitation)
         amplitude, peak = np.abs(record.amplitudes(Window.named("hann"))), record.levels().peak
         frequency = np.arange(amplitude.size) / record.duration
-    return ComparedSpectrum(place, quantity, unit, frequency, amplitude, amplitude_db(amplitude, peak))
+    return ComparedSpectrum(frequency, amplitude, amplitude_db(amplitude, peak))
 
 
 def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
@@ -605,13 +606,12 @@ MOST_PANELS = 100_000  # of an oscillator, which takes seconds: longer records h
 
 
 def compare_records(
-    unit: str, predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
+    predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
 ) -> RecordComparison | None:
     """What two aligned records have in common while both last.
 
     Parameters
     ----------
-    unit : of both.
     predicted, measured : times (nt,), s, and values.
     settings : range and quality of the oscillators; by default Q = 10 and six an octave over what the records resolve.
 
@@ -646,6 +646,6 @@ def compare_records(
     scale, scatter = power.sum() / across.sum(), np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))
     correlation = across.sum() / np.sqrt(power.sum() * of_measured.sum())
     return RecordComparison(
-        unit, float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),
+        float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),
         quality, frequency, spectra[0], spectra[1],
     )  # fmt: skip

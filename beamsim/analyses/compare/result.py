@@ -3,51 +3,180 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import (
-    Counter,
-    Entry,
-    Number,
-    Plain,
-    attribute,
-    axis,
-    dataset,
-    declared,
-    group,
-    members,
-    record,
-    stored,
-    table,
-    unit_in,
-)
+from beamsim.fields import Entry, Number, Plain, record, unit_in
+from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.results.result import CONVERGENCE, MARGINS, Result
 from beamsim.typing import Bools, Complexes, Floats
 
-_ORDER = ("order",)
+_CHANNEL, _ROW, _SAMPLE = ("comparison",), ("row",), ("sample",)
+_WHOSE = "number of the comparison, from 0"
+_ABOUT = {
+    "comparison": Variable(_CHANNEL, "1", _WHOSE, int),
+    "place": Variable(_CHANNEL, "", "name of the probe or output; that of the snubber for a force or moment", str),
+    "quantity": Variable(_CHANNEL, "", "quantity that is compared", str),
+    "unit": Variable(_CHANNEL, "", "its unit", str),
+    "channel": Variable(_CHANNEL, "", "channel of the measurement", str),
+    "source": Variable(_CHANNEL, "", "file of the measurement", str),
+    "has_phase": Variable(_CHANNEL, "1", "whether the phases are compared, too", bool, flags=("no", "yes")),
+}
+_OF_RECORD = {  # of a record that does not repeat; NaN where it does
+    "predicted_peak": Variable(_CHANNEL, "", "largest magnitude of the prediction, in the unit of the channel"),
+    "measured_peak": Variable(_CHANNEL, "", "largest magnitude of the measurement, in the unit of the channel"),
+    "scale": Variable(
+        _CHANNEL, "1", "predicted over measured: the prediction over this fits the measurement best"
+    ),
+    "scale_error": Variable(
+        _CHANNEL, "1", "standard error of the scale, from leaving out tenths of the record"
+    ),
+    "correlation": Variable(_CHANNEL, "1", "correlation of both about zero"),
+    "quality": Variable(_CHANNEL, "1", "quality factor of the oscillators"),
+}  # fmt: skip
+CHANNELS = Layout(
+    "channels",
+    "What is compared with a run, a row for each channel.",
+    {
+        **_ABOUT,
+        "excitation_hz": Variable(_CHANNEL, "Hz", "frequency of the excitation; NaN where there is none"),
+        "start_s": Variable(_CHANNEL, "s", "start of the part of the run that is compared"),
+        "delay_s": Variable(_CHANNEL, "s", "measured(t) = predicted(t + delay)"),
+        "rms_difference": Variable(
+            _CHANNEL, "1",
+            "rms of the difference of the aligned histories over that of the measured one; NaN without histories",
+        ),
+        "aliased_share": Variable(
+            _CHANNEL, "1",
+            "share of the run's root mean square above half its output rate, which its harmonics and spectrum show at "
+            "lower frequencies; NaN where it is not notable",
+        ),
+        **_OF_RECORD,
+    },
+    optional=True,
+)  # fmt: skip
 
 
-@declared(along=("frequency_hz",))
+def _rows(
+    name: str, text: str, columns: Mapping[str, tuple[str, str]], dim: str = "row", of: str = "channels"
+) -> Layout:
+    """A table with rows of all comparisons, one after the other: by column the unit and the meaning."""
+    along = (dim,)
+    return Layout(
+        name,
+        text,
+        {
+            dim: Variable(along, "1", "number of the row", int),
+            "comparison": Variable(along, "1", _WHOSE, int, names=f"{of}/comparison"),
+            **{column: Variable(along, unit, meaning) for column, (unit, meaning) in columns.items()},
+        },
+        optional=True,
+    )
+
+
+_COMPLEX = {
+    "predicted_real": ("", "predicted value, zero to peak, in the unit of the channel: real part"),
+    "predicted_imag": ("", "its imaginary part, as a sine in the time of the prediction"),
+    "measured_real": ("", "measured value, zero to peak, in the unit of the channel: real part"),
+    "measured_imag": ("", "its imaginary part, as a sine in the time of the prediction; 0 where phases are unknown"),
+}
+_HISTORY = {"time": ("s", "time, of the prediction"), "history": ("", "the values, in the unit of the channel")}
+_SPECTRUM = {
+    "frequency_hz": ("Hz", "frequency"),
+    "amplitude": ("", "single-sided peak amplitude, in the unit of the channel"),
+    "amplitude_db": ("dB", "20 log10(amplitude / max |x|)"),
+}
+HARMONICS = _rows(
+    "harmonics", "Harmonics of all channels.",
+    {
+        "order": ("1", "frequency over excitation frequency"), **_COMPLEX,
+        "measured_noise": ("", "standard deviation of the measured harmonic, in the unit of the channel"),
+        "difference_db": ("dB", "20 log10(predicted / measured); NaN where one is round-off"),
+        "phase_difference_deg": ("degree", "predicted over measured, aligned"),
+    },
+)  # fmt: skip
+RECORDS = {
+    f"{whose}_{what}": _rows(f"{whose}_{what}", f"{whose.capitalize()} {what} of all channels.", columns, "sample")
+    for what, columns in (("histories", _HISTORY), ("spectra", _SPECTRUM))
+    for whose in ("predicted", "measured")
+}
+"""A few periods, or the whole of a record that does not repeat; none of a measured spectrum."""
+RESPONSE_SPECTRA = _rows(
+    "response_spectra", "Response spectra, maximax, of records that do not repeat.",
+    {
+        "frequency_hz": ("Hz", "natural frequency of the oscillators"),
+        "predicted_response": ("", "of the prediction, in the unit of the channel"),
+        "measured_response": ("", "of the measurement, in the unit of the channel"),
+        "difference_db": ("dB", "20 log10(predicted / measured response spectrum)"),
+    },
+)  # fmt: skip
+SWEEPS = Layout(
+    "sweeps",
+    "What is compared with a sweep, a row for each channel.",
+    {
+        **_ABOUT,
+        "curve": Variable(_CHANNEL, "", "curve of the sweep", str),
+        "detector": Variable(_CHANNEL, "", "what is compared of each cycle: peak, fundamental or rms", str),
+        "frac": Variable(_CHANNEL, "1", "frequency response assurance criterion"),
+        "begin_s": Variable(
+            _CHANNEL, "s", "time of the measured history at which the curve begins; NaN of responses over frequency"
+        ),
+        "bandwidth": Variable(
+            _CHANNEL, "1",
+            "bandwidth of the tracking filter over the frequency; NaN but of the fundamental of a history",
+        ),
+    },
+    optional=True,
+)  # fmt: skip
+SWEEP_RESPONSES = _rows(
+    "sweep_responses", "Responses over the frequencies of the measurements.",
+    {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, of="sweeps",
+)  # fmt: skip
+SWEEP_PEAKS = _rows(
+    "sweep_peaks", "Measured peaks over frequency, each with the computed one beside it; NaN where there is none.",
+    {
+        "measured_hz": ("Hz", "frequency of the measured peak"),
+        "predicted_hz": ("Hz", "frequency of the computed peak"),
+        "measured_level": ("", "level of the measured peak, in the unit of the channel"),
+        "predicted_level": ("", "level of the computed peak, in the unit of the channel"),
+        "measured_q": ("1", "measured frequency over the half-power band; NaN where that has no end"),
+        "predicted_q": ("1", "computed frequency over the half-power band; NaN where that has no end"),
+        "frequency_difference": ("1", "computed frequency over the measured one, less 1"),
+        "difference_db": ("dB", "20 log10(computed / measured level)"),
+    },
+    "peak", "sweeps",
+)  # fmt: skip
+ASSURANCE = Layout(
+    "assurance",
+    "Frequency domain assurance criterion: likeness of the deflection at two frequencies, over all channels.",
+    {
+        "predicted_hz": Variable(("predicted_hz",), "Hz", "frequency of the prediction"),
+        "measured_hz": Variable(("measured_hz",), "Hz", "frequency of the measurement"),
+        "fdac": Variable(("predicted_hz", "measured_hz"), "1", "frequency domain assurance criterion"),
+    },
+    optional=True,
+)
+
+
+@dataclass(frozen=True)
 class RecordComparison:
     """A record that does not repeat, predicted and measured, while both last."""
 
-    unit: str = attribute("", "unit of the quantity")
-    predicted_peak: float = attribute("{unit}", "largest magnitude of the prediction")
-    measured_peak: float = attribute("{unit}", "largest magnitude of the measurement")
-    scale: float = attribute("1", "predicted over measured: the prediction over this fits the measurement best")
-    scale_error: float = attribute("1", "standard error of the scale, from leaving out tenths of the record")
-    correlation: float = attribute("1", "correlation of both about zero")
-    quality: float = attribute("1", "quality factor of the oscillators")
-    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillators")
-    predicted_response: Floats = dataset("{unit}", "response spectrum of the prediction, maximax")
-    measured_response: Floats = dataset("{unit}", "response spectrum of the measurement, maximax")
+    predicted_peak: float
+    measured_peak: float
+    scale: float
+    scale_error: float
+    correlation: float
+    quality: float
+    frequency_hz: Floats  # (nf,) Hz, natural frequencies of the oscillators
+    predicted_response: Floats  # (nf,)
+    measured_response: Floats  # (nf,)
 
     @property
-    @stored(dataset("dB", "20 log10(predicted / measured response spectrum)"))
     def difference_db(self) -> Floats:
         """(nf,) of the response spectra."""
         return np.asarray(20 * np.log10(self.predicted_response / self.measured_response))
@@ -61,72 +190,49 @@ class RecordComparison:
         return {name: getattr(self, name) for name in names} | {name: float(x) for name, x in numbers.items()}
 
 
-@declared
-class ComparedChannel:
-    """What is compared with which channel."""
-
-    place: str = attribute("", "name of the probe or output; that of the snubber for a force or moment")
-    quantity: str = attribute("", "quantity that is compared")
-    unit: str = attribute("", "its unit")
-    channel: str = attribute("", "channel of the measurement")
-    source: str = attribute("", "file of the measurement")
-
-
-@declared(along=("frequency_hz",))
-class ComparedSpectrum:
+class ComparedSpectrum(NamedTuple):
     """Single-sided spectrum of a record."""
 
-    place: str = attribute("", "name of the probe or output")
-    quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
-    unit: str = attribute("", "unit of the quantity")
-    frequency_hz: Floats = axis("Hz", "frequency")
-    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity}")
-    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity}")
+    frequency_hz: Floats
+    amplitude: Floats
+    amplitude_db: Floats
 
 
 ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
 
 
-@declared(along=_ORDER)
-class ChannelComparison(ComparedChannel):
-    """One quantity at one place, predicted and measured."""
+@dataclass(frozen=True, kw_only=True)
+class ComparedChannel:
+    """What is compared with which channel."""
 
-    excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none")
-    delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
-    order: Floats = axis("1", "frequency over excitation frequency")
-    # A e^{i phase} of A sin(2 pi f n t + phase)
-    predicted: Complexes = dataset(
-        "{unit}",
-        "predicted harmonic, zero to peak",
-        imaginary="its imaginary part, as a sine in the time of the prediction",
-    )
-    # amplitudes alone where phases are unknown
-    measured: Complexes = dataset(
-        "{unit}",
-        "measured harmonic, zero to peak",
-        imaginary="its imaginary part, as a sine in the time of the prediction",
-    )
-    measured_noise: Floats = dataset("{unit}", "standard deviation of the measured harmonic")
-    has_phase: bool = attribute("", "whether the measured phases are known")
-    rms_difference: float = attribute(
-        "1",
-        "rms of the difference of the aligned histories over that of the measured one; NaN without histories",
-    )
-    # a few periods; the measured ones are shifted to the time of the prediction, empty for a measured spectrum
-    predicted_time: Floats = axis("s", "time")
-    predicted_history: Floats = dataset("{unit}", "predicted {quantity}", along=("predicted_time",))
-    measured_time: Floats = axis("s", "time")
-    measured_history: Floats = dataset("{unit}", "measured {quantity}", along=("measured_time",))
-    predicted_spectrum: ComparedSpectrum = group("predicted_spectrum", ComparedSpectrum)
-    measured_spectrum: ComparedSpectrum = group("measured_spectrum", ComparedSpectrum)
-    start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
-    aliased_share: float | None = attribute(
-        "1",
-        "share of the run's root mean square above half its output rate, which its harmonics and spectrum show at "
-        "lower frequencies",
-        default=None,
-    )
-    record: RecordComparison | None = group("record", RecordComparison, default=None)  # of histories that do not repeat
+    place: str
+    quantity: str
+    unit: str
+    channel: str
+    source: str
+    has_phase: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelComparison(ComparedChannel):
+    """One quantity at one place, predicted and measured; meanings are those of the datasets."""
+
+    excitation_hz: float
+    delay_s: float
+    order: Floats
+    predicted: Complexes  # A e^{i phase} of A sin(2 pi f n t + phase)
+    measured: Complexes  # amplitudes alone where phases are unknown
+    measured_noise: Floats
+    rms_difference: float
+    predicted_time: Floats
+    predicted_history: Floats
+    measured_time: Floats
+    measured_history: Floats
+    predicted_spectrum: ComparedSpectrum
+    measured_spectrum: ComparedSpectrum
+    start_s: float
+    aliased_share: float | None = None
+    record: RecordComparison | None = None  # of histories that do not repeat
 
     @property
     def is_round_off(self) -> Bools:
@@ -135,7 +241,6 @@ class ChannelComparison(ComparedChannel):
         return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
 
     @property
-    @stored(dataset("dB", "20 log10(predicted / measured); NaN where one is round-off"))
     def difference_db(self) -> Floats:
         """(h,) 20 log10(predicted / measured amplitude); nan where one of them is round-off."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -143,7 +248,6 @@ class ChannelComparison(ComparedChannel):
         return np.where(self.is_round_off, np.nan, difference)
 
     @property
-    @stored(dataset("degree", "predicted over measured, aligned"))
     def phase_difference_deg(self) -> Floats:
         """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where it is unknown."""
         if not self.has_phase:
@@ -152,57 +256,48 @@ class ChannelComparison(ComparedChannel):
         return np.where(self.is_round_off, np.nan, phase)
 
 
-@declared
-class PeakPair:
+class PeakPair(NamedTuple):
     """A measured peak over frequency, and the computed one beside it; NaN where there is none."""
 
-    measured_hz: float = dataset("Hz", "frequency of the measured peak")
-    predicted_hz: float = dataset("Hz", "frequency of the computed peak")
-    measured_level: float = dataset("", "level of the measured peak, in the unit of the channel")
-    predicted_level: float = dataset("", "level of the computed peak, in the unit of the channel")
-    measured_q: float = dataset("1", "measured frequency over the half-power band; NaN where that has no end")
-    predicted_q: float = dataset("1", "computed frequency over the half-power band; NaN where that has no end")
+    measured_hz: float
+    predicted_hz: float
+    measured_level: float
+    predicted_level: float
+    measured_q: float
+    predicted_q: float
 
     @property
-    @stored(dataset("1", "computed frequency over the measured one, less 1"))
     def frequency_difference(self) -> float:
         """Relative difference of the frequencies."""
         return self.predicted_hz / self.measured_hz - 1.0
 
     @property
-    @stored(dataset("dB", "20 log10(computed / measured level)"))
     def difference_db(self) -> float:
         """Difference of the levels, dB."""
         return float(20 * np.log10(self.predicted_level / self.measured_level))
 
 
-@declared(along=("frequency_hz",))
+@dataclass(frozen=True, kw_only=True)
 class SweptComparison(ComparedChannel):
     """One quantity at one place over the frequency of a sweep, predicted and measured."""
 
-    curve: str = attribute("", "curve of the sweep")
-    detector: str = attribute("", "what is compared of each cycle: peak, fundamental or rms")
-    has_phase: bool = attribute("", "whether phases are compared, too")
-    frequency_hz: Floats = axis("Hz", "excitation frequency, those of the measurement")
-    predicted: Complexes = dataset("{unit}", "predicted response", imaginary="its imaginary part")
-    measured: Complexes = dataset("{unit}", "measured response", imaginary="its imaginary part")
-    frac: float = attribute("1", "frequency response assurance criterion")
-    peaks: tuple[PeakPair, ...] = table("peaks", PeakPair, Counter("peak", "number of the measured peak"), default=())
-    begin_s: float | None = attribute(
-        "s", "time of the measured history at which the curve begins; of a history alone", default=None
-    )
-    bandwidth: float | None = attribute(
-        "1", "bandwidth of the tracking filter over the frequency; of the fundamental of a history alone", default=None
-    )
+    curve: str
+    detector: str
+    frequency_hz: Floats
+    predicted: Complexes
+    measured: Complexes
+    frac: float
+    peaks: tuple[PeakPair, ...] = ()
+    begin_s: float | None = None
+    bandwidth: float | None = None
 
 
-@declared
-class Assurance:
+class Assurance(NamedTuple):
     """Frequency domain assurance criterion: likeness of the deflection at two frequencies, over all channels."""
 
-    predicted_hz: Floats = axis("Hz", "frequency of the prediction")
-    measured_hz: Floats = axis("Hz", "frequency of the measurement")
-    fdac: Floats = dataset("1", "frequency domain assurance criterion", along=("predicted_hz", "measured_hz"))
+    predicted_hz: Floats
+    measured_hz: Floats
+    fdac: Floats
 
     def summary(self) -> dict[str, float]:
         """Mean and lowest value at equal frequencies, and where that is."""
@@ -212,14 +307,136 @@ class Assurance:
                 "lowest_hz": float(self.measured_hz[lowest])}  # fmt: skip
 
 
+# --- As datasets, and back -------------------------------------------------------------------------------------------
+
+
+def _table(layout: Layout, parts: Sequence[Mapping[str, Any]]) -> Dataset:
+    """The rows of all comparisons, from the columns of each."""
+    dim, *_ = layout.variables
+    columns = [name for name in layout.variables if name not in (dim, "comparison")]
+    sizes = [len(part[columns[0]]) for part in parts]
+    values = {name: np.concatenate([np.asarray(part[name], dtype=float) for part in parts]) for name in columns}
+    whose = np.repeat(np.arange(len(parts)), np.array(sizes, dtype=np.int64))
+    return layout.dataset({dim: 1 + np.arange(sum(sizes)), "comparison": whose, **values})
+
+
+def _parts(values: Complexes, whose: str) -> dict[str, Floats]:
+    return {f"{whose}_real": values.real, f"{whose}_imag": values.imag}
+
+
+def channel_datasets(channels: Sequence[ChannelComparison]) -> dict[str, Dataset]:
+    """The datasets of a comparison with a run."""
+    unknown = dict.fromkeys(_OF_RECORD, np.nan)
+    of_record = [unknown if c.record is None else {name: getattr(c.record, name) for name in unknown} for c in channels]
+    about: dict[str, Any] = {name: [row[name] for row in of_record] for name in _OF_RECORD}
+    number = np.arange(len(channels))
+    datasets = {"channels": CHANNELS.table(channels, comparison=number, **about)}
+    derived = ("order", "measured_noise", "difference_db", "phase_difference_deg")
+    rows = [
+        {**_parts(c.predicted, "predicted"), **_parts(c.measured, "measured"), **{n: getattr(c, n) for n in derived}}
+        for c in channels
+    ]
+    datasets["harmonics"] = _table(HARMONICS, rows)
+    for whose in ("predicted", "measured"):
+        histories = [{n: getattr(c, f"{whose}_{n}") for n in _HISTORY} for c in channels]
+        datasets[f"{whose}_histories"] = _table(RECORDS[f"{whose}_histories"], histories)
+        spectra = [getattr(c, f"{whose}_spectrum")._asdict() for c in channels]
+        datasets[f"{whose}_spectra"] = _table(RECORDS[f"{whose}_spectra"], spectra)
+    none = dict.fromkeys(("frequency_hz", "predicted_response", "measured_response", "difference_db"), np.zeros(0))
+    spectra = [none if c.record is None else {name: getattr(c.record, name) for name in none} for c in channels]
+    if any(c.record is not None for c in channels):
+        datasets["response_spectra"] = _table(RESPONSE_SPECTRA, spectra)
+    return datasets
+
+
+def sweep_datasets(channels: Sequence[SweptComparison], assurance: Assurance | None) -> dict[str, Dataset]:
+    """The datasets of a comparison with a sweep."""
+    number = np.arange(len(channels))
+    responses = [
+        {"frequency_hz": c.frequency_hz, **_parts(c.predicted, "predicted"), **_parts(c.measured, "measured")}
+        for c in channels
+    ]
+    columns = (*PeakPair._fields, "frequency_difference", "difference_db")
+    peaks = [{name: [getattr(peak, name) for peak in c.peaks] for name in columns} for c in channels]
+    datasets = {
+        "sweeps": SWEEPS.table(channels, comparison=number),
+        "sweep_responses": _table(SWEEP_RESPONSES, responses),
+        "sweep_peaks": _table(SWEEP_PEAKS, peaks),
+    }
+    return datasets if assurance is None else datasets | {"assurance": ASSURANCE.dataset(assurance._asdict())}
+
+
+def _rows_of(table: Dataset, number: int) -> dict[str, Floats]:
+    """The columns of a table, of one comparison."""
+    own = table["comparison"].values == number
+    return {name: array.values[own] for name, array in table.items()}
+
+
+def _complex(rows: Mapping[str, Floats], whose: str) -> Complexes:
+    return np.asarray(rows[f"{whose}_real"] + 1j * rows[f"{whose}_imag"])
+
+
+def _about(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
+    """Values of a row; None of numbers that are not known."""
+    values = {name: table[name].values[number : number + 1].tolist()[0] for name in names}
+    return {name: None if value != value and name in _OPTIONAL else value for name, value in values.items()}
+
+
+_OPTIONAL = ("aliased_share", "begin_s", "bandwidth")  # not known where NaN
+
+
+def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparison:
+    """A channel of a comparison with a run, from its rows."""
+    about = _about(datasets["channels"], number, [name for name in CHANNELS.variables if name != "comparison"])
+    of_record = {name: about.pop(name) for name in _OF_RECORD}
+    harmonics, record = _rows_of(datasets["harmonics"], number), None
+    computed, recorded = (_rows_of(datasets[f"{whose}_histories"], number) for whose in ("predicted", "measured"))
+    spectra = [_rows_of(datasets[f"{whose}_spectra"], number) for whose in ("predicted", "measured")]
+    if not np.isnan(of_record["quality"]):
+        of = _rows_of(datasets["response_spectra"], number)
+        responses = (of[name] for name in ("frequency_hz", "predicted_response", "measured_response"))
+        record = RecordComparison(*of_record.values(), *responses)
+    predicted, measured = (ComparedSpectrum(*(of[name] for name in ComparedSpectrum._fields)) for of in spectra)
+    return ChannelComparison(
+        **about,
+        order=harmonics["order"],
+        predicted=_complex(harmonics, "predicted"),
+        measured=_complex(harmonics, "measured"),
+        measured_noise=harmonics["measured_noise"],
+        predicted_time=computed["time"],
+        predicted_history=computed["history"],
+        measured_time=recorded["time"],
+        measured_history=recorded["history"],
+        predicted_spectrum=predicted,
+        measured_spectrum=measured,
+        record=record,
+    )
+
+
+def _sweep_of(datasets: Mapping[str, Dataset], number: int) -> SweptComparison:
+    """A channel of a comparison with a sweep, from its rows."""
+    about = _about(datasets["sweeps"], number, [name for name in SWEEPS.variables if name != "comparison"])
+    responses, peaks = (_rows_of(datasets[f"sweep_{name}"], number) for name in ("responses", "peaks"))
+    return SweptComparison(
+        **about,
+        frequency_hz=responses["frequency_hz"],
+        predicted=_complex(responses, "predicted"),
+        measured=_complex(responses, "measured"),
+        peaks=tuple(PeakPair(*row) for row in zip(*(peaks[n].tolist() for n in PeakPair._fields), strict=True)),
+    )
+
+
 FDAC = record(dict.fromkeys(("mean", "lowest", "lowest_hz"), Number))
 
 
-@declared(repr=False)
+@dataclass(frozen=True, repr=False)
 class Comparison(Result):
     """Result of ``beamsim compare``."""
 
     KIND = "compare"
+    DATASETS = (
+        CHANNELS, HARMONICS, *RECORDS.values(), RESPONSE_SPECTRA, SWEEPS, SWEEP_RESPONSES, SWEEP_PEAKS, ASSURANCE,
+    )  # fmt: skip
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
                  "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",
@@ -232,9 +449,24 @@ class Comparison(Result):
         *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, "comparison", default=())
-    sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, "comparison", default=())
-    assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more
+    @cached_property
+    def channels(self) -> tuple[ChannelComparison, ...]:
+        """What is compared with a run, channel by channel."""
+        return tuple(_channel_of(self.datasets, k) for k in self._numbers("channels"))
+
+    @cached_property
+    def sweeps(self) -> tuple[SweptComparison, ...]:
+        """What is compared with a sweep, channel by channel."""
+        return tuple(_sweep_of(self.datasets, k) for k in self._numbers("sweeps"))
+
+    @property
+    def assurance(self) -> Assurance | None:
+        """Of two channels of a sweep or more."""
+        of = self.datasets.get("assurance")
+        return None if of is None else Assurance(*(of[name].values for name in Assurance._fields))
+
+    def _numbers(self, dataset: str) -> range:
+        return range(len(self[dataset].labels("comparison")) if dataset in self.datasets else 0)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""

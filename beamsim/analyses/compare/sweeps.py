@@ -16,7 +16,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison, outcome_of_comparison
+from beamsim.analyses.compare.result import (
+    Assurance,
+    Comparison,
+    PeakPair,
+    SweptComparison,
+    outcome_of_comparison,
+    sweep_datasets,
+)
 from beamsim.analyses.sweep.layouts import FOLLOWED
 from beamsim.analyses.sweep.result import CycleValues, SweepCurve, SweepResult
 from beamsim.measurements.channels import demand_amplitudes, unusable
@@ -83,9 +90,7 @@ def compare_sweep(
     return Comparison(
         scenario=result.scenario,
         outcome=outcome_of_comparison(result),
-        channels=(),
-        sweeps=channels,
-        assurance=assurance,
+        datasets=sweep_datasets(channels, assurance),
         warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(
@@ -310,7 +315,7 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
 def _compared(channel: SweptComparison) -> dict[str, Any]:
     """Summary of one channel."""
     names = ("place", "quantity", "channel", "curve", "detector", "begin_s", "bandwidth", "frac")
-    peaks = [{**vars(peak), "frequency_difference": peak.frequency_difference, "difference_db": peak.difference_db}
+    peaks = [{**peak._asdict(), "frequency_difference": peak.frequency_difference, "difference_db": peak.difference_db}
              for peak in channel.peaks]  # fmt: skip
     return {**{name: getattr(channel, name) for name in names}, "peaks": peaks}
 
