@@ -38,7 +38,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from beamsim.fields import Entry, Number, attribute, declared
+from beamsim.fields import Entry, Number
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -194,7 +194,7 @@ class Correction:
         return np.where(np.abs(x) < 1.0, pulse, 0.0)
 
 
-@declared
+@dataclass(frozen=True)
 class CorrectionSize:
     """How large the largest of some corrections is."""
 
@@ -212,9 +212,9 @@ class CorrectionSize:
             form=Number,
         ),
     )
-    acceleration: float = attribute("m/s^2", "largest correction of the base's acceleration")
-    share: float = attribute("1", "that correction over the level of the sweep there")
-    time: float = attribute("s", "when that is")
+    acceleration: float  # m/s^2, largest correction of the base's acceleration
+    share: float  # that over the level of the sweep there
+    time: float  # s, when that is
 
     @classmethod
     def of(cls, corrections: Sequence[Correction]) -> CorrectionSize:

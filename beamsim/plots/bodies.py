@@ -27,10 +27,14 @@ def stops_of(result: RunResult) -> dict[str, SnubberNumbers]:
     """By name the numbers of the snubbers of a run."""
     histories = result["histories"]
     forces = histories.by_label("snubber_force")
-    described = [each.name for each in fields(SnubberNumbers) if each.name not in ("name", "turns")] if forces else []
+    described = (
+        [each.name for each in fields(SnubberNumbers) if each.name not in ("name", "gap_unit")] if forces else []
+    )
     rows = zip(*(histories[f"snubber_{each}"].values.tolist() for each in described), strict=True)
     return {
-        name: SnubberNumbers(**dict(zip(described, row, strict=True)), name=name, turns=force.unit == "N m")
+        name: SnubberNumbers(
+            **dict(zip(described, row, strict=True)), name=name, gap_unit="rad" if force.unit == "N m" else "m"
+        )
         for (name, force), row in zip(forces.items(), rows, strict=True)
     }
 

@@ -18,40 +18,33 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.fields import dataset, declared
 from beamsim.results.values import of_angles
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.system.structural import ContactUnits, StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
-_FREQUENCY = ("frequency_hz",)
 AT_ONCE = 1e-6  # levels of contacts that change together, relative
 _LEVELS = ("level", "share_of_level", "frequency_hz", "time_s", "sigmas")
 
 
-@declared(along=_FREQUENCY)
+@dataclass(frozen=True)
 class ContactLevels(ContactUnits):
     """Levels at which the linear steady motion makes or loses one contact, at each frequency.
 
     A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
     """
 
-    # nan where the snubber is closed at equilibrium
-    onset: Floats = dataset("1", "level of the excitation, SI, at which the linear motion first makes contact")
-    # nan where the snubber is open at equilibrium
-    loss: Floats = dataset("1", "level of the excitation, SI, at which the linear motion first loses contact")
-    # all snubbers closed
-    preload_needed: Floats = dataset(
-        "1", "{force_unit} per unit of level: contact force at equilibrium that just keeps contact"
-    )
-    preload_alone: Floats = dataset("1", "the same with the other snubbers as they are at equilibrium")
-    before: Floats = dataset(
-        "1", "level at which the linear motion first changes another contact; beyond it the motion is another one"
-    )
+    # (F,) levels of the excitation, SI
+    onset: Floats  # nan where the snubber is closed at equilibrium
+    loss: Floats  # nan where the snubber is open at equilibrium
+    preload_needed: Floats  # N per unit of level: force at equilibrium that keeps contact, all snubbers closed
+    preload_alone: Floats  # the same with the other snubbers as they are at equilibrium
+    before: Floats  # level at which another contact changes first; beyond it the motion is another one
 
     @property
     def closed_at_rest(self) -> bool:
@@ -135,7 +128,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
             alone = at_rest[:, j] if closed[j] else at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])
         levels[snubber.name] = ContactLevels(
             onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone),
-            np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf), turns=snubber.turns,
+            np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf), gap_unit=snubber.gap_unit,
         )  # fmt: skip
     return levels
 

@@ -512,7 +512,7 @@ def _describe_snubbers(
         stiffness = contacts.laws[i].stiffness
         described.append(
             SnubberInfo(
-                turns=s.units[0] == "rad" or None,
+                gap_unit=s.units[0],
                 name=s.name,
                 position=site.coordinate,
                 across=site.across,

@@ -22,7 +22,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import PENETRATION, RATE
 from beamsim.contacts.snubbers import FRICTION, SpringInfo
-from beamsim.fields import attribute, declared
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputStatement
@@ -73,16 +72,11 @@ def contact_units(gap_unit: str) -> dict[str, str]:
     return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
 
 
-@declared(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactUnits:
     """The units of what a contact measures; those of a hinge's stops and friction are of angles and moments."""
 
-    turns: bool | None = attribute("", "whether it acts on the angle of a hinge, with a moment", default=None)
-
-    @property
-    def gap_unit(self) -> str:
-        """m, in a hinge rad."""
-        return "rad" if self.turns else "m"
+    gap_unit: str = "m"  # in a hinge rad
 
     @property
     def force_unit(self) -> str:

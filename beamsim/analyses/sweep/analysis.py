@@ -286,7 +286,7 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
         values |= {f"{name}_real": np.array([x.real for x in of]), f"{name}_imag": np.array([x.imag for x in of])}
     levels = contact_levels(system, frequency)
     if levels:
-        values |= {"snubber": list(levels), "contact_turns": [bool(of.turns) for of in levels.values()]}
+        values |= {"snubber": list(levels), "contact_turns": [of.gap_unit == "rad" for of in levels.values()]}
         for name in ("onset", "loss", "preload_needed", "preload_alone", "before"):
             values[f"contact_{name}"] = np.array([getattr(of, name) for of in levels.values()])
     units = [{"force_unit": of.force_unit} for of in levels.values()]

@@ -279,11 +279,11 @@ def curves_of(tables: Mapping[str, Dataset]) -> dict[str, SweepCurve]:
 
 def contact_levels_of(linear: Dataset) -> dict[str, ContactLevels]:
     """By snubber the levels at which the linear motion makes or loses contact."""
-    columns = ("onset", "loss", "preload_needed", "preload_alone", "before")
-    turns = {name: bool(of.item()) for name, of in linear.by_label("contact_turns").items()}
+    columns = [f"contact_{name}" for name in ("onset", "loss", "preload_needed", "preload_alone", "before")]
+    units = {name: "rad" if of.item() else "m" for name, of in linear.by_label("contact_turns").items()}
     return {
-        name: ContactLevels(*(linear[f"contact_{column}"].sel(snubber=name).values for column in columns), turns=of)
-        for name, of in turns.items()
+        name: ContactLevels(*(linear[column].sel(snubber=name).values for column in columns), gap_unit=unit)
+        for name, unit in units.items()
     }
 
 
