@@ -32,6 +32,9 @@ OF_EACH = "units_of_each"
 MIXED = f"see {OF_EACH}"
 NAMES = "names"
 """Attribute of numbers from 0: the path of the coordinate whose values they number."""
+ROW = "number of the row"
+"""Meaning of the coordinate of rows that belong to several members, one after the other (cycles of curves, points of
+branches). A text table of these has numbers alone, so that it can be read back: also those of the members."""
 _KINDS = {float: "f", int: "iu", bool: "b", str: "O"}  # of NumPy, by the type of the values of a variable
 
 
@@ -419,14 +422,15 @@ class Layout:
         """
         if unknown := values.keys() - self.variables.keys():
             raise TypeError(f"{self.name} has no {', '.join(sorted(unknown))}")
-        sizes = {name: len(values[name]) for name in self._dimensions(values)}
+        known = {name: value for name, value in values.items() if value is not None}
+        sizes = {name: len(known[name]) for name in self._dimensions(known)}
         items: Items = {f"/{self.name}": Item()}
         for name, declared in self.variables.items():
-            if not sizes.keys() >= set(declared.dims) or (declared.optional and values.get(name) is None):
+            if not sizes.keys() >= set(declared.dims) or (declared.optional and name not in known):
                 continue
-            if name not in values:
+            if name not in known:
                 raise TypeError(f"{self.name} lacks {name}")
-            array, absent = _array_of(values[name], declared.type)
+            array, absent = _array_of(known[name], declared.type)
             if array.shape != tuple(sizes[dim] for dim in declared.dims):
                 raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
             each = (of_members or {}).get(declared.dims[0] if declared.dims else "", ())

@@ -17,13 +17,13 @@ from beamsim.cli.screens import (
     limits_by_place,
     modes,
 )
-from beamsim.fields import words
 from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_place
 from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.summaries import words
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult

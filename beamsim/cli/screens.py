@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE
-from beamsim.fields import figure_in_words
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.results.result import Result
@@ -20,6 +19,7 @@ from beamsim.results.values import limit_label, limit_unit
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.summaries import figure_in_words
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
 DIGITS = 3  # at most; fewer where the convergence supports no more

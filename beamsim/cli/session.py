@@ -63,7 +63,7 @@ def print_json(values: Mapping[str, Any]) -> None:
 
     Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
     """
-    from beamsim.fields import plain  # and with it NumPy, without which --help is instant
+    from beamsim.summaries import plain  # and with it NumPy, without which --help is instant
 
     text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
     try:

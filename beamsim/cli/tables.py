@@ -16,10 +16,10 @@ from typing import Any, NamedTuple, get_args
 
 from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned
 from beamsim.cli.session import show
-from beamsim.fields import Entry, Plain, described, place_in_words, unit_in, words
 from beamsim.kinds import KINDS
 from beamsim.plots.style import amount, shown_in, value_text
 from beamsim.results.result import Result
+from beamsim.summaries import Entry, Plain, described, place_in_words, unit_in, words
 
 # entries that say something of values, beside which they are printed
 OF_VALUES = ("status", "convergence", "doubtful", "after_parting", "peak_times_s", "peak_frequencies_hz",

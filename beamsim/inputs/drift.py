@@ -38,8 +38,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from beamsim.fields import Entry, Number
 from beamsim.inputs.profiles import Leg, Profile
+from beamsim.summaries import Entry, Number
 from beamsim.typing import Complexes, Floats, Ints
 
 SAME_TURNS = 1e-9  # cycles that are not told apart

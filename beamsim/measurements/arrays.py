@@ -79,14 +79,14 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             whole = _unpacked(name, datasets[name])
             folder, _, last = name.rpartition("/")
             units = _listed(datasets[name], OF_EACH, str) or [whole.unit] * len(of_rows)
-            absent = _listed(datasets[name], ABSENT, int)
+            absent = np.isin(np.arange(whole.values.size), _listed(datasets[name], ABSENT, int))
             if len(units) != len(of_rows):
                 raise InputFileError(f"is damaged ({OF_EACH} of {name})", "export it again")
-            rows = zip(of_rows, units, whole.values.reshape(len(of_rows), -1), strict=True)
-            for number, (label, unit, values) in enumerate(rows):
-                if number not in absent:
-                    own = f"{folder}/{label}/{last}"
-                    arrays[own], called[own] = replace(whole, values=values, unit=stated(unit)), f"{label} {last}"
+            rows = zip(of_rows, _quantities(datasets[name]) or [last] * len(of_rows), units, strict=True)
+            for number, (label, quantity, unit) in enumerate(rows):
+                if not absent.reshape(len(of_rows), -1)[number].all():
+                    own, values = f"{folder}/{label}/{quantity}", whole.values.reshape(len(of_rows), -1)[number]
+                    arrays[own], called[own] = replace(whole, values=values, unit=stated(unit)), f"{label} {quantity}"
     return [_signal(name, called[name], arrays, path) for name in arrays]
 
 
@@ -122,6 +122,15 @@ def _labels_of_rows(item: h5py.Dataset) -> tuple[str, ...]:
     demand_memory(item.file.filename, values_size(texts), "for the names of its channels")
     labels = tuple(map(str, texts.asstr(errors="replace")[()]))
     return labels if len(set(labels)) == len(labels) else ()
+
+
+def _quantities(item: h5py.Dataset) -> list[str]:
+    """What each row of an array is, where texts along the same axis, called as it and ``_quantity``, say so."""
+    along = scale_along(item, 0)
+    texts = None if along is None else item.file.get(f"{along.name}_quantity")
+    if texts is None or texts.shape != item.shape[:1] or h5py.check_string_dtype(texts.dtype) is None:
+        return []
+    return list(map(str, texts.asstr(errors="replace")[()]))
 
 
 def read_matlab(path: Path) -> list[MeasuredSignal]:

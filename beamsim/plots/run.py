@@ -16,7 +16,6 @@ from beamsim.analyses.run.result import (
     RunResult,
     misfit_of_matched,
 )
-from beamsim.fields import place_in_words
 from beamsim.labelled import Dataset, LabelledArray
 from beamsim.plots.bodies import body_figures, stops_of
 from beamsim.plots.drawing import (
@@ -43,6 +42,7 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
+from beamsim.summaries import place_in_words
 from beamsim.system.structural import FORCE_UNITS
 from beamsim.typing import Bools, Floats, not_none
 

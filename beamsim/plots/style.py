@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.fields import unit_in
 from beamsim.outcomes import MOST_LISTED
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.summaries import unit_in
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from re import fullmatch
 from typing import Any, NamedTuple
 
-from beamsim.fields import figure_in_words, place_in_words
 from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
@@ -23,6 +22,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
 from beamsim.scenario.parameters import field_type
 from beamsim.structures.assembly import snubber_site
+from beamsim.summaries import figure_in_words, place_in_words
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
 

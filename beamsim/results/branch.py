@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import OUTCOME
 from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.orbits.branch import SpecialPoint
 from beamsim.outcomes import Outcome
@@ -36,7 +35,7 @@ def ended(dims: tuple[str, ...]) -> dict[str, Variable]:
 
 def endings(outcomes: Iterable[Outcome]) -> dict[str, list[str]]:
     """The values of these variables."""
-    texts = [OUTCOME.write("status", outcome) for outcome in outcomes]
+    texts = [outcome.as_texts() for outcome in outcomes]
     return {name: [of[name] for of in texts] for name in ENDED}
 
 

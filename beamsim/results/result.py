@@ -19,7 +19,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from beamsim.contacts.pads import ForceCurve
-from beamsim.fields import (
+from beamsim.inputs.statements import InputStatement
+from beamsim.labelled import Dataset, Layout
+from beamsim.outcomes import Outcome, OutcomeKind, interruption
+from beamsim.results.values import OUTPUT, judged, limit_unit
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
+from beamsim.scenario.quantities import amplitude_unit, level_unit
+from beamsim.scenario.scenario import Record
+from beamsim.summaries import (
     ByName,
     Entry,
     Flag,
@@ -29,14 +37,6 @@ from beamsim.fields import (
     record,
     summary_of,
 )
-from beamsim.inputs.statements import InputStatement
-from beamsim.labelled import Dataset, Layout
-from beamsim.outcomes import Outcome, OutcomeKind, interruption
-from beamsim.results.values import OUTPUT, judged, limit_unit
-from beamsim.scenario import Scenario
-from beamsim.scenario.base import path_text
-from beamsim.scenario.quantities import amplitude_unit, level_unit
-from beamsim.scenario.scenario import Record
 from beamsim.system.force_tables import curves_of
 from beamsim.typing import Floats
 from beamsim.version import __version__
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 # entries that the summaries of several analyses share
-STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
+STATUS = Entry("status", "", "complete, or why the computation stopped early", form=Text)
 MARGIN = record(
     {"limit": Number, "value": Number, "margin": Number, "at": Text, "verdict": Text},
     {"lowest": Number, "highest": Number, "margin_db": Number, "exceeded": Flag},
@@ -163,14 +163,15 @@ class Result:
         return str(resolve_name("beamsim.cli.tables:text_table")(self.KIND, self))
 
     def with_summary(self, **computed: Any) -> Self:
-        """The result with its summary: the values given, and those that repeat fields of the result.
+        """The result with its summary: the values given, the status, and those that repeat variables.
 
         Raises
         ------
         KeyError
             If the summary does not declare a value.
         """
-        return replace(self, summary=summary_of(self, **computed)).ended(self.outcome)
+        status = {"status": self.status} if STATUS in self.SUMMARY else {}
+        return replace(self, summary=summary_of(self, **status, **computed)).ended(self.outcome)
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import ByName, Entry, Number
 from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.summaries import ByName, Entry, Number
 from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.typing import Floats, not_none
 

@@ -1,13 +1,12 @@
 """Result files for other programs: folders of CSV tables, universal files, MATLAB files; tables of pandas.
 
-All of them are made from the datasets of a result (`beamsim.store.datasets`).
+All of them are made from the datasets of a result.
 """
 
 from __future__ import annotations
 
 import csv
 import json
-import math
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
-from beamsim.fields import ArrayField, members_of
 from beamsim.files import replacing
-from beamsim.labelled import NAMES, OF_EACH, Item, Items, last, parent, part_of
+from beamsim.labelled import NAMES, OF_EACH, ROW, Item, Items, last, parent, part_of
 from beamsim.results.result import Result
-from beamsim.store.datasets import ROW, items_of
-from beamsim.store.layout import StoragePlace, places_in, root_place
 from beamsim.store.results import (
     decode_summary,
+    items_of,
     open_with_items,
     refusing_damage,
     stored_result,
@@ -137,12 +134,11 @@ def _flat_part(array: Any, first: int, end: int) -> NDArray[Any]:
     return rows.reshape(-1)[first - begin * row : end - begin * row]
 
 
-def tables_of(items: Items, cls: type[Result]) -> list[ExportTable]:
-    """All variables of all datasets of a class of results, as tables in the order of the items.
+def tables_of(items: Items) -> list[ExportTable]:
+    """All variables of all datasets of a result, as tables in the order of the items.
 
     Variables along the same axes are columns of one table, those of members with names a column for each name.
     """
-    members = MembersIn(cls)
     tables: dict[tuple[str, ...], ExportTable] = {}
     for path, item in items.items():
         if item.array is None or item.scale:
@@ -151,7 +147,7 @@ def tables_of(items: Items, cls: type[Result]) -> list[ExportTable]:
         key = (parent(path), *rows)
         name = parent(path).strip("/") + ("_by_" + "_and_".join(map(last, rows)) if rows else "_values")
         table = tables.setdefault(key, ExportTable(name, [_axis(items[axis], axis) for axis in rows], []))
-        absent = members.absent(items, path)
+        absent = _absent(item)
         for labels, index, unit in columns_of(items, path, rows):
             if absent is not None and labels and absent[index].all():
                 continue
@@ -187,72 +183,33 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
     across = [axis for axis in item.axes if axis not in rows]
     sizes = [items[axis].array.size for axis in across]
     of_each = json.loads(str(item.attributes.get(OF_EACH, "[]")))
-    absent = item.absent
     count = int(np.prod(sizes, dtype=int))
     for flat, numbers in enumerate(np.ndindex(*sizes)):
         known = dict(zip(across, numbers, strict=True))
         units = {unit for unit in (of_each[flat::count] if of_each else [item.unit]) if unit}
-        if across and flat in absent and len(of_each or absent) <= count and item.array.dtype.kind not in "iub":
-            continue
         index = tuple(known.get(axis, slice(None)) for axis in item.axes)
         labels = tuple(str(items[axis].values[k]) for axis, k in known.items())
         yield labels, index, units.pop() if len(units) == 1 else ""
 
 
 def _named(items: Items, path: str, values: Any) -> Any:
-    """Names in place of their numbers; of rows the numbers, so that tables are read back."""
+    """Names in place of their numbers; of the members that rows belong to the numbers, see `ROW`."""
     names = items.get(f"/{items[path].attributes.get(NAMES)}")
     if names is None or items[items[path].axes[0]].meaning == ROW:
         return values
     return names.values[np.asarray(values)]
 
 
-class MembersIn:
-    """Which dimensions of the datasets of a class of results are those of members, and whose rows tables have.
+def _absent(item: Item) -> NDArray[np.bool_] | None:
+    """Which integers or truth values of an array are not known, in its shape; None where all are.
 
-    Parameters
-    ----------
-    cls : of the results.
+    Numbers and texts show by themselves that they are not.
     """
-
-    def __init__(self, cls: type[Result]) -> None:
-        self._dims: set[str] = set()  # paths of coordinates
-        self._rows: dict[str, StoragePlace] = {}  # by dataset of rows, what has them
-        for of, place in places_in(cls, root_place(cls)):
-            mappings = [m.declaration.per for m in members_of(of) if isinstance(m.declaration, ArrayField)]
-            datasets = [place.dataset, *(axis.table for axis in place.axes.values() if axis.table)]
-            self._dims |= {f"/{name}/{dim}" for name in datasets for dim in (*place.dims, *mappings) if dim}
-            self._rows |= {axis.table: axis.place for axis in place.axes.values() if axis.table}
-        self._labelled = {f"/{layout.name}" for layout in cls.DATASETS}
-
-    def absent(self, items: Items, path: str) -> NDArray[np.bool_] | None:
-        """Which of the integers or truth values of an array are absent, in its shape; None where none is.
-
-        Numbers and texts show by themselves that they are absent.
-        """
-        item = items[path]
-        if not item.absent or item.array.dtype.kind not in "iub":
-            return None
-        if parent(path) in self._labelled:
-            flat = np.zeros(item.array.size, dtype=bool)
-            flat[sorted(item.absent)] = True
-            return flat.reshape(item.array.shape)
-        kept = [axis in self._dims for axis in item.axes]
-        shape = item.array.shape[: kept.index(False) if False in kept else len(kept)]
-        ragged = next((k for k, axis in enumerate(item.axes) if items[axis].meaning == ROW), None)
-        whose = None if ragged is None else self._rows.get(parent(path).strip("/"))
-        dims = [] if whose is None else [f"/{whose.dataset}/{dim}" for dim in whose.dims]
-        sizes = tuple(items[dim].array.size for dim in dims)
-        flags = np.zeros((math.prod(sizes), *shape), dtype=bool)
-        flags.flat[sorted(item.absent)] = True
-        if ragged is None:
-            absent = flags[0].reshape(shape + (1,) * (item.array.ndim - len(shape)))
-        else:
-            owners = [items[f"{parent(path)}/{last(dim)}"].values for dim in dims]
-            of_rows = np.moveaxis(flags[np.ravel_multi_index(owners, sizes)], 0, -1)  # (kept, rows)
-            before, after = ragged - len(shape), item.array.ndim - ragged - 1
-            absent = of_rows.reshape(shape + (1,) * before + of_rows.shape[-1:] + (1,) * after)
-        return np.broadcast_to(absent, item.array.shape)
+    if not item.absent or item.array.dtype.kind not in "iub":
+        return None
+    flags = np.zeros(item.array.shape, dtype=bool)
+    flags.flat[sorted(item.absent)] = True
+    return flags
 
 
 def header(name: str, unit: str) -> str:
@@ -290,7 +247,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
             writer.writerows(rows)
 
     described = []
-    for table in tables_of(items, type(result)):
+    for table in tables_of(items):
         columns = [*table.axes, *table.columns]
         write(table.name, [column.header for column in columns], _rows(table))
         described += [(f"{table.name}.csv", column.header, column.unit, column.meaning) for column in columns]
@@ -347,7 +304,6 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
     """
     from scipy.io import savemat
 
-    members = MembersIn(type(result))
     root: dict[str, Any] = {}
     for path, item in items.items():
         if path in ("/", "/summary"):
@@ -359,7 +315,7 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
         stem = name.removesuffix("_real").removesuffix("_imag")
         pair = {part: items.get(f"{parent(path)}/{stem}_{part}") for part in ("real", "imag")}
         values: Any = item.values + 1 if NAMES in item.attributes else item.values
-        if (absent := members.absent(items, path)) is not None:
+        if (absent := _absent(item)) is not None:
             values = np.where(absent, np.nan, values)
         if pair["real"] is not None and pair["imag"] is not None and name != stem:
             name, values = stem, pair["real"].values + 1j * pair["imag"].values
@@ -438,7 +394,7 @@ def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
     """
     pd = _imported("pandas")
     frames = {}
-    for table in tables_of(items_of(result), type(result)):
+    for table in tables_of(items_of(result)):
         headers = [column.header for column in (*table.axes, *table.columns)]
         columns = [
             pd.array(x.tolist(), dtype="boolean" if x.dtype == bool else "Int64") if np.ma.isMaskedArray(x) else x

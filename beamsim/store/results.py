@@ -1,6 +1,7 @@
 """Writing and reading of result files.
 
-The fields of the result declare what is stored, see `beamsim.fields`; `beamsim.store.datasets` makes variables of them.
+A file holds the labelled datasets of its result (`beamsim.labelled`), each a group; the result declares their
+variables.
 Files are written completely or not at all. ``/summary`` has no datasets, only attributes under the names of the
 summary. Numbers and texts are native attributes; everything else (per-probe values, lists, truth values, nothing) is a
 JSON text, and the attribute ``json_encoded`` lists the names of those, separated by spaces. A NaN is ``null`` in JSON:
@@ -30,7 +31,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import by_name, demand_summary, made_of, plain, record
 from beamsim.files import (
     Content,
     FileState,
@@ -50,7 +50,7 @@ from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
-from beamsim.store.datasets import InParts, Reader, items_of
+from beamsim.summaries import by_name, demand_summary, plain, record
 
 if TYPE_CHECKING:
     from beamsim.results.result import Result
@@ -87,8 +87,6 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
     items = items_of(result)
-    items["/"].attributes |= root_attributes(result)
-    items["/summary"] = Item(encode_summary(result.summary))
     cut_short = result.outcome.cut_short
     examine = partial(_content, items["/"].attributes, contains=resumed or not cut_short)
     written = write_items(items, path, Content.PARTIAL if cut_short else Content.RESULT, examine)
@@ -100,6 +98,7 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
 ROOT = {
     "schema_version": "version of the layout",
     "command": "command that wrote the file",
+    "kind": "kind of the result, one of the headings below",
     "scenario": "the case as written, YAML in SI units; sufficient to run it again",
     "title": "title of the scenario",
     "status": "how the computation ended: complete, or why it stopped early and what to try",
@@ -116,11 +115,20 @@ ROOT = {
 """Attributes of the root of a result file, with their meanings."""
 
 
+def items_of(result: Result) -> Items:
+    """Everything of a result as its file stores it: attributes of the root, the summary, its datasets."""
+    items = {"/": Item(root_attributes(result)), "/summary": Item(encode_summary(result.summary))}
+    for dataset in result.datasets.values():
+        items |= dataset.read()
+    return items
+
+
 def root_attributes(result: Result) -> dict[str, Any]:
     """What every result file says of its result."""
     attributes = {
         "schema_version": SCHEMA_VERSION,
         "command": KINDS[result.KIND].command,
+        "kind": result.KIND,
         "scenario": result.scenario.to_yaml(),
         "title": result.title,
         **result.outcome.as_texts(),
@@ -298,11 +306,13 @@ def open_with_items(
         if whole:
             for item in items.values():
                 item.array = item.values
-        summary = decode_summary(items["/summary"].attributes)
-        about = {"scenario": _scenario(items["/"], path, open_files), "summary": summary}
         layouts = [each for each in cls.DATASETS if not each.optional or f"/{each.name}" in items]
-        about["datasets"] = {layout.name: layout.read(items) for layout in layouts}
-        result = made_of(cls, {**about, **_described_by(items["/"].attributes), **Reader(items).fields(cls)})
+        result = cls(
+            scenario=_scenario(items["/"], path, open_files),
+            summary=decode_summary(items["/summary"].attributes),
+            datasets={layout.name: layout.read(items) for layout in layouts},
+            **_described_by(items["/"].attributes),
+        )
         if not is_as_written(path):
             raise ValueError("it was changed after it was written")
         demand_summary(result)
@@ -355,23 +365,21 @@ def holds(path: Path | str, kind: str) -> bool:
 
 
 def _kind(file: Any, path: Path | str) -> str:
-    """Kind of an open file whose layout this version knows."""
+    """Kind of the result in an open file whose layout this version knows."""
     version, command, kind = (file.attrs.get(name) for name in ("schema_version", "command", "kind"))
     if version is None or command is None:
         raise ResultFileError(f"{path}: an HDF5 file, but not from beamsim; give the .h5 file of `beamsim run`")
-    if not isinstance(version, (int, np.integer)) or not isinstance(command, str):
-        raise ValueError("schema_version or command is of another type")
+    if not isinstance(version, (int, np.integer)) or not isinstance(kind, str):
+        raise ValueError("schema_version or kind is of another type")
     if version != SCHEMA_VERSION:
         writer = file.attrs.get("beamsim_version", "unknown")
         raise ResultFileError(
             f"{path}: schema_version {version}, written by beamsim {writer}, but this beamsim reads "
             f"{SCHEMA_VERSION}; open it with that version or run its scenario again"
         )
-    if command == "sweep":
-        return "designs" if "cases" in file else kind if isinstance(kind, str) and kind in KINDS else "sweep"
-    if command not in KINDS:
-        raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
-    return str(command)
+    if kind not in KINDS:
+        raise ResultFileError(f"{path}: written by `beamsim {command}`, whose result is unknown to this version")
+    return str(kind)
 
 
 TEXT = h5py.string_dtype("utf-8")
@@ -439,11 +447,6 @@ def _create(file: h5py.File, place: str, item: Item) -> None:
     """Make the group or dataset of an item."""
     if item.array is None:
         owner = file.require_group(place)
-    elif isinstance(item.array, InParts):
-        kind = np.dtype(np.uint8) if item.array.dtype == np.bool_ else item.array.dtype
-        owner = file.create_dataset(place, item.array.shape, kind, fillvalue=item.array.fill, **_checksum(item.array))
-        for index, values in item.array.parts:
-            owner[index] = values
     else:
         array = np.asarray(item.array)
         if array.dtype.kind in "OU":

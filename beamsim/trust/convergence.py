@@ -20,7 +20,6 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.run.stepped_motion import relative_tolerance
-from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
@@ -28,6 +27,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import Result
 from beamsim.results.values import limited
 from beamsim.scenario import Scenario
+from beamsim.summaries import figure_in_words
 from beamsim.typing import Floats, Ints, not_none
 
 FREQUENCIES = 6  # natural frequencies that are compared

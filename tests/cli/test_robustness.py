@@ -12,8 +12,8 @@ import pytest
 
 import beamsim
 from beamsim.errors import ResultFileError
+from beamsim.labelled import Item
 from beamsim.store import results as result_files
-from beamsim.store.datasets import Item
 from tests.helpers.commands import invoke
 
 CASE = """

@@ -12,9 +12,8 @@ from beamsim.errors import ResultFileError
 from beamsim.kinds import KINDS
 from beamsim.labelled import LabelledArray
 from beamsim.store import results
-from beamsim.store.datasets import items_of
 from beamsim.store.export import export_result
-from beamsim.store.results import StoredArray, load, open_with_items, write_result
+from beamsim.store.results import StoredArray, items_of, load, open_with_items, write_result
 
 SAMPLES = 4001
 LARGE = 20_000  # bytes of an array, in place of 1 MiB

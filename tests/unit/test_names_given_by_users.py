@@ -8,8 +8,8 @@ import pytest
 import beamsim
 from beamsim.analyses.studies.responses import means
 from beamsim.errors import ScenarioError
-from beamsim.fields import figure_in_words
 from beamsim.scenario import load_scenario
+from beamsim.summaries import figure_in_words
 from tests.helpers.commands import invoke
 
 CASE = {

@@ -45,7 +45,7 @@ STUDIES = """
 import hashlib
 import sys
 import beamsim
-from beamsim.store.datasets import items_of
+from beamsim.store.results import items_of
 
 CASE = {
     "chain": {"masses": ["1 kg", "1 kg"], "springs": ["1 kN/m", "1 kN/m"]},

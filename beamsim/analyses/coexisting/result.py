@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.continuation.result import OF_STABLE, ContinuationResult
-from beamsim.fields import ByName, Entry, Flag, Number, Text, attribute, declared, list_of, record, stored
 from beamsim.labelled import Layout, Variable
 from beamsim.results.branch import BRANCHES, FLAGS, POINTS, SPECIAL_POINTS
 from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS
+from beamsim.summaries import ByName, Entry, Flag, Number, Text, list_of, record
 from beamsim.system.structural import MODES
 from beamsim.typing import Ints
 
@@ -91,7 +92,7 @@ DISTURBANCE = record({
 })  # fmt: skip
 
 
-@declared(repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CoexistingResult(ContinuationResult):
     """Everything `beamsim sweep` of kind coexisting computes: each motion is a branch of one point.
 
@@ -126,8 +127,3 @@ class CoexistingResult(ContinuationResult):
         """(F,) number of starts at each frequency that have not settled."""
         starts = self["starts"]
         return np.asarray(np.sum((starts["destination"].values == 0) & (starts["cycles"].values > 0), axis=1))
-
-    @property
-    @stored(attribute("", "kind of sweep", name="kind"))
-    def _kind(self) -> str:
-        return "coexisting"

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import Entry, Number, Plain, record, unit_in
-from beamsim.labelled import Dataset, Layout, Variable
+from beamsim.labelled import ROW, Dataset, Layout, Variable
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.results.result import CONVERGENCE, MARGINS, Result
+from beamsim.summaries import Entry, Number, Plain, record, unit_in
 from beamsim.typing import Bools, Complexes, Floats
 
 _CHANNEL, _ROW, _SAMPLE = ("comparison",), ("row",), ("sample",)
@@ -70,7 +70,7 @@ def _rows(
         name,
         text,
         {
-            dim: Variable(along, "1", "number of the row", int),
+            dim: Variable(along, "1", ROW, int),
             "comparison": Variable(along, "1", _WHOSE, int, names=f"{of}/comparison"),
             **{column: Variable(along, unit, meaning) for column, (unit, meaning) in columns.items()},
         },

@@ -20,7 +20,6 @@ import numpy as np
 from pydantic import ValidationError
 
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.fields import Entry, Number, list_of, record
 from beamsim.files import reading
 from beamsim.labelled import Layout, Variable
 from beamsim.measurements.read import TEXT, UNIVERSAL, ending_of
@@ -36,6 +35,7 @@ from beamsim.scenario.run import Reduction
 from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
+from beamsim.summaries import Entry, Number, list_of, record
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.typing import Complexes, Floats, Ints

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -10,20 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from beamsim.analyses.continuation.overlay import OVERLAY, OVERLAY_CYCLES, OverlayCurve, overlay_in
-from beamsim.fields import (
-    Entry,
-    Flag,
-    Number,
-    Pair,
-    Text,
-    attribute,
-    by_name,
-    declared,
-    list_of,
-    record,
-    stored,
-)
-from beamsim.labelled import Dataset, Layout, Variable
+from beamsim.labelled import ROW, Dataset, Layout, Variable
 from beamsim.results.branch import (
     BRANCHES,
     FLAGS,
@@ -37,6 +25,16 @@ from beamsim.results.branch import (
 )
 from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import DISPLACEMENT, VALUES
+from beamsim.summaries import (
+    Entry,
+    Flag,
+    Number,
+    Pair,
+    Text,
+    by_name,
+    list_of,
+    record,
+)
 from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
@@ -77,7 +75,7 @@ MULTIPLE_SCALES_FACTORS = Layout(
     "Differences from the exact motion at falling factors, the detuning falling with them, those of one level after "
     "those of another.",
     {
-        "number": Variable(_FACTOR, "1", "number of the row", int),
+        "number": Variable(_FACTOR, "1", ROW, int),
         "comparison": Variable(_FACTOR, "1", "number of the level, from 0", int, names="multiple_scales/comparison"),
         "factor": Variable(_FACTOR, "1", "factor of springs, damping and force"),
         "factor_frequency_hz": Variable(_FACTOR, "Hz", "excitation frequency at the factor"),
@@ -189,7 +187,7 @@ def _pieces(branch: Dataset) -> Iterator[_Piece]:
             yield _Piece(x[piece][order], peak[piece][order])
 
 
-@declared(repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
@@ -287,8 +285,3 @@ class ContinuationResult(Result):
                 else:
                     found.append(Several(level, low, high, at, peaks))
         return found
-
-    @property
-    @stored(attribute("", "kind of sweep", name="kind"))
-    def _kind(self) -> str:
-        return "continuation"

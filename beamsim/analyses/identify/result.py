@@ -20,11 +20,11 @@ from beamsim.analyses.identify.layouts import (
     TESTS,
     UPDATE,
 )
-from beamsim.fields import ByName, Entry, Number, Pair, Plain, Text
 from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.result import Result
 from beamsim.scenario.parameters import unit_of
+from beamsim.summaries import ByName, Entry, Number, Pair, Plain, Text
 from beamsim.typing import Floats, Ints
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -19,10 +20,10 @@ from beamsim.analyses.nnm.layouts import (
     RELAXED_MINIMISATION,
     RESONANCE_CURVES,
 )
-from beamsim.fields import Entry, Flag, Number, Plain, Text, declared, list_of, record
 from beamsim.labelled import Dataset
 from beamsim.results.branch import SPECIAL_POINTS, each_of
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
+from beamsim.summaries import Entry, Flag, Number, Plain, Text, list_of, record
 from beamsim.system.structural import MODES
 
 POINT = record(dict.fromkeys(("parameter", "frequency_hz", "energy_j"), Number))
@@ -81,7 +82,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from beamsim.labelled import Layout, Variable
+from beamsim.labelled import ROW, Layout, Variable
 
 _TIME, _PROBE, _SNUBBER, _SPRING, _FRICTION, _OUTPUT = (
     ("time",), ("probe",), ("snubber",), ("spring",), ("friction",), ("output",)
@@ -273,7 +273,7 @@ FRICTION_INTERVALS = Layout(
     "friction_intervals",
     "Intervals of what friction contacts do under a random input.",
     {
-        "number": Variable(_NUMBER, "1", "number of the row", int),
+        "number": Variable(_NUMBER, "1", ROW, int),
         "friction": Variable(_NUMBER, "1", "number of the friction contact, from 0", int, names="histories/friction"),
         "figure": Variable(_NUMBER, "1", "name of the value", str),
         "value": Variable(_NUMBER, "", "the value without the first part of the run, in its SI unit"),

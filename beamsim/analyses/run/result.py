@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,25 +24,23 @@ from beamsim.analyses.run.layouts import (
     SPECTRA,
     SRS,
 )
-from beamsim.fields import (
-    ByName,
-    Counter,
-    Entry,
-    Flag,
-    Number,
-    Plain,
-    Text,
-    by_name,
-    declared,
-    list_of,
-    record,
-)
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import INPUTS
 from beamsim.labelled import Dataset
 from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import BY_ENTRY, VALUES
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.summaries import (
+    ByName,
+    Entry,
+    Flag,
+    Number,
+    Plain,
+    Text,
+    by_name,
+    list_of,
+    record,
+)
 from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
@@ -50,8 +49,6 @@ ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is 
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _FREQUENCY = ("frequency_hz",)
-_IMPACT = (Counter("impact", "number of the impact"),)
-_CYCLE = (Counter("cycle", "number of the counted cycle"),)
 
 
 def over_limit(frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats]]) -> dict[str, tuple[float, float]]:
@@ -206,7 +203,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 

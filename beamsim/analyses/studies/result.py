@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -14,7 +14,10 @@ from beamsim.analyses.studies.layouts import CASES, RANDOM_NUMBERS, REALISATIONS
 from beamsim.analyses.studies.objectives import judged, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
 from beamsim.analyses.studies.responses import means
-from beamsim.fields import (
+from beamsim.labelled import LabelledArray
+from beamsim.outcomes import Outcome
+from beamsim.results.result import CONVERGENCE, Result
+from beamsim.summaries import (
     ByName,
     Entry,
     Flag,
@@ -22,13 +25,9 @@ from beamsim.fields import (
     Plain,
     Text,
     by_name,
-    declared,
     list_of,
     record,
 )
-from beamsim.labelled import LabelledArray
-from beamsim.outcomes import Outcome
-from beamsim.results.result import CONVERGENCE, Result
 from beamsim.typing import Floats
 
 PROBABILITY = record({"share": Number, "low": Number, "high": Number})
@@ -103,7 +102,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class StudyResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`: a row a case.
 

@@ -6,7 +6,7 @@ the rows of one curve after those of another; so are steady states, points of Po
 
 from __future__ import annotations
 
-from beamsim.labelled import Layout, Variable
+from beamsim.labelled import ROW, Layout, Variable
 from beamsim.results.values import VALUES
 
 _CURVE, _CYCLE, _LEVEL, _POINT, _SAMPLE = ("curve",), ("cycle",), ("level_index",), ("point",), ("sample",)
@@ -67,7 +67,7 @@ CYCLES = Layout(
     "cycles",
     "Every cycle of every curve; of a stepped sweep every frequency, with means over the cycles measured there.",
     {
-        "cycle": Variable(_CYCLE, "1", "number of the row", int),
+        "cycle": Variable(_CYCLE, "1", ROW, int),
         **_OF_CURVE,
         "frequency_hz": Variable(_CYCLE, "Hz", "excitation frequency in the middle of the cycle"),
         "time": Variable(_CYCLE, "s", "time at the start of the cycle"),
@@ -148,7 +148,7 @@ STEADY_STATES = Layout(
     "steady_states",
     "What the stepped sweep found at every frequency, in the order of the rows of cycles.",
     {
-        "cycle": Variable(_CYCLE, "1", "number of the row", int),
+        "cycle": Variable(_CYCLE, "1", ROW, int),
         **_OF_CURVE,
         "frequency_hz": Variable(_CYCLE, "Hz", "excitation frequency"),
         "kind": Variable(_CYCLE, "", "periodic, quasi-periodic, chaotic or not settled", str),
@@ -167,7 +167,7 @@ POINCARE = Layout(
     "poincare",
     "Poincaré sections of the steady motions that are not periodic: the state at phase 0 of the excitation.",
     {
-        "point": Variable(_POINT, "1", "number of the row", int),
+        "point": Variable(_POINT, "1", ROW, int),
         "curve": Variable(_POINT, "1", "number of the curve, from 0", int, names="curves/curve"),
         "frequency_hz": Variable(_POINT, "Hz", "excitation frequency"),
         "probe": Variable(_PROBE, "1", "name of the probe", str),
@@ -183,7 +183,7 @@ NOTCHES = Layout(
     "notches",
     "The level that keeps the limits of sweep.notch_to: a table that is interpolated on log-log axes.",
     {
-        "point": Variable(_POINT, "1", "number of the row", int),
+        "point": Variable(_POINT, "1", ROW, int),
         "curve": Variable(_POINT, "1", "number of the curve, from 0", int, names="curves/curve"),
         **_NOTCHED,
         "frequency_hz": Variable(_POINT, "Hz", "excitation frequency"),
@@ -198,7 +198,7 @@ NOTCH_LIMITS = Layout(
     "notch_limits",
     "The limits to which the level is lowered, and the largest values that they meet.",
     {
-        "limit_number": Variable(("limit_number",), "1", "number of the row", int),
+        "limit_number": Variable(("limit_number",), "1", ROW, int),
         "curve": Variable(("limit_number",), "1", "number of the curve, from 0", int, names="curves/curve"),
         "name": Variable(("limit_number",), "", "what is limited", str),
         "unit": Variable(("limit_number",), "", "its unit", str),
@@ -213,7 +213,7 @@ NOTCH_RANGES = Layout(
     "notch_ranges",
     "The ranges of frequency in which the level is lowered.",
     {
-        "range": Variable(("range",), "1", "number of the row", int),
+        "range": Variable(("range",), "1", ROW, int),
         "curve": Variable(("range",), "1", "number of the curve, from 0", int, names="curves/curve"),
         "limit": Variable(("range",), "", "the limit that governs, in most of the range", str),
         "from_hz": Variable(("range",), "Hz", "lowest excitation frequency"),
@@ -288,7 +288,7 @@ HISTORIES = Layout(
     "histories",
     "The time histories of all directions at a level, those of one level after those of another.",
     {
-        "sample": Variable(_SAMPLE, "1", "number of the row", int),
+        "sample": Variable(_SAMPLE, "1", ROW, int),
         "level": Variable(_SAMPLE, "1", "number of the level, from 0", int, names="levels/level_index"),
         "time": Variable(_SAMPLE, "s", "time"),
         "probe": Variable(_PROBE, "1", "name of the probe", str),

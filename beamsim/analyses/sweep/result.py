@@ -19,7 +19,6 @@ from beamsim.analyses.sweep.layouts import (
     OF_CURVES,
     PEAKS,
 )
-from beamsim.fields import ByName, Entry, Number, Plain, Text, by_name, declared, list_of, record
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.labelled import Dataset, LabelledArray, joined
 from beamsim.responses.gapping import ContactLevels
@@ -28,6 +27,7 @@ from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, Value, la
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.signals.quality import QualityPeak, peaks_of
+from beamsim.summaries import ByName, Entry, Number, Plain, Text, by_name, list_of, record
 from beamsim.system.structural import MODES
 from beamsim.typing import Complexes, Floats
 
@@ -341,7 +341,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SweepResult(Result):
     """Everything one `beamsim sweep` of one design computes."""
 
