@@ -6,7 +6,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from beamsim.analyses.run.animation import frames_of_orbit, frames_of_run
+from beamsim.analyses.nnm.animation import frames_of_orbit
+from beamsim.analyses.run.animation import frames_of_run
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.animation import frames_of_sweep
 from beamsim.analyses.sweep.result import SweepResult

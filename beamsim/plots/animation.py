@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from beamsim.analyses.run.animation import Frames
 from beamsim.errors import visible
 from beamsim.files import replacing
 from beamsim.outcomes import tell
 from beamsim.plots.drawing import in_lines, plain_text, show_unseen
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
+from beamsim.responses.frames import Frames
 from beamsim.structures.places import Place, ends_of
 from beamsim.typing import Bools, Floats
 

@@ -11,6 +11,8 @@ value of :math:`m = 1`, since most of the content lies there.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy as copied
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +22,8 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, asked_by
 from beamsim.responses.energies import EnergyHistory, sampled_stored_energy, work_factors
+from beamsim.results.values import outer
+from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats, Ints
 
@@ -115,6 +119,38 @@ class HistoryRecorder:
             self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
             begin, self._work = float(end[0]), float(work[-1])
             self._filled = part.stop
+
+
+class LowPassed:
+    """Accelerations behind the low-pass filter at all output times, led through it part by part.
+
+    Parameters
+    ----------
+    frequency_hz : of the filter.
+    times : (nt,) s, all output times.
+    probes : number of accelerations.
+    """
+
+    def __init__(self, frequency_hz: float, times: Floats, probes: int) -> None:
+        self.frequency_hz, self.filter = frequency_hz, LinearFilter(*butterworth(frequency_hz), probes)
+        self._times, self._begin, self._reached = times, 0.0, 0
+        self.values = np.zeros((times.size, probes))  # zero where it did not come
+        self.extremes: Floats | None = None  # (4, probes) lowest, its time, highest, its time
+
+    def copy(self) -> LowPassed:
+        """A copy that goes on by itself; both write the values that follow to the same array."""
+        copy = copied(self)
+        copy.filter = deepcopy(self.filter)
+        return copy
+
+    def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
+        """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""
+        upto = max(reached(end, self._times).size, self._reached)
+        times = np.minimum(self._times[self._reached : upto], end)
+        motion = behind(times)
+        self.values[self._reached : upto] = motion.at(times)
+        self.extremes = outer(self.extremes, np.array(motion.extremes(self._begin, end)))
+        self._begin, self._reached = end, upto
 
 
 def between_samples(time: Floats) -> Floats:

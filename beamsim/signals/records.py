@@ -31,6 +31,7 @@ _NEAR = 0.02  # change of a frequency over one over the duration, below which cu
 _AT_REST = 1e-5  # change of a frequency over one over the duration
 _DEPENDENT = 1e-5  # share of a function that the ones before it do not explain
 _NEAREST = 0.5  # of two lines, bins (over one over the duration), that a fit can separate
+FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
 _FINER = 3  # times that the search for a pair is repeated around the best one, with a quarter of the step
 _STEP = 4**_FINER  # of the frequencies of a pair in the first search, in the last steps
@@ -296,6 +297,73 @@ class MotionRecord(SpectrumRecord):
         """See `SpectrumRecord`."""
         early, late = (MotionRecord(half, self.column, self.highest_hz, self.size // 2) for half in self.part.halves)
         return early, late
+
+
+def sampled_records(
+    time: Floats, samples: Floats, excitation_hz: float, last: float | None = None, periods: int | None = None
+) -> list[SampledRecord]:  # fmt: skip
+    """The last part of records of samples, of which there are spectra.
+
+    Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
+    "other".
+
+    Parameters
+    ----------
+    time : (n,) s, equally spaced.
+    samples : (K, n) the signals, in their units.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    last, periods : which part, see `analysed_duration`.
+
+    Raises
+    ------
+    ValueError
+        When the records are empty or of another length than the time.
+    """
+    time, samples = np.asarray(time, dtype=float), np.asarray(samples, dtype=float)
+    if samples.ndim != 2 or time.shape != samples.shape[1:] or not time.size:
+        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {samples.shape}")
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    length = _samples_analysed(time.size, rate, excitation_hz, last, periods)
+    return [SampledRecord(time[-length:], x[-length:], rate) for x in samples]
+
+
+def _samples_analysed(
+    available: int, rate: float, excitation_hz: float, last: float | None, periods: int | None
+) -> int:  # fmt: skip
+    duration = analysed_duration(available / rate, excitation_hz, last, periods)
+    length = min(max(round(rate * duration), 1), available)
+    forced = np.isfinite(excitation_hz) and excitation_hz > 0
+    if length < available or last is not None or not forced or available == 1:
+        return length
+    # A record sampled at both of its ends holds one sample more than its periods do.
+    in_periods = excitation_hz / rate
+    return min((available - 1, available), key=lambda n: abs(n * in_periods - round(n * in_periods)))
+
+
+def analysed_duration(available: float, excitation_hz: float, last: float | None, periods: int | None) -> float:
+    """Length, s, of the part at the end of a motion that is analysed.
+
+    Parameters
+    ----------
+    available : s, length of the whole.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    last : s, that is asked for; by default the whole.
+    periods : of the excitation that are asked for instead.
+    """
+    if last is not None:
+        return min(last, available)
+    if periods is not None and np.isfinite(excitation_hz) and excitation_hz > 0:
+        whole = min(periods, int(available * excitation_hz * (1 + 1e-12)))
+        if whole >= 1:
+            return min(available, whole / excitation_hz)
+    return available
+
+
+def amplitude_db(amplitude: Floats, peak: float) -> Floats:
+    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
+    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
+    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
+    return level
 
 
 def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:

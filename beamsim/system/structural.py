@@ -280,6 +280,12 @@ class StructuralSystem:
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
         return (*(snubber.name for snubber in self.snubbers), *names)
 
+    @property
+    def friction_contacts(self) -> Ints:
+        """(f,) numbers of the friction contacts among all contacts, in the order of the scenario."""
+        of_springs = [spring.kind for spring in self.springs if spring.law is not None]
+        return len(self.snubbers) + np.flatnonzero(np.array(of_springs) == FRICTION)
+
 
 def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     channels = []

@@ -30,10 +30,10 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
-from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
+from beamsim.analyses.run.shock_response import shock_response
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of, resting
 from beamsim.analyses.run.summary import (
     STATIC_ENTRIES,
@@ -53,6 +53,7 @@ from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, e
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.signals.filters import FilteredMotion, filtered
 from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet

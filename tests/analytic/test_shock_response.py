@@ -5,12 +5,13 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 import beamsim
-from beamsim.analyses.run.filters import geomspaced, longest_panel, shock_response, shock_spectra, smooth_intervals
+from beamsim.analyses.run.shock_response import shock_response
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
+from beamsim.signals.filters import geomspaced, longest_panel, shock_spectra, smooth_intervals
 from beamsim.store.export import export_result
 from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system

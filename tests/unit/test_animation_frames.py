@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.animation import FRAMES, frames_of_run
+from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.animation import scene_of
 from beamsim.plots.bodies import stops_of
 from beamsim.plots.sketch import Sketch
+from beamsim.responses.frames import FRAMES
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Stations
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.run.filters import FilteredPanels
+from beamsim.signals.filters import FilteredPanels
 
 pytestmark = pytest.mark.quick
 

@@ -23,9 +23,7 @@ from beamsim.analyses.compare.result import (
     channel_datasets,
     outcome_of_comparison,
 )
-from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.run.spectra import amplitude_db, sampled_records
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.channels import channel_named, demand_amplitudes, holds_name, read_signals, unusable
@@ -35,10 +33,11 @@ from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
-from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
+from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
+from beamsim.signals.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
 from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple, settled_from
-from beamsim.signals.records import Window
+from beamsim.signals.records import Window, amplitude_db, sampled_records
 from beamsim.typing import Floats
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
@@ -291,7 +290,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
                 f"{mean:.6g} s)",
                 "resample it, or export it without gaps",
             )
-        (record,) = sampled_records(signal.x, np.asarray(signal.y, dtype=float)[None], SpectrumSettings(), excitation)
+        (record,) = sampled_records(signal.x, np.asarray(signal.y, dtype=float)[None], excitation)
         amplitude, peak = np.abs(record.amplitudes(Window.named("hann"))), record.levels().peak
         frequency = np.arange(amplitude.size) / record.duration
     return ComparedSpectrum(frequency, amplitude, amplitude_db(amplitude, peak))

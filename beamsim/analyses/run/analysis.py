@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import numpy as np
 
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
-from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.histories import (
     aliased_in_histories,
     bodies_of_run,
@@ -34,6 +33,7 @@ from beamsim.analyses.run.motion import (
     steps_in_time,
 )
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.shock_response import matched_spectrum, shock_response
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import figures_of_parts, summary_of_run, values_of_motion
@@ -57,6 +57,7 @@ from beamsim.scenario.excitation import Harmonic, MatchedInput
 from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import OrbitStart, Reduction, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
 from beamsim.system.parts import Acting, SharedBuilds
 from beamsim.system.structural import StructuralSystem

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
+from beamsim.analyses.run.impacts import sliding_figures
 from beamsim.analyses.run.layouts import BODIES, CONTACT, FRICTION_INTERVALS, HISTORIES
 from beamsim.analyses.run.motion import Evaluation, LargestContact, RunMotion
 from beamsim.analyses.run.spectra import spectral
@@ -167,7 +167,7 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """What friction contacts are and do; ``sliding`` is what is known of it, see `_sliding`."""
     system = motion.system
-    contacts, number = [each.item for each in system.scenario.listed("friction")], friction_contacts(system)
+    contacts, number = [each.item for each in system.scenario.listed("friction")], system.friction_contacts
     slides = [of.get("slides") for of in sliding]
     return {
         "friction": [c.name for c in contacts],

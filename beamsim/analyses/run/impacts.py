@@ -25,7 +25,6 @@ from beamsim.analyses.run.layouts import IMPACT_STATISTICS, IMPACTS, OF_SNUBBERS
 from beamsim.analyses.run.observers import ChunkObserver
 from beamsim.contacts.laws import PRESSING
 from beamsim.contacts.sliders import STICK
-from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.labelled import Dataset
@@ -425,12 +424,6 @@ def jackknife(blocks: Sums, figures: Mapping[str, Callable[[Sums], Floats]]) -> 
     return tuple(rows)
 
 
-def friction_contacts(system: StructuralSystem) -> Ints:
-    """(f,) numbers of the friction contacts among all contacts, in the order of the scenario."""
-    of_springs = [spring.kind for spring in system.springs if spring.law is not None]
-    return len(system.snubbers) + np.flatnonzero(np.array(of_springs) == FRICTION)
-
-
 def sliding_figures(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
@@ -499,7 +492,7 @@ def _sliding(
 ) -> dict[str, Floats]:
     """Sums until some times, (nt, f) each: time of sliding, s, distance, m, wear as normal force times distance, J,
     energy lost, J, and slides."""
-    flow, which = trajectory.flow, friction_contacts(system)
+    flow, which = trajectory.flow, system.friction_contacts
     every = trajectory.phases
     phases = every[:, which]
 

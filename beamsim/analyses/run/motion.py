@@ -14,8 +14,7 @@ from typing import NamedTuple, Self, TypeVar
 import numpy as np
 
 from beamsim.analyses.run.fatigue import PlateStress, StressObserver
-from beamsim.analyses.run.filters import LowPassed, filtered
-from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
+from beamsim.analyses.run.impacts import ImpactObserver
 from beamsim.analyses.run.layouts import EVENTS
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import channel_extrema, outputs_of
@@ -29,7 +28,7 @@ from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
-from beamsim.responses.histories import Histories, HistoryRecorder, reached, samples_until
+from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, reached, samples_until
 from beamsim.results.values import (
     ACCELERATION,
     ALWAYS_THERE,
@@ -48,6 +47,7 @@ from beamsim.results.values import (
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
+from beamsim.signals.filters import filtered
 from beamsim.structures.places import COMPONENTS
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
@@ -216,7 +216,7 @@ class RunMotion:
     @property
     def breakpoints(self) -> int:
         """Number of breakpoints of piecewise-linear springs that are passed, the start left out."""
-        rubbing = np.isin(self.marched.event_contact, friction_contacts(self.system))
+        rubbing = np.isin(self.marched.event_contact, self.system.friction_contacts)
         of_spring = (self.marched.event_contact >= len(self.system.snubbers)) & ~rubbing
         return int(np.sum(of_spring & (self.marched.event_time > 0)))
 
@@ -309,7 +309,7 @@ def _too_long_histories(samples: int, columns: int, needed: int, memory: float) 
 
 def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
     """Refuse what needs the whole motion, which does not fit into the memory."""
-    needed = {"run.srs": settings.srs is not None, "friction": friction_contacts(system).size > 0}
+    needed = {"run.srs": settings.srs is not None, "friction": system.friction_contacts.size > 0}
     problems = [
         Problem(
             name,

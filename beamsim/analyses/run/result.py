@@ -220,6 +220,14 @@ class RunResult(Result):
         spectra = self.datasets.get("spectra")
         return math.nan if spectra is None else float(spectra["excitation_hz"].item())
 
+    @property
+    def root_mean_squares(self) -> dict[str, dict[str, float]]:
+        """Those of the responses to a stationary random input, by entry (see `beamsim.results.values`) and name."""
+        entries: dict[str, dict[str, float]] = {}
+        for row in self["random"].rows("signal")[1:] if "random" in self.datasets else ():
+            entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
+        return entries
+
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
         if entry.name == "inputs" and keys == ("rms",):

@@ -23,11 +23,13 @@ from beamsim.signals.records import (
     Levels,
     MotionRecord,
     Remainder,
-    SampledRecord,
     SpectrumRecord,
     Window,
+    amplitude_db,
+    analysed_duration,
     parabola_top,
     refined,
+    sampled_records,
 )
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
@@ -40,7 +42,6 @@ FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies besi
 FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 LASTING = 0.8  # the same after a shock, from which on the motion lasts, as stick and slip on a belt that was started
-FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 # The rule for a line, see `lines_of`.
 WORTH_LISTING = 1e-3  # of the largest line: 60 dB
 _OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
@@ -114,7 +115,7 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
         histories = not_none(motion.histories)
         samples = np.hstack([histories.of(key) for key in channels.places]).T
         return spectra_of_samples(histories.time, samples, labels, settings, excitation_hz, figures)
-    begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
+    begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
@@ -130,7 +131,8 @@ def spectra_of_samples(
 
     Parameters
     ----------
-    time, samples, settings, excitation_hz : as of `sampled_records`; a Hann window if the settings name none.
+    time, samples, excitation_hz : as of `sampled_records`.
+    settings : which part; a Hann window if they name none.
     labels : (K,) of the signals.
     figures : as of `spectra_of`.
 
@@ -138,37 +140,9 @@ def spectra_of_samples(
     -------
     `SPECTRA`.
     """
-    records = sampled_records(time, samples, settings, excitation_hz)
+    records = sampled_records(time, samples, excitation_hz, settings.last, settings.periods)
     windows = [settings.window or "hann"] * len(records)
     return _spectra(labels, records, windows, excitation_hz, figures, (), settings.frequencies, records[0].rate)
-
-
-def sampled_records(
-    time: Floats, samples: Floats, settings: SpectrumSettings, excitation_hz: float
-) -> list[SampledRecord]:  # fmt: skip
-    """The last part of records of samples, of which there are spectra.
-
-    Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
-    "other".
-
-    Parameters
-    ----------
-    time : (n,) s, equally spaced.
-    samples : (K, n) the signals, in their units.
-    settings : which part.
-    excitation_hz : Hz, nan where there is no single excitation frequency.
-
-    Raises
-    ------
-    ValueError
-        When the records are empty or of another length than the time.
-    """
-    time, samples = np.asarray(time, dtype=float), np.asarray(samples, dtype=float)
-    if samples.ndim != 2 or time.shape != samples.shape[1:] or not time.size:
-        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {samples.shape}")
-    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-    length = _samples_analysed(time.size, rate, settings, excitation_hz)
-    return [SampledRecord(time[-length:], x[-length:], rate) for x in samples]
 
 
 def _spectra(
@@ -270,7 +244,8 @@ def coverage_notes(motion: RunMotion) -> list[str]:
     system, trajectory = motion.system, motion.trajectory
     if trajectory is None or trajectory.end <= 0.0:
         return _aliasing_notes(motion)
-    duration = _duration(not_none(system.scenario.run).spectrum, trajectory.end, system.excitation_frequency_hz)
+    settings = not_none(system.scenario.run).spectrum
+    duration = analysed_duration(trajectory.end, system.excitation_frequency_hz, settings.last, settings.periods)
     shown, highest = MOST_FREQUENCIES / duration, _highest_kept(system)
     if shown >= highest or _highest_shown(system, trajectory, duration) < shown or not spectral(system).channels:
         return []
@@ -322,17 +297,6 @@ def records_of(
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
 
 
-def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:
-    """Length of the part at the end of the run that is analysed, s."""
-    if settings.last is not None:
-        return min(settings.last, available)
-    if settings.periods is not None and np.isfinite(excitation_hz) and excitation_hz > 0:
-        whole = min(settings.periods, int(available * excitation_hz * (1 + 1e-12)))
-        if whole >= 1:
-            return min(available, whole / excitation_hz)
-    return available
-
-
 def _highest_shown(system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
     """Frequency, Hz, at which the spectra of a part of a motion, s, end: where the motion has a meaning, or as asked.
 
@@ -362,23 +326,6 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
         if last < (LASTING if shock else DECAYED) * first:
             return "decaying"
     return "hann"
-
-
-def _samples_analysed(available: int, rate: float, settings: SpectrumSettings, excitation_hz: float) -> int:
-    length = min(max(round(rate * _duration(settings, available / rate, excitation_hz)), 1), available)
-    forced = np.isfinite(excitation_hz) and excitation_hz > 0
-    if length < available or settings.last is not None or not forced or available == 1:
-        return length
-    # A record sampled at both of its ends holds one sample more than its periods do.
-    periods = excitation_hz / rate
-    return min((available - 1, available), key=lambda n: abs(n * periods - round(n * periods)))
-
-
-def amplitude_db(amplitude: Floats, peak: float) -> Floats:
-    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
-    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
-    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
-    return level
 
 
 class Line(NamedTuple):

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import RunMotion, largest_contact, with_limit
 from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
-from beamsim.responses.histories import Histories
+from beamsim.responses.histories import Histories, LowPassed
 from beamsim.responses.stepped_channels import SteppedChannels
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
 from beamsim.scenario.run import Run
+from beamsim.signals.filters import PANELS_A_PERIOD
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none

@@ -196,14 +196,6 @@ def linear_summary(random: Dataset) -> dict[str, dict[str, float]]:
     }  # fmt: skip
 
 
-def root_mean_squares(random: Dataset) -> dict[str, dict[str, float]]:
-    """Those of the responses, by entry (see `beamsim.results.values`) and name."""
-    entries: dict[str, dict[str, float]] = {}
-    for row in random.rows("signal")[1:]:
-        entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
-    return entries
-
-
 def psd_over_limit(random: Dataset) -> dict[str, tuple[float, float]]:
     """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
     if "limit" not in random:
@@ -262,7 +254,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
     rms = {
         "rms_displacement": summary["rms_displacement_m"],
         "rms_absolute_acceleration": {at: x * STANDARD_GRAVITY for at, x in summary["rms_acceleration_g"].items()},
-    } | ({} if random is None else root_mean_squares(random))
+    } | result.root_mean_squares
     known = {entry: of for entry, of in ratios.items() if of}
     compared = margins(result.scenario.limits, {**summary, **rms, **known})
     for name, item in compared.items():

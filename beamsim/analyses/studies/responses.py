@@ -10,7 +10,6 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.run.summary import root_mean_squares
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_in, limited
 from beamsim.scenario import Scenario
@@ -101,8 +100,7 @@ def place_of(name: str) -> str:
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
     """All responses of a case that was computed as a whole."""
     if isinstance(result, RunResult):
-        random = result.datasets.get("random")
-        return run_responses(result.summary | ({} if random is None else root_mean_squares(random)))
+        return run_responses(result.summary | result.root_mean_squares)
     modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
     of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
     opened, closed = (modes[f"{state}_frequencies_hz"].values.tolist() for state in ("open", "closed"))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.analyses.run.animation import CYCLES_SHOWN, Frames, between_frames, frames_at, paced_by_contact
 from beamsim.analyses.sweep.analysis import sweep_settings, swept_scenario
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -16,6 +15,7 @@ from beamsim.analyses.sweep.stepped import loads_at, steady_at, stepper_of, step
 from beamsim.analyses.sweep.swept_sine import swept_march
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Progress, tell
+from beamsim.responses.frames import CYCLES_SHOWN, Frames, between_frames, frames_at, paced_by_contact
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.layouts import CYCLES, FOLLOWED, HISTORIES, LEVELS
 from beamsim.analyses.sweep.peaks import changing
@@ -105,7 +104,7 @@ class SweepLevel:
 
     def rows(self, template: ExactFlow) -> RowsOf:
         """All columns by the phases of the contacts, written for a flow."""
-        count, rubbing = len(self.system.snubbers), friction_contacts(self.system)
+        count, rubbing = len(self.system.snubbers), self.system.friction_contacts
         channels = outputs_of(template, self.channels.linear)
         if not self.settings.impacts:
             return channels
@@ -121,7 +120,7 @@ class SweepLevel:
         """Columns of impacts, sliding speeds and wear, which come after those of the channels in `rows`."""
         contacts, first = self.system.dynamics.contacts, self.channels.order.size
         impacts = len(self.system.snubbers) + loss_owner(contacts).size
-        sizes = [impacts, friction_contacts(self.system).size, 2 * _rubbing(contacts).size]
+        sizes = [impacts, self.system.friction_contacts.size, 2 * _rubbing(contacts).size]
         return tuple(np.split(first + np.arange(sum(sizes)), np.cumsum(sizes)[:-1]))
 
     @property
@@ -278,7 +277,7 @@ class SweepLevel:
         Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
         begins; of a force that falls with the speed what is lost is the mean of both.
         """
-        which, contacts = friction_contacts(self.system), self.system.dynamics.contacts
+        which, contacts = self.system.friction_contacts, self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
         _, columns, _ = self._beyond
         period, wear = record.duration / record.cycles, self._mean_products(record)

@@ -19,35 +19,18 @@ certified as those of the motion are. Motions with powers of time are led throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from copy import copy as copied
-from copy import deepcopy
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from beamsim.analyses.run.layouts import MATCHED, SRS
-from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.extrema import Sums, search_extrema
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs.measured import limit_curve, on_curve, target_curve
-from beamsim.inputs.signal import Signal as Pieces
-from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
-from beamsim.responses.histories import Histories, reached
-from beamsim.results.values import ACCELERATION, outer
-from beamsim.scenario.base import Path
-from beamsim.scenario.body import MovedSupport
-from beamsim.scenario.excitation import MatchedInput
-from beamsim.structures.places import UPWARDS, Link
-from beamsim.structures.support_forces import supports_of
 from beamsim.system.equations import RowsOf
-from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats, Ints, not_none
+from beamsim.typing import Complexes, Floats, Ints
 
 NODES = 8
 LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is then below 1e-10
@@ -343,38 +326,6 @@ def longest_panel(fastest: float | Floats, rate: float) -> Floats:
         return np.minimum(LONGEST_TURN / np.asarray(fastest, dtype=float), 1.0 / rate)
 
 
-class LowPassed:
-    """Accelerations behind the low-pass filter at all output times, led through it part by part.
-
-    Parameters
-    ----------
-    frequency_hz : of the filter.
-    times : (nt,) s, all output times.
-    probes : number of accelerations.
-    """
-
-    def __init__(self, frequency_hz: float, times: Floats, probes: int) -> None:
-        self.frequency_hz, self.filter = frequency_hz, LinearFilter(*butterworth(frequency_hz), probes)
-        self._times, self._begin, self._reached = times, 0.0, 0
-        self.values = np.zeros((times.size, probes))  # zero where it did not come
-        self.extremes: Floats | None = None  # (4, probes) lowest, its time, highest, its time
-
-    def copy(self) -> LowPassed:
-        """A copy that goes on by itself; both write the values that follow to the same array."""
-        copy = copied(self)
-        copy.filter = deepcopy(self.filter)
-        return copy
-
-    def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
-        """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""
-        upto = max(reached(end, self._times).size, self._reached)
-        times = np.minimum(self._times[self._reached : upto], end)
-        motion = behind(times)
-        self.values[self._reached : upto] = motion.at(times)
-        self.extremes = outer(self.extremes, np.array(motion.extremes(self._begin, end)))
-        self._begin, self._reached = end, upto
-
-
 @dataclass(frozen=True)
 class FilteredPanels:
     """Known by values and slopes at the ends of panels; a cubic in between."""
@@ -575,109 +526,6 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
         after_low, after_high = _free_peaks(oscillator.poles[0], oscillator.residues[0] * oscillator.state[0])
         peaks[:, :, i] = np.column_stack([high, -low, after_high, -after_low])
     return peaks
-
-
-def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> Dataset:
-    """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
-
-    Parameters
-    ----------
-    system : of the run, with ``run.srs``; its probes, and the limits of the spectra.
-    motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
-
-    Returns
-    -------
-    Dataset
-        `SRS`: the base's spectrum first, then those of supports.
-
-    Raises
-    ------
-    ScenarioError
-        If the motion is too fast against its duration, see `shock_spectra`.
-    """
-    from scipy.interpolate import CubicSpline
-
-    settings = not_none(not_none(system.scenario.run).srs)
-    along = geomspaced(settings.from_, settings.to, settings.per_octave)
-    names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
-    if isinstance(motion, Trajectory):
-        times, fastest = smooth_intervals(motion)
-        accelerations = outputs_of(motion.flow, system.channels.of_keys(ACCELERATION).linear)
-        responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
-    else:
-        times, fastest = motion.time, np.zeros(motion.time.size - 1)
-        responses = CubicSpline(times, motion.of(ACCELERATION))
-    for count, (name, signals) in enumerate(_driven(system)):
-        end = max(_end(signal, float(times[-1])) for _, signal in signals)
-        until, summed = np.append(times[times < end], end), partial(_summed, signals)
-        names.insert(count, name)
-        peaks.append(shock_spectra(along, settings.quality, until, summed, fastest[: until.size - 1]))
-    peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
-    high, low, after_high, after_low = np.moveaxis(np.concatenate(peaks), 1, 0)
-    primary, residual = np.maximum(high, low), np.maximum(after_high, after_low)
-    limits = [limit_curve(system.scenario, "srs", name, "acceleration", along) for name, _ in names]
-    none = np.full(along.size, np.nan)
-    return SRS.dataset(
-        {
-            "quality": settings.quality,
-            "frequency_hz": along,
-            "signal": [f"{name} {quantity}" for name, quantity in names],
-            "name": [name for name, _ in names],
-            "maximax": np.maximum(primary, residual),
-            "primary": primary,
-            "residual": residual,
-            "positive": np.maximum(high, after_high),
-            "negative": np.maximum(low, after_low),
-            "limit": None if all(x is None for x in limits) else np.array([none if x is None else x for x in limits]),
-        }
-    )
-
-
-def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
-    """(nt, 1) sum of signals with their factors at times."""
-    return np.asarray(sum(factor * signal(at) for factor, signal in signals))[:, None]
-
-
-def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
-    """What the excitation moves along a line, the base first: name and quantity, and accelerations with their factors.
-
-    A support moves with the base and against it.
-    """
-    of_base, parts = system.base_acceleration, system.parts
-    if of_base is not None:
-        yield ("input", "acceleration"), [(1.0, of_base)]
-    supports = supports_of(parts.structure, parts.base or UPWARDS)
-    levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
-    moving: dict[str, list[tuple[float, Pieces]]] = {}
-    for moved in parts.moved:
-        support, own = moved.support, system.forcing.signal[parts.acting.signals[moved.path, "acceleration"]]
-        at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
-        if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
-            with_base = [(lever, of_base)] if of_base is not None and lever else []
-            moving.setdefault(at.label, with_base).append((1.0, own))
-    yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
-
-
-def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> Dataset:
-    """The spectrum of a base motion that was made for one, whose input stands at a path of the scenario.
-
-    It is that of the motion in closed form, twelve points an octave and at the points of the curve.
-    """
-    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
-    frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
-    base = not_none(system.base_acceleration)
-    peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
-    target, reached = on_curve(frequency, at, value), peaks[0].max(axis=0)
-    misfit = 20.0 * np.log10(reached / target)
-    known = {"target": target, "reached": reached, "misfit_db": misfit}
-    return MATCHED.dataset({"quality": excitation.quality, "frequency_hz": frequency, **known})
-
-
-def _end(signal: Callable[[Floats], Floats], end: float) -> float:
-    """When the record of a motion ends: with its pulse, at the latest with the run."""
-    if isinstance(signal, Pieces) and not signal.coefficient[-1].any() and signal.start[-1] > 0.0:
-        return min(float(signal.start[-1]), end)
-    return end
 
 
 def _oscillator(frequency_hz: float, quality: float) -> tuple[Complexes, Complexes]:

@@ -1,0 +1,129 @@
+"""Shock response spectra of a run: of what it moves, of its probes, and of a base motion that was made for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from beamsim.analyses.run.layouts import MATCHED, SRS
+from beamsim.analyses.run.result import MAIN_QUANTITY
+from beamsim.flow.channels import outputs_of
+from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.measured import limit_curve, on_curve, target_curve
+from beamsim.inputs.signal import Signal as Pieces
+from beamsim.labelled import Dataset
+from beamsim.responses.histories import Histories
+from beamsim.results.values import ACCELERATION
+from beamsim.scenario.base import Path
+from beamsim.scenario.body import MovedSupport
+from beamsim.scenario.excitation import MatchedInput
+from beamsim.signals.filters import Signal, geomspaced, shock_spectra, smooth_intervals
+from beamsim.structures.places import UPWARDS, Link
+from beamsim.structures.support_forces import supports_of
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, not_none
+
+
+def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> Dataset:
+    """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
+
+    Parameters
+    ----------
+    system : of the run, with ``run.srs``; its probes, and the limits of the spectra.
+    motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
+
+    Returns
+    -------
+    Dataset
+        `SRS`: the base's spectrum first, then those of supports.
+
+    Raises
+    ------
+    ScenarioError
+        If the motion is too fast against its duration, see `shock_spectra`.
+    """
+    from scipy.interpolate import CubicSpline
+
+    settings = not_none(not_none(system.scenario.run).srs)
+    along = geomspaced(settings.from_, settings.to, settings.per_octave)
+    names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
+    if isinstance(motion, Trajectory):
+        times, fastest = smooth_intervals(motion)
+        accelerations = outputs_of(motion.flow, system.channels.of_keys(ACCELERATION).linear)
+        responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
+    else:
+        times, fastest = motion.time, np.zeros(motion.time.size - 1)
+        responses = CubicSpline(times, motion.of(ACCELERATION))
+    for count, (name, signals) in enumerate(_driven(system)):
+        end = max(_end(signal, float(times[-1])) for _, signal in signals)
+        until, summed = np.append(times[times < end], end), partial(_summed, signals)
+        names.insert(count, name)
+        peaks.append(shock_spectra(along, settings.quality, until, summed, fastest[: until.size - 1]))
+    peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
+    high, low, after_high, after_low = np.moveaxis(np.concatenate(peaks), 1, 0)
+    primary, residual = np.maximum(high, low), np.maximum(after_high, after_low)
+    limits = [limit_curve(system.scenario, "srs", name, "acceleration", along) for name, _ in names]
+    none = np.full(along.size, np.nan)
+    return SRS.dataset(
+        {
+            "quality": settings.quality,
+            "frequency_hz": along,
+            "signal": [f"{name} {quantity}" for name, quantity in names],
+            "name": [name for name, _ in names],
+            "maximax": np.maximum(primary, residual),
+            "primary": primary,
+            "residual": residual,
+            "positive": np.maximum(high, after_high),
+            "negative": np.maximum(low, after_low),
+            "limit": None if all(x is None for x in limits) else np.array([none if x is None else x for x in limits]),
+        }
+    )
+
+
+def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
+    """(nt, 1) sum of signals with their factors at times."""
+    return np.asarray(sum(factor * signal(at) for factor, signal in signals))[:, None]
+
+
+def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
+    """What the excitation moves along a line, the base first: name and quantity, and accelerations with their factors.
+
+    A support moves with the base and against it.
+    """
+    of_base, parts = system.base_acceleration, system.parts
+    if of_base is not None:
+        yield ("input", "acceleration"), [(1.0, of_base)]
+    supports = supports_of(parts.structure, parts.base or UPWARDS)
+    levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
+    moving: dict[str, list[tuple[float, Pieces]]] = {}
+    for moved in parts.moved:
+        support, own = moved.support, system.forcing.signal[parts.acting.signals[moved.path, "acceleration"]]
+        at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
+        if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
+            with_base = [(lever, of_base)] if of_base is not None and lever else []
+            moving.setdefault(at.label, with_base).append((1.0, own))
+    yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
+
+
+def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> Dataset:
+    """The spectrum of a base motion that was made for one, whose input stands at a path of the scenario.
+
+    It is that of the motion in closed form, twelve points an octave and at the points of the curve.
+    """
+    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
+    frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
+    base = not_none(system.base_acceleration)
+    peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
+    target, reached = on_curve(frequency, at, value), peaks[0].max(axis=0)
+    misfit = 20.0 * np.log10(reached / target)
+    known = {"target": target, "reached": reached, "misfit_db": misfit}
+    return MATCHED.dataset({"quality": excitation.quality, "frequency_hz": frequency, **known})
+
+
+def _end(signal: Callable[[Floats], Floats], end: float) -> float:
+    """When the record of a motion ends: with its pulse, at the latest with the run."""
+    if isinstance(signal, Pieces) and not signal.coefficient[-1].any() and signal.start[-1] > 0.0:
+        return min(float(signal.start[-1]), end)
+    return end
