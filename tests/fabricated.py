@@ -12,8 +12,8 @@ from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import Label, spectra_of_samples
 from beamsim.analyses.run.summary import spectral_lines
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.cases import CaseOutcome
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import judged
 from beamsim.scenario.body import Located

@@ -232,7 +232,7 @@ def nnm(
 @partial(command, file=Case, options=COMPUTING)
 def identify_stiffness(given: Given) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
-    from beamsim.cli.comparisons import identify
+    from beamsim.cli.identification import identify
 
     identify(given)
 

@@ -1,4 +1,4 @@
-"""The commands that compare with measurements: ``identify-stiffness``, ``compare`` and ``compare-modes``."""
+"""The commands that compare with measurements: ``compare`` and ``compare-modes``."""
 
 from __future__ import annotations
 
@@ -13,32 +13,17 @@ from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_chann
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
-from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.cli.conclusion import concluded, prepared
+from beamsim.cli.conclusion import concluded
 from beamsim.cli.session import Given
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
-from beamsim.measurements.channels import history_named, read_tests
+from beamsim.measurements.channels import history_named
 from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.validation_errors import describe
 from beamsim.store.results import kind_of, stored_result
-
-
-def identify(given: Given) -> None:
-    """Find stiffness and damping of stops from tests."""
-    scenario, target = prepared("identify-stiffness", given)
-    settings = scenario.identify_stiffness
-    has_tests = settings is not None and settings.nonlinear is not None
-    concluded(
-        "identify-stiffness", target, given,
-        lambda progress, stop: identify_stiffness(
-            scenario, read_tests(scenario, given.case.parent) if has_tests else (), progress, stop
-        ),
-        f"identifying {given.case.name}",
-    )  # fmt: skip
 
 
 def compare_signals(

@@ -11,10 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
-from beamsim.results.result import Result
+from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limit_label, limit_unit
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of

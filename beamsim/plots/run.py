@@ -12,7 +12,6 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import (
-    ALLOWED_CHANGE,
     RunResult,
     misfit_of_matched,
 )
@@ -40,6 +39,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
+from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.summaries import place_in_words

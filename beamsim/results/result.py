@@ -105,6 +105,7 @@ CONVERGENCE = (
              "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
              "processor time, and why there is no comparison", "convergence", form=FINER_MODEL),
 )  # fmt: skip
+ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
 """Last in the table; its row says what the solver did."""
 

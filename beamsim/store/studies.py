@@ -18,10 +18,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.plan import StudyPlan, check_cases, plan_draws
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.summary import result_of
+from beamsim.cases import CaseOutcome
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome

@@ -18,13 +18,12 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.run.stepped_motion import relative_tolerance
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.outcomes import Outcome, OutcomeKind, listed
-from beamsim.results.result import Result
+from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limited
 from beamsim.scenario import Scenario
 from beamsim.summaries import figure_in_words

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion, output_times, steps_in_time
-from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import values_of_motion
 from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, never
+from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.build import build_system
 from beamsim.trust.convergence import ContactEvents, divergence, places

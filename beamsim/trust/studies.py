@@ -19,17 +19,17 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.studies.cases import CaseOutcome, Ended, Evaluator, failed_case, unsettled
 from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
-from beamsim.analyses.studies.plan import Case, Study, StudyPlan, check_cases, design, plan_designs
+from beamsim.analyses.studies.plan import Study, StudyPlan, check_cases, design, plan_designs
 from beamsim.analyses.studies.reliability import Exceedance, asked, concluded
 from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
 from beamsim.analyses.studies.result import StudyResult
-from beamsim.analyses.studies.search import search
+from beamsim.analyses.studies.search import search, unsettled
 from beamsim.analyses.studies.summary import result_of
 from beamsim.analyses.studies.table import worth_comparing
 from beamsim.analyses.sweep.result import SweepResult
+from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.labelled import Dataset, LabelledArray
 from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, tell

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
+from beamsim.analyses.run.result import STATISTICS
 from beamsim.cli.tables import table_rows
 from beamsim.plots.run import DOUBTFUL_LINES
+from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.scenario import load_scenario
 from tests.helpers.spectra import lines_of, spectrum_of
 

@@ -6,10 +6,10 @@ from itertools import count
 import pytest
 
 import beamsim
-from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.sweep.analysis import sweep as unchecked
 from beamsim.cli.tables import table_rows
 from beamsim.outcomes import asked_by
+from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.scenario import load_scenario
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}

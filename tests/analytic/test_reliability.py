@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import norm
 
 from beamsim.analyses.studies import sampling
-from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.cases import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import load_scenario

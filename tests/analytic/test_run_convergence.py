@@ -9,11 +9,11 @@ from scipy.signal import butter, lsim, zpk2tf
 
 import beamsim
 from beamsim.analyses.run import filters
-from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.tables import all_rows, table_rows
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeKind, exit_code
+from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.scenario import load_scenario
 from beamsim.signals.filters import FilteredPanels, FilteredSegments, filtered
 from beamsim.system.build import build_system
@@ -133,7 +133,8 @@ def test_off_and_studies():
     unchecked = beamsim.run(harmonic_beam(run={"convergence": "off"}))
     assert unchecked.summary["convergence"] == {}
     assert any(text.split() == ["reason", "not", "asked", "for"] for _, text in table_rows(unchecked))
-    from beamsim.analyses.studies.plan import Case, plan_designs
+    from beamsim.analyses.studies.plan import plan_designs
+    from beamsim.cases import Case
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
     study, case = plan_designs(harmonic_beam(vary=vary)).study, Case(0, (1e5,))

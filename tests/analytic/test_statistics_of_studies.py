@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import beta, spearmanr
 
 import beamsim
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.plan import latin_hypercube, one_at_a_time, plan_designs
-from beamsim.analyses.studies.statistics import populations, probability, rank_correlations, statistics, swings
+from beamsim.analyses.studies.statistics import populations, rank_correlations, statistics, swings
 from beamsim.analyses.studies.summary import result_of
+from beamsim.cases import CaseOutcome, probability
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario

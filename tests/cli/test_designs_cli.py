@@ -230,8 +230,8 @@ def test_resume_of_a_complete_study_computes_nothing(here, monkeypatch):
 
 
 def test_beginning_anew_moves_the_journal_aside(here, monkeypatch):
-    from beamsim.analyses.studies.cases import CaseOutcome
     from beamsim.analyses.studies.plan import plan_designs
+    from beamsim.cases import CaseOutcome
     from beamsim.scenario import load_scenario
     from beamsim.store.studies import opened_journal
 

@@ -7,7 +7,8 @@ import pytest
 from places import BEAM, CASES, differences, resolved, text_of
 from shipped import PATHS, shipped
 
-from beamsim.analyses.studies.plan import Case, plan_designs, plan_draws
+from beamsim.analyses.studies.plan import plan_designs, plan_draws
+from beamsim.cases import Case
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.base import Schema, path_text

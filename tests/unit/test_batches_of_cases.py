@@ -5,8 +5,8 @@ from functools import partial
 import pytest
 
 import beamsim
-from beamsim.analyses.studies.cases import Evaluator, failed_case
 from beamsim.analyses.studies.plan import plan_draws
+from beamsim.cases import Evaluator, failed_case
 from beamsim.outcomes import asked_by
 from beamsim.parallel import Computation, working
 from beamsim.scenario import load_scenario

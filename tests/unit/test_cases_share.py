@@ -5,7 +5,8 @@ import itertools
 import pytest
 
 import beamsim
-from beamsim.analyses.studies.plan import Case, plan_draws
+from beamsim.analyses.studies.plan import plan_draws
+from beamsim.cases import Case
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import load_scenario
 from beamsim.scenario.units import STANDARD_GRAVITY

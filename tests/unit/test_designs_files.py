@@ -9,9 +9,9 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.plan import plan_designs, plan_draws
 from beamsim.analyses.studies.summary import result_of
+from beamsim.cases import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.outcomes import Outcome, OutcomeKind

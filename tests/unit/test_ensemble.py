@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.cases import CaseOutcome
 from beamsim.store.studies import journal_path, opened_journal
 from beamsim.trust.studies import CaseSolver
 

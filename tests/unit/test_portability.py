@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from beamsim import files
-from beamsim.analyses.studies.cases import CaseOutcome
+from beamsim.cases import CaseOutcome
 from beamsim.cli import prepare_streams
 from beamsim.cli.session import broken_pipe, discard_output, interruptible
 from beamsim.errors import ResultFileError

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.plan import plan_designs
 from beamsim.analyses.studies.summary import result_of
+from beamsim.cases import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario

@@ -19,11 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.coexisting.result import DISTURBANCES, MOTIONS, STARTS, CoexistingResult
-from beamsim.analyses.continuation.analysis import largest_values, response
-from beamsim.analyses.continuation.tables import MeasuredBranch, response_datasets
-from beamsim.analyses.studies.cases import CaseOutcome, Ended, Evaluator, failed_case
-from beamsim.analyses.studies.plan import Case
-from beamsim.analyses.studies.statistics import probability
+from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case, probability
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.periodic_flow import PeriodicFlow
@@ -35,6 +31,7 @@ from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, together
 from beamsim.parallel import Cluster, Computation, working
+from beamsim.responses.branches import MeasuredBranch, largest_values, response, response_datasets
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at

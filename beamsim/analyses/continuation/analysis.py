@@ -6,26 +6,22 @@ Swept and stepped sines are overlaid on them: computed with them, or taken from 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.folds import FollowedFolds, follow_folds
-from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
+from beamsim.analyses.continuation.folds import FollowedFolds, fold_datasets, follow_folds
 from beamsim.analyses.continuation.overlay import OverlayCurve, overlaid, overlay_datasets
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.continuation.tables import MeasuredBranch, fold_datasets, response_datasets
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
-from beamsim.orbits.harmonic_balance import truncation
-from beamsim.orbits.shooting import STABLE
 from beamsim.orbits.tracing import (
     COVERED,
     Budget,
@@ -50,23 +46,14 @@ from beamsim.outcomes import (
     interruption,
     part_of,
 )
+from beamsim.responses.branches import MeasuredBranch, largest_values, response, response_datasets
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
-from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
+from beamsim.responses.points import Wanted, cut, with_points_at
 from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
-from beamsim.results.values import (
-    DISPLACEMENT,
-    LIMITED,
-    OUTPUT,
-    Value,
-    largest_in,
-    limited,
-    margins_along,
-)  # fmt: skip
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine
-from beamsim.system.equations import ChannelSet
-from beamsim.typing import Floats, Ints, not_none, of_kind
+from beamsim.typing import Floats, not_none, of_kind
 
 NO_STABLE_MOTION = "no_stable_motion"
 SHARE_OF_BRANCHES = 0.8  # of the progress, where a sweep is overlaid
@@ -304,60 +291,6 @@ def _doubt(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
         )  # fmt: skip
 
 
-def response(model: ResponseModel, traced: OrbitBranch, level: float) -> MeasuredBranch:
-    """Peaks, harmonics, forces and stability along a branch.
-
-    Parameters
-    ----------
-    model : whose motions they are.
-    traced : the branch.
-    level : of the excitation.
-
-    Returns
-    -------
-    MeasuredBranch
-        With points at the maxima that are reported.
-    """
-    f, system, problem = model.followed, model.system, traced.problem
-    settings, limits = model.settings, model.scenario.limits
-    channels = measured(system, () if limits is None else limits.model_fields_set)
-    moved = None if f.moved is None else f.system
-    measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
-    traced, motions = with_maxima(
-        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels)
-    )
-    spectra = [problem.multipliers(point) for point in traced.points]
-    count = min((mu.size for mu in spectra), default=0)
-    multipliers = np.array([mu[:count] for mu in spectra])
-    by_balance = isinstance(settings.method, HarmonicBalance)
-    return MeasuredBranch(
-        traced,
-        motions,
-        level=float("nan") if f.kind == "level" else level,
-        period_multiple=problem.multiple,
-        multipliers=multipliers,
-        stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
-        neglected=np.array([truncation(problem, point) for point in traced.points]) if by_balance else None,
-    )
-
-
-def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
-    """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
-
-    def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
-        none, of = np.zeros(columns.size), not_none(value.of)
-        return lambda m: float(of(np.array([m.low[columns], none, m.high[columns], none])).max())
-
-    displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
-    maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
-    for name in () if limits is None else limits.given:
-        value, place = limited(name)
-        columns = [k for each, k in channels.located if value.takes(each) and place in ("", each.name)]
-        some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
-        maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
-    return maxima
-
-
 def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[FollowedFolds]) -> dict[str, Any]:
     branches, points = result.branches, result["points"]
     level, period = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
@@ -426,22 +359,6 @@ def _followed(result: ContinuationResult, branch: Dataset) -> dict[str, Any]:
         **({} if off is None else {"off_centre": off[0], "largest_mean_m": off[1]}),
         "ended": branch["status"].item(),
     }
-
-
-def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
-    """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
-    entries: dict[str, Any] = {}
-    found = list(largest_in([points], "parameter", "stable"))
-    for value, name, largest, parameter in found:
-        if value is OUTPUT:
-            entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
-        elif value.followed and value.key != DISPLACEMENT:
-            entries.setdefault(value.entry, {})[name] = largest / value.scale
-    if model.system.outputs:
-        entries["output_unit"] = {rows.name: rows.unit for rows in model.system.outputs}
-    limits, unit = model.scenario.limits, model.followed.unit
-    margins = margins_along(limits, ((value, name, size, f"{at:.4g} {unit}") for value, name, size, at in found))
-    return {**entries, "margins": margins}
 
 
 def _highest(branches: Sequence[Dataset]) -> list[tuple[Dataset, str, Floats, int]]:

@@ -12,15 +12,15 @@ Equilibria*, 2000).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.continuation.motion import Measurement
 from beamsim.flow.periodic_flow import ContactDirection, FlowMap, Frequency, Parameter, PeriodicFlow
+from beamsim.labelled import Dataset
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
@@ -28,6 +28,8 @@ from beamsim.orbits.special_points import lowest
 from beamsim.orbits.tracing import Budget, joined, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.responses.parameters import ResponseModel
+from beamsim.responses.periodic_motion import Measurement
+from beamsim.results.branch import FOLD_CURVES, FOLD_POINTS, endings, numbered, of_states
 from beamsim.results.values import DISPLACEMENT
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats, not_none
@@ -320,3 +322,41 @@ def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budge
             curve, start = begun
             halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, with_special=False))
     return halves
+
+
+def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict[str, Dataset]:
+    """The datasets of curves of folds and of their points, by name; none without any.
+
+    Parameters
+    ----------
+    model : with the second parameter.
+    curves : in order.
+    """
+    if not curves:
+        return {}
+    second, system = not_none(model.second), model.system
+    about = {
+        "fold_curve": np.arange(len(curves)),
+        "level": [curve.level for curve in curves],
+        "branch": [curve.branch for curve in curves],
+        "start_hz": [curve.start_hz for curve in curves],
+        "touching": [curve.touching for curve in curves],
+        "followed": second.kind,
+        "followed_snubber": second.snubber,
+        **endings(curve.outcome for curve in curves),
+    }
+    values = {
+        **numbered([curve.parameter.size for curve in curves], "fold_curve"),
+        **of_states(np.concatenate([curve.states for curve in curves]), system.dynamics.size),
+        **{
+            name: np.concatenate([getattr(curve, name) for curve in curves])
+            for name in ("frequency_hz", "parameter", "residual")
+        },
+        "probe": [probe.name for probe in system.probes],
+        "peak_displacement": np.concatenate([curve.peak for curve in curves]).T,
+    }
+    parameter = f"second parameter: {second.kind} {second.snubber}".strip()
+    return {
+        "fold_curves": FOLD_CURVES.dataset(about, level_unit=model.scenario.level_unit or "1"),
+        "fold_points": FOLD_POINTS.dataset(values, unit=second.unit, parameter=parameter),
+    }

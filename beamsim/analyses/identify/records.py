@@ -29,7 +29,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import ValidationError
 
-from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.layouts import ENDS, TESTS
 from beamsim.errors import InputFileError, rooted
@@ -50,6 +49,7 @@ from beamsim.orbits.continuation import BranchStep, Predictor, Settings, correct
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
 from beamsim.responses.loads import periodic_forcing
+from beamsim.responses.periodic_motion import Measurement
 from beamsim.responses.points import cut
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.nnm.layouts import HELD, HELD_SPECTRA, PHASE_RESONANCE, PREDICTED_LEVELS, RESONANCE_CURVES
 from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
 from beamsim.analyses.nnm.paths import alike
@@ -46,6 +45,7 @@ from beamsim.outcomes import (
 from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.responses.orbit_energies import unbalanced
+from beamsim.responses.periodic_motion import Measurement
 from beamsim.results.branch import endings, of_multipliers
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic

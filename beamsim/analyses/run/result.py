@@ -45,7 +45,6 @@ from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
 MAIN_QUANTITY = "absolute_acceleration"  # of probes
-ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _FREQUENCY = ("frequency_hz",)

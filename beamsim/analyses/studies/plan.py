@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.responses import begins_response, limited_response
+from beamsim.cases import Case
 from beamsim.errors import Problem, ScenarioError
 from beamsim.results.values import BY_NAME, parameter_label
 from beamsim.scenario import Scenario
@@ -106,16 +107,6 @@ class ParameterColumn(NamedTuple):
     def label(self) -> str:
         """The parameter in words: ``tip gap`` for ``snubbers.tip.gap``."""
         return parameter_label(self.path)
-
-
-@dataclass(frozen=True)
-class Case:
-    """One case of a study."""
-
-    number: int  # from 0
-    values: tuple[Value, ...]  # of each varied parameter
-    realisation: int = 0  # within the tolerances; 0 is the case itself
-    compared: bool = False  # whether its values are compared with those of a finer model
 
 
 @dataclass(frozen=True)

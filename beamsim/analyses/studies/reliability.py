@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.studies import sampling
-from beamsim.analyses.studies.cases import Ended, Evaluator
 from beamsim.analyses.studies.layouts import RANDOM_NUMBERS, ROUNDS
 from beamsim.analyses.studies.plan import StudyPlan, mixing
 from beamsim.analyses.studies.result import StudyResult
-from beamsim.analyses.studies.statistics import probability
 from beamsim.analyses.studies.table import costs
+from beamsim.cases import Ended, Evaluator, probability
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import reading
 from beamsim.labelled import Dataset

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.studies.cases import Evaluator, unsettled
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan, distributed
 from beamsim.analyses.studies.responses import means
 from beamsim.analyses.studies.table import costs
+from beamsim.cases import Evaluator
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario.studies import Optimise, Value
 from beamsim.typing import Floats, not_none
 
@@ -50,6 +50,14 @@ def search(plan: StudyPlan, evaluate: Evaluator) -> Outcome:
             )
     method = _front if len(objectives(plan.scenario)) > 1 else _best
     return method(_Designs(plan, evaluate), settings, plan.scenario.limits is not None)
+
+
+def unsettled(tried: int) -> Outcome:
+    """The outcome of a search that ended while better designs were still found."""
+    sentence = f"the search ended after {tried} designs while it still found better ones"
+    return Outcome.of(
+        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy="give more most_cases", tried=tried
+    )
 
 
 class _Designs:

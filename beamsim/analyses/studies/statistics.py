@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats
 
 PERCENTILES = (5, 50, 95)
 CHANCE = 0.05  # share of samples of one population in which two are seen, at most
@@ -57,15 +57,6 @@ def populations(values: Floats) -> list[Floats]:
         return [values]
     lower = values <= distinct[at]
     return [*populations(values[lower]), *populations(values[~lower])]
-
-
-def probability(met: Bools) -> dict[str, Any]:
-    """Share of the cases in which something holds, with the 95 % interval of its probability (Clopper and Pearson)."""
-    from scipy.stats import binomtest
-
-    test = binomtest(int(met.sum()), met.size)
-    interval = test.proportion_ci(0.95)
-    return {"share": test.statistic, "low": float(interval.low), "high": float(interval.high), "cases": met.size}
 
 
 def rank_correlations(values: Floats, numbers: Mapping[str, Floats]) -> dict[str, dict[str, float]]:

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.layouts import CASES, REALISATIONS, SOBOL
 from beamsim.analyses.studies.plan import StudyPlan, varied_seeds
 from beamsim.analyses.studies.responses import describe
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import (
-    probability,
     rank_correlations,
     sensitivities,
     statistics,
@@ -22,6 +20,7 @@ from beamsim.analyses.studies.statistics import (
     varies,
 )
 from beamsim.analyses.studies.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
+from beamsim.cases import CaseOutcome, probability
 from beamsim.labelled import Dataset
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
 from beamsim.results.values import limit_unit, margins_of

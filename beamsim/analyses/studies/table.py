@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.studies.cases import CaseOutcome
 from beamsim.analyses.studies.objectives import Objective, deciding, judged, objectives, of_realisation
 from beamsim.analyses.studies.plan import StudyPlan
+from beamsim.cases import CaseOutcome
 from beamsim.outcomes import OnLimit, OutcomeKind
 from beamsim.results.values import margin_of
 from beamsim.typing import Bools, Floats, Ints

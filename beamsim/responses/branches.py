@@ -1,22 +1,22 @@
-"""The labelled datasets of a continuation, made of the branches and the curves of folds that were followed."""
+"""Branches of forced motions: what is measured along them, their labelled datasets, and the largest values of all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.folds import FollowedFolds
-from beamsim.analyses.continuation.motion import MeasuredMotion, measured
 from beamsim.labelled import Dataset
 from beamsim.orbits.branch import OrbitBranch
+from beamsim.orbits.harmonic_balance import truncation
+from beamsim.orbits.shooting import STABLE
 from beamsim.responses.parameters import ResponseModel
+from beamsim.responses.periodic_motion import MeasuredMotion, Measurement, measured
+from beamsim.responses.points import ReportedMaximum, with_maxima
 from beamsim.results.branch import (
     BRANCHES,
-    FOLD_CURVES,
-    FOLD_POINTS,
     POINTS,
     endings,
     numbered,
@@ -25,9 +25,20 @@ from beamsim.results.branch import (
     special_points_table,
     special_row,
 )
-from beamsim.results.values import OPENING, STRESS
+from beamsim.results.values import (
+    DISPLACEMENT,
+    LIMITED,
+    OPENING,
+    OUTPUT,
+    STRESS,
+    Value,
+    largest_in,
+    limited,
+    margins_along,
+)
+from beamsim.scenario.sweep import HarmonicBalance
 from beamsim.system.equations import ChannelSet
-from beamsim.typing import Bools, Complexes, Floats, not_none
+from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,60 @@ class MeasuredBranch:
     multipliers: Complexes  # (np, m)
     stable: Bools  # (np,)
     neglected: Floats | None = None  # (np,) size of the neglected harmonics, of harmonic balance
+
+
+def response(model: ResponseModel, traced: OrbitBranch, level: float) -> MeasuredBranch:
+    """Peaks, harmonics, forces and stability along a branch.
+
+    Parameters
+    ----------
+    model : whose motions they are.
+    traced : the branch.
+    level : of the excitation.
+
+    Returns
+    -------
+    MeasuredBranch
+        With points at the maxima that are reported.
+    """
+    f, system, problem = model.followed, model.system, traced.problem
+    settings, limits = model.settings, model.scenario.limits
+    channels = measured(system, () if limits is None else limits.model_fields_set)
+    moved = None if f.moved is None else f.system
+    measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
+    traced, motions = with_maxima(
+        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels)
+    )
+    spectra = [problem.multipliers(point) for point in traced.points]
+    count = min((mu.size for mu in spectra), default=0)
+    multipliers = np.array([mu[:count] for mu in spectra])
+    by_balance = isinstance(settings.method, HarmonicBalance)
+    return MeasuredBranch(
+        traced,
+        motions,
+        level=float("nan") if f.kind == "level" else level,
+        period_multiple=problem.multiple,
+        multipliers=multipliers,
+        stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
+        neglected=np.array([truncation(problem, point) for point in traced.points]) if by_balance else None,
+    )
+
+
+def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
+    """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
+
+    def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
+        none, of = np.zeros(columns.size), not_none(value.of)
+        return lambda m: float(of(np.array([m.low[columns], none, m.high[columns], none])).max())
+
+    displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
+    maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
+    for name in () if limits is None else limits.given:
+        value, place = limited(name)
+        columns = [k for each, k in channels.located if value.takes(each) and place in ("", each.name)]
+        some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
+        maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
+    return maxima
 
 
 def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> dict[str, Dataset]:
@@ -140,39 +205,17 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     }
 
 
-def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict[str, Dataset]:
-    """The datasets of curves of folds and of their points, by name; none without any.
-
-    Parameters
-    ----------
-    model : with the second parameter.
-    curves : in order.
-    """
-    if not curves:
-        return {}
-    second, system = not_none(model.second), model.system
-    about = {
-        "fold_curve": np.arange(len(curves)),
-        "level": [curve.level for curve in curves],
-        "branch": [curve.branch for curve in curves],
-        "start_hz": [curve.start_hz for curve in curves],
-        "touching": [curve.touching for curve in curves],
-        "followed": second.kind,
-        "followed_snubber": second.snubber,
-        **endings(curve.outcome for curve in curves),
-    }
-    values = {
-        **numbered([curve.parameter.size for curve in curves], "fold_curve"),
-        **of_states(np.concatenate([curve.states for curve in curves]), system.dynamics.size),
-        **{
-            name: np.concatenate([getattr(curve, name) for curve in curves])
-            for name in ("frequency_hz", "parameter", "residual")
-        },
-        "probe": [probe.name for probe in system.probes],
-        "peak_displacement": np.concatenate([curve.peak for curve in curves]).T,
-    }
-    parameter = f"second parameter: {second.kind} {second.snubber}".strip()
-    return {
-        "fold_curves": FOLD_CURVES.dataset(about, level_unit=model.scenario.level_unit or "1"),
-        "fold_points": FOLD_POINTS.dataset(values, unit=second.unit, parameter=parameter),
-    }
+def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
+    """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
+    entries: dict[str, Any] = {}
+    found = list(largest_in([points], "parameter", "stable"))
+    for value, name, largest, parameter in found:
+        if value is OUTPUT:
+            entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
+        elif value.followed and value.key != DISPLACEMENT:
+            entries.setdefault(value.entry, {})[name] = largest / value.scale
+    if model.system.outputs:
+        entries["output_unit"] = {rows.name: rows.unit for rows in model.system.outputs}
+    limits, unit = model.scenario.limits, model.followed.unit
+    margins = margins_along(limits, ((value, name, size, f"{at:.4g} {unit}") for value, name, size, at in found))
+    return {**entries, "margins": margins}

@@ -1,4 +1,4 @@
-"""Cases of a study in batches, as plain studies, searches and reliability ask for them. Who solves them is given."""
+"""Cases that are solved alike: what is asked of each and what came out, in batches. Who solves them is given."""
 
 from __future__ import annotations
 
@@ -8,10 +8,20 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
-from beamsim.analyses.studies.plan import Case
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.results.values import Margins
 from beamsim.scenario.studies import Value
+from beamsim.typing import Bools
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of a study."""
+
+    number: int  # from 0
+    values: tuple[Value, ...]  # of each varied parameter
+    realisation: int = 0  # within the tolerances; 0 is the case itself
+    compared: bool = False  # whether its values are compared with those of a finer model
 
 
 @dataclass(frozen=True)
@@ -31,14 +41,6 @@ class CaseOutcome:
     def failed(self) -> bool:
         """Whether it did not come to its end, so that it has no responses."""
         return self.outcome.ended_early
-
-
-def unsettled(tried: int) -> Outcome:
-    """The outcome of a search that ended while better designs were still found."""
-    sentence = f"the search ended after {tried} designs while it still found better ones"
-    return Outcome.of(
-        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy="give more most_cases", tried=tried
-    )
 
 
 def failed_case(case: Case, reason: str) -> CaseOutcome:
@@ -137,3 +139,12 @@ class Evaluator:
     @cached_property
     def _solved(self) -> Callable[[Iterable[Case]], Iterator[CaseOutcome]]:
         return self._open.enter_context(self._solving)
+
+
+def probability(met: Bools) -> dict[str, Any]:
+    """Share of the cases in which something holds, with the 95 % interval of its probability (Clopper and Pearson)."""
+    from scipy.stats import binomtest
+
+    test = binomtest(int(met.sum()), met.size)
+    interval = test.proportion_ci(0.95)
+    return {"share": test.statistic, "low": float(interval.low), "high": float(interval.high), "cases": met.size}

@@ -1,0 +1,22 @@
+"""The command ``identify-stiffness``."""
+
+from __future__ import annotations
+
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.cli.conclusion import concluded, prepared
+from beamsim.cli.session import Given
+from beamsim.measurements.channels import read_tests
+
+
+def identify(given: Given) -> None:
+    """Find stiffness and damping of stops from tests."""
+    scenario, target = prepared("identify-stiffness", given)
+    settings = scenario.identify_stiffness
+    has_tests = settings is not None and settings.nonlinear is not None
+    concluded(
+        "identify-stiffness", target, given,
+        lambda progress, stop: identify_stiffness(
+            scenario, read_tests(scenario, given.case.parent) if has_tests else (), progress, stop
+        ),
+        f"identifying {given.case.name}",
+    )  # fmt: skip
