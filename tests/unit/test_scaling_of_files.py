@@ -270,7 +270,7 @@ def test_a_record_that_is_not_used_may_be_wrong(tmp_path):
 
 
 def reactions(path, **attributes):
-    """Three outputs of a result, of which the last was not computed."""
+    """Three outputs of a result, of which the last is not known at any time."""
     with h5py.File(path, "w") as file:
         group = file.create_group("outputs")
         group["output"], group["time"] = np.array(["foot", "hinge", "none"], dtype=object), np.arange(20) / 100
@@ -279,7 +279,7 @@ def reactions(path, **attributes):
         for axis, name in enumerate(("output", "time")):
             group[name].make_scale(name)
             group["value"].dims[axis].attach_scale(group[name])
-        of_each = {"units": "see units_of_each", "units_of_each": '["N", "N m", "N"]', "absent": "[2]"}
+        of_each = {"units": "see units_of_each", "units_of_each": '["N", "N m", "N"]', "absent": str(list(range(40, 60)))}
         group["value"].attrs.update(of_each | attributes)
     return {each.name: each for each in read_file(path) if each.name.endswith("value")}
 
