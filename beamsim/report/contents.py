@@ -165,7 +165,7 @@ def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
 def _checked(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
     """How the computation ended, by which method, and the printed rows that say how sure the others are."""
     yield ["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]
-    method, label = str(result.summary.get("method") or getattr(result, "method", "")), ""
+    method, label = str(result.summary.get("method", "")), ""
     if method:
         meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
         yield ["method", method.replace("_", " "), meaning]

@@ -172,7 +172,7 @@ class Result:
             If the summary does not declare a value.
         """
         status = {"status": self.status} if STATUS in self.SUMMARY else {}
-        return replace(self, summary=summary_of(self, **status, **computed)).ended(self.outcome)
+        return replace(self, summary=summary_of(self, **status | computed)).ended(self.outcome)
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""

@@ -383,7 +383,8 @@ def _remedy(result: Result, checked: Convergence) -> str:
     shares = result.summary.get("contact_share", {})  # by snubber, of a sweep by curve and snubber
     met = {name for of in (shares, *shares.values()) if isinstance(of, dict) for name, share in of.items() if share}
     stops = tuple(name for name in result.scenario.bare_dashpots if name in met or not shares) if places else ()
-    band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] * (getattr(result, "low_pass_hz", 0.0) is None)
+    unfiltered = result.KIND == "run" and result.scenario.run is not None and result.scenario.run.low_pass is None
+    band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] if unfiltered else []
     contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
     special = [*band, *contact] if places else []
     remedies = [] if special and len(places) == len(checked.doubtful) else [_finer(result, checked)]

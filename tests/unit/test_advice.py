@@ -34,7 +34,7 @@ def case(*, low_pass=None, dashpot=False, mass=False, reduction=None, excitation
 
 def doubted(fabricated_run, scenario, *keys, **more):
     """The outcome of a run of 8 modes whose values change by a tenth with 12."""
-    result = replace(fabricated_run(), scenario=scenario, low_pass_hz=scenario.run.low_pass)
+    result = replace(fabricated_run(), scenario=scenario)
     changes = {}
     for key in keys:
         entry, _, place = key.partition(".")

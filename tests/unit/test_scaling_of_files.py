@@ -279,7 +279,11 @@ def reactions(path, **attributes):
         for axis, name in enumerate(("output", "time")):
             group[name].make_scale(name)
             group["value"].dims[axis].attach_scale(group[name])
-        of_each = {"units": "see units_of_each", "units_of_each": '["N", "N m", "N"]', "absent": str(list(range(40, 60)))}
+        of_each = {
+            "units": "see units_of_each",
+            "units_of_each": '["N", "N m", "N"]',
+            "absent": str(list(range(40, 60))),
+        }
         group["value"].attrs.update(of_each | attributes)
     return {each.name: each for each in read_file(path) if each.name.endswith("value")}
 

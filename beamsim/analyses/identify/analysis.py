@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from beamsim.analyses.identify.layouts import BEFORE, FREQUENCIES, PROFILES, SHAPES, WITHOUT
-from beamsim.analyses.identify.result import ComparedModes, IdentificationResult, Part, ProfileLikelihood
+from beamsim.analyses.identify.result import ComparedModes, Findings, IdentificationResult, ProfileLikelihood
 from beamsim.analyses.identify.stiffness import POOR_MODEL, permanent_contact, snubber_point
 from beamsim.analyses.identify.update import too_few_modes, update_model
 from beamsim.errors import ScenarioError
@@ -65,7 +65,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
         raise ScenarioError.at(
             "identify_stiffness", "is missing", "add `identify_stiffness: {snubber: tip, measured_with: [...]}`"
         )
-    parts, current = dict[str, Part](), scenario  # by what is fitted
+    parts, current = dict[str, Findings](), scenario  # by what is fitted
     if section.update:
         parts["update"], current = update_model(scenario, section)
     count = max(_MIN_MODES, len(section.measured_with), len(section.measured_without))
@@ -108,7 +108,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
 
 def _structure(
     scenario: Scenario, updated: Scenario, section: IdentifyStiffness, modes: ComparedModes, fitted: bool
-) -> Part:
+) -> Findings:
     """Frequencies and shapes measured without the snubber beside those of the model.
 
     Parameters
@@ -120,7 +120,7 @@ def _structure(
 
     Returns
     -------
-    Part of the result.
+    Findings.
     """
     warnings, datasets = list[str](), list[Dataset]()
     if section.shapes_without is not None:
@@ -128,7 +128,7 @@ def _structure(
     warnings += () if fitted else _structure_warnings(modes)
     if section.measured_with or section.measured_without or section.shapes_without is not None:
         warnings += _others(scenario, section.snubber)
-    return Part(datasets, {}, warnings, modes={WITHOUT: modes})
+    return Findings(datasets, {}, warnings, modes={WITHOUT: modes})
 
 
 def _frequencies(modes: Mapping[str, ComparedModes]) -> Dataset:

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.identify.fit import inverse_information
 from beamsim.analyses.identify.layouts import ENDS, PAD
-from beamsim.analyses.identify.result import Part
+from beamsim.analyses.identify.result import Findings
 from beamsim.contacts.branches import BranchFit, dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.errors import InputFileError, ScenarioError
@@ -26,7 +26,7 @@ _DIMENSIONS = {
 AT = ("identify_stiffness", "pad", "data")
 
 
-def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Part:
+def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Findings:
     """Fit branches to what was measured.
 
     Parameters
@@ -38,7 +38,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Par
 
     Returns
     -------
-    Part of the result.
+    Findings.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Par
         "curve_loss_factor": curve.imag / curve.real,
     }
     summary = {"pad_yaml": _yaml(fit)}
-    return Part([PAD.dataset(values, unit="Hz" if dynamic else "s")], summary, list(_warnings(fit)))
+    return Findings([PAD.dataset(values, unit="Hz" if dynamic else "s")], summary, list(_warnings(fit)))
 
 
 def _yaml(fit: BranchFit) -> str:

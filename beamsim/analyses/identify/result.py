@@ -65,7 +65,7 @@ class ProfileLikelihood(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class Findings:
     """What one kind of measurements gives the result."""
 
     datasets: Sequence[Dataset]

@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.identify.fit import widening
 from beamsim.analyses.identify.layouts import CURVES, ENDS, SENSITIVITIES, STIFFNESS, WITH
-from beamsim.analyses.identify.result import ComparedModes, Part, ProfileLikelihood
+from beamsim.analyses.identify.result import ComparedModes, Findings, ProfileLikelihood
 from beamsim.contacts.pads import ForceCurve
 from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset
@@ -428,7 +428,7 @@ def sensitivities(
 
 def permanent_contact(
     scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: Dataset | None
-) -> tuple[Part, dict[Path, object]]:
+) -> tuple[Findings, dict[Path, object]]:
     """What frequencies with permanent contact say.
 
     Parameters
@@ -441,7 +441,7 @@ def permanent_contact(
 
     Returns
     -------
-    Part of the result, and by path the values of the scenario with the stiffness, or the scale of the table.
+    Findings, and by path the values of the scenario with the stiffness, or the scale of the table.
     """
     snubber = section.snubber
     located = scenario.located_snubber(snubber)
@@ -477,7 +477,7 @@ def permanent_contact(
         **_pad_modulus(section.pad, stiffness, values["interval"]),
     }
     profiles = stiffness_profile(measured, stiffness, deviation)
-    return Part(datasets, summary, warnings, profiles, {WITH: modes}, outcome), found
+    return Findings(datasets, summary, warnings, profiles, {WITH: modes}, outcome), found
 
 
 def _measured_modes(section: IdentifyStiffness, point: SpringPoint) -> FittedModes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.identify.fit import Fit, Sought, UnpredictableError, estimates_dataset, sought_numbers, varied
 from beamsim.analyses.identify.layouts import BEFORE, UPDATE
-from beamsim.analyses.identify.result import ComparedModes, Part
+from beamsim.analyses.identify.result import ComparedModes, Findings
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
@@ -47,7 +47,7 @@ def too_few_modes(key: str, measured: int, modes: int) -> Problem:
     )
 
 
-def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Part, Scenario]:
+def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findings, Scenario]:
     """Fit the parameters of ``section.update`` to ``section.measured_without``.
 
     Parameters
@@ -57,7 +57,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Part, 
 
     Returns
     -------
-    Part of the result, with the modes before the update, and the scenario with the parameters found.
+    Findings, with the modes before the update, and the scenario with the parameters found.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Part, 
     }
     predicted = free_frequencies(scenario, section.snubber, len(section.measured_without))
     before = ComparedModes.of(predicted, section.measured_without, int(np.sum(predicted == 0)))
-    return Part([dataset], summary, warnings, profiles, {BEFORE: before}), updated
+    return Findings([dataset], summary, warnings, profiles, {BEFORE: before}), updated
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:

@@ -45,7 +45,7 @@ from beamsim.analyses.identify.records import (
     sweeps_of,
     tests_dataset,
 )
-from beamsim.analyses.identify.result import Part
+from beamsim.analyses.identify.result import Findings
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.compiled import processor_time
@@ -87,7 +87,7 @@ def fit_nonlinear(
     section: IdentifyStiffness,
     signals: Sequence[MeasuredSignal],
     progress: Progress = None,
-) -> Part:
+) -> Findings:
     """Fit ``section.nonlinear.estimate`` to measured signals, one per test, in SI units.
 
     Parameters
@@ -99,7 +99,7 @@ def fit_nonlinear(
 
     Returns
     -------
-    Part of the result
+    Findings
         From the start with the lowest misfit; where it is asked to stop, the best so far, without intervals.
 
     Raises
@@ -166,7 +166,7 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, begin: float) -> Part:
+def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, begin: float) -> Findings:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters
@@ -178,7 +178,7 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
 
     Returns
     -------
-    Part of the result.
+    Findings.
     """
     fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
     fit.residuals(best.x)
@@ -220,7 +220,7 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     }
     outcome = _outcome(interrupted, best, without if complete else ())
     warnings += search.warnings
-    return Part([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
+    return Findings([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
 def _outcome(interrupted: str, best: Best, without_derivative: Sequence[str]) -> Outcome:

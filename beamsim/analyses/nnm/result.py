@@ -73,6 +73,7 @@ _SUMMARY = (
              "drawn motion",
              "motion/drift"),
     Entry("motion_periods", "1", "number of these periods", "drawn motion", of="motion/periods"),
+    Entry("method", section="solver", of="branches/method"),
     Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
              "solver"),
     Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),

@@ -328,7 +328,7 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     return "hann"
 
 
-class Line(NamedTuple):
+class SpectralLine(NamedTuple):
     """A line that is looked for in a record."""
 
     order: Fraction | None  # None: belongs to no order
@@ -343,10 +343,10 @@ class View(NamedTuple):
     curve: Complexes
 
 
-class Fit(NamedTuple):
+class LineFit(NamedTuple):
     """Lines that were fitted together."""
 
-    lines: list[Line]
+    lines: list[SpectralLine]
     mean: float
     amplitude: Complexes  # (k,) with the phases in the run's own time
     remainder: Remainder | None  # what they leave; None without lines, under half a window, and without a view
@@ -357,15 +357,15 @@ class Fit(NamedTuple):
         return [line.frequency_hz for line in self.lines]
 
 
-def fit_lines(record: SpectrumRecord, lines: list[Line], view: View | None) -> Fit:
-    """Fit lines to a record by least squares, so that none leaks into another; by frequency."""
+def fit_lines(record: SpectrumRecord, lines: list[SpectralLine], view: View | None) -> LineFit:
+    """LineFit lines to a record by least squares, so that none leaks into another; by frequency."""
     lines = sorted(lines, key=lambda line: line.frequency_hz)
     frequency, seen = np.array([line.frequency_hz for line in lines]), view if lines else None
     mean, amplitude = record.project(frequency, None if seen is None else seen.window)
     remainder = None
     if seen is not None and not seen.window.one_sided:
         remainder = Remainder.of(record, frequency, amplitude, *seen)
-    return Fit(lines, mean, amplitude, remainder)
+    return LineFit(lines, mean, amplitude, remainder)
 
 
 def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> View | None:
@@ -378,7 +378,7 @@ def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Vi
 
 def lines_of(
     record: SpectrumRecord, levels: Levels, one_sided: bool, excitation_hz: float, chosen_hz: Sequence[float]
-) -> Fit:
+) -> LineFit:
     """Lines of a spectrum by frequency.
 
     The record is examined once more with a Blackman–Harris window (side lobes at -92 dB), whatever window was asked
@@ -459,7 +459,7 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
     return np.append(0.0, found[partner]), np.abs(np.append(mean, amplitude[partner]))
 
 
-def _kind_of(line: Line, chosen_hz: Sequence[float], residual_hz: Sequence[float], near_hz: float) -> str:
+def _kind_of(line: SpectralLine, chosen_hz: Sequence[float], residual_hz: Sequence[float], near_hz: float) -> str:
     """The kind of a line; one is "residual" that is near to a frequency of a static vector."""
     if line.order is not None:  # every order that is not whole is a subharmonic one
         whole = "fundamental" if line.order == 1 else "superharmonic"
@@ -469,11 +469,11 @@ def _kind_of(line: Line, chosen_hz: Sequence[float], residual_hz: Sequence[float
     return "residual" if any(abs(line.frequency_hz - f) <= near_hz for f in residual_hz) else "other"
 
 
-def _with_chosen(lines: list[Line], chosen_hz: Sequence[float], record: SpectrumRecord) -> list[Line]:
+def _with_chosen(lines: list[SpectralLine], chosen_hz: Sequence[float], record: SpectrumRecord) -> list[SpectralLine]:
     """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
     bin_hz = 1.0 / record.duration
     added = [
-        Line(None, f, f)
+        SpectralLine(None, f, f)
         for f in chosen_hz
         if not any(of.order is not None and abs(of.frequency_hz - f) <= _ROUND_OFF * f for of in lines)
     ]
@@ -481,7 +481,9 @@ def _with_chosen(lines: list[Line], chosen_hz: Sequence[float], record: Spectrum
     return apart + added
 
 
-def _refined(record: SpectrumRecord, lines: list[Line], view: View, near_hz: Sequence[float] = ()) -> list[Line]:
+def _refined(
+    record: SpectrumRecord, lines: list[SpectralLine], view: View, near_hz: Sequence[float] = ()
+) -> list[SpectralLine]:
     """The lines with the frequencies that fit best of all that belong to no order, or of those near some alone."""
     frequency = np.array([line.frequency_hz for line in lines])
     free = np.array([line.order is None for line in lines], dtype=bool)
@@ -493,7 +495,7 @@ def _refined(record: SpectrumRecord, lines: list[Line], view: View, near_hz: Seq
     return [line._replace(frequency_hz=f) for line, f in zip(lines, found, strict=True)]
 
 
-def _separated(record: SpectrumRecord, fit: Fit, excitation_hz: float, view: View) -> Fit:
+def _separated(record: SpectrumRecord, fit: LineFit, excitation_hz: float, view: View) -> LineFit:
     """The lines, with two lines wherever two explain the curve near one that is none of a steady line."""
     tried, fits = set[float](), _MOST_PAIRS
     while fits and len(fit.lines) < min(_MOST_LINES, (record.size - 1) // 4):
@@ -510,7 +512,7 @@ def _separated(record: SpectrumRecord, fit: Fit, excitation_hz: float, view: Vie
 
 
 def _promising_pairs(
-    fit: Fit, tried: set[float], duration: float
+    fit: LineFit, tried: set[float], duration: float
 ) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
     """Pairs of lines that explain much of what lies near a line, from where most is left.
 
@@ -547,14 +549,19 @@ def _promising_pairs(
 
 
 def _with_pair(
-    record: SpectrumRecord, fit: Fit, replaced: list[int], pair: tuple[float, float], excitation_hz: float, view: View
-) -> Fit | None:
+    record: SpectrumRecord,
+    fit: LineFit,
+    replaced: list[int],
+    pair: tuple[float, float],
+    excitation_hz: float,
+    view: View,
+) -> LineFit | None:
     """The lines with a pair, its frequencies in bins, in place of some; None where it does not explain the curve.
 
     Where the fit of the frequencies near the two leaves too much, that of all does, too.
     """
     order = next((fit.lines[k] for k in replaced if fit.lines[k].order is not None), None)
-    two = [Line(None, f / record.duration, f / record.duration) for f in pair]
+    two = [SpectralLine(None, f / record.duration, f / record.duration) for f in pair]
     two[:1] = two[:1] if order is None else [order]
     lines = [*(line for k, line in enumerate(fit.lines) if k not in replaced), *two]
     for near_hz in ([line.frequency_hz for line in two], ()):
@@ -567,7 +574,7 @@ def _with_pair(
     return fit_lines(record, several, view)
 
 
-def _on_orders(lines: list[Line], excitation_hz: float, record: SpectrumRecord) -> list[Line]:
+def _on_orders(lines: list[SpectralLine], excitation_hz: float, record: SpectrumRecord) -> list[SpectralLine]:
     """The lines, of which the last two belong to an order where they have its frequency and no other one does."""
     if not 0.0 < excitation_hz < np.inf:
         return lines
@@ -581,7 +588,7 @@ def _on_orders(lines: list[Line], excitation_hz: float, record: SpectrumRecord) 
     return named
 
 
-def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Levels) -> list[Line]:
+def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Levels) -> list[SpectralLine]:
     """Local maxima of a curve that are lines, strongest first, each with the order its frequency suggests."""
     amplitude, one_sided = np.abs(view.curve), view.window.one_sided
     inner = np.arange(LOBE - 1, amplitude.size - 1)
@@ -592,7 +599,7 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
     forced = np.isfinite(excitation_hz)
     reach = max(32, round(excitation_hz * record.duration)) if forced else 32
-    lines: dict[Fraction | float, Line] = {}
+    lines: dict[Fraction | float, SpectralLine] = {}
     for j in top.tolist():
         low, high = (min(j - reach, j // 2), max(j + reach, 2 * j)) if one_sided else (j - reach, j + reach + 1)
         around = amplitude[max(1, low) : high]
@@ -605,7 +612,7 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
         frequency = (j + parabola_top(amplitude[j - 1 : j + 2])) / record.duration
         order = _nearest_order(frequency, excitation_hz, 1.0 / record.duration) if forced else None
         exact = frequency if order is None else float(order) * excitation_hz
-        lines.setdefault(frequency if order is None else order, Line(order, exact, frequency))
+        lines.setdefault(frequency if order is None else order, SpectralLine(order, exact, frequency))
         if len(lines) == min(_MOST_LINES, (record.size - 1) // 4):
             break
     return list(lines.values())
@@ -621,18 +628,18 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(record: SpectrumRecord, lines: list[Line]) -> list[Line]:
+def _only_locked(record: SpectrumRecord, lines: list[SpectralLine]) -> list[SpectralLine]:
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
     frequency = np.array([line.frequency_hz for line in lines])
     (_, early), (_, late) = (half.project(frequency) for half in record.halves())
     locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
     return [
-        line if line.order is None or line.order == 1 or steady else Line(None, line.peak_hz, line.peak_hz)
+        line if line.order is None or line.order == 1 or steady else SpectralLine(None, line.peak_hz, line.peak_hz)
         for line, steady in zip(lines, locked.tolist(), strict=True)
     ]
 
 
-def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[Line]:
+def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[SpectralLine]:
     """The orders of the excitation in a record of a few of its periods; none of less than one."""
     known = int(record.highest_hz / excitation_hz * (1 + 1e-12))
     highest = min(_ORDERS_OF_A_SHORT_RECORD, known, (record.size - 1) // 4)
@@ -643,4 +650,4 @@ def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: 
     floor = record.residual(frequency) * float(np.sqrt(2.0 / record.size))
     limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
     every = zip(range(1, highest + 1), frequency.tolist(), amplitude.tolist(), strict=True)
-    return [Line(Fraction(m), f, f) for m, f, size in every if size >= limit]
+    return [SpectralLine(Fraction(m), f, f) for m, f, size in every if size >= limit]
