@@ -34,7 +34,7 @@ from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunk
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
 from beamsim.analyses.run.shock_response import shock_response
-from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of, resting
+from beamsim.analyses.run.spectra import found_again, records_of, resting
 from beamsim.analyses.run.summary import (
     STATIC_ENTRIES,
     spectral_lines,
@@ -54,6 +54,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import FilteredMotion, filtered
+from beamsim.signals.lines import WORTH_LISTING
 from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet

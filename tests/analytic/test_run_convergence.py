@@ -8,13 +8,13 @@ import pytest
 from scipy.signal import butter, lsim, zpk2tf
 
 import beamsim
-from beamsim.analyses.run import filters
 from beamsim.cli.tables import all_rows, table_rows
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeKind, exit_code
 from beamsim.results.result import ALLOWED_CHANGE
 from beamsim.scenario import load_scenario
+from beamsim.signals import filters
 from beamsim.signals.filters import FilteredPanels, FilteredSegments, filtered
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations

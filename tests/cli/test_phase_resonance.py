@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.continuation import motion
 from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.orbits.continuation import BranchStep
+from beamsim.responses import periodic_motion
 from beamsim.results.branch import each_of
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
@@ -64,7 +64,7 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
     assert held["phase_resonance"]["energy_error"].values.max() < 1e-10
     assert held["resonance_curves"]["energy_error"].values.max() < 1e-10
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
-    monkeypatch.setattr(motion, "energy_error", lambda flow, flow_map: 3e-5)
+    monkeypatch.setattr(periodic_motion, "energy_error", lambda flow, flow_map: 3e-5)
     lost = nnm(load_scenario(BACKBONE, SHORT | levels))
     assert lost["phase_resonance"]["outcome"].item() == "orbit_energy_not_balanced"
     assert "at level 7.84532 m/s^2" in lost.status
