@@ -156,8 +156,17 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
         "snubber": [{"force_unit": snubber.force_unit} for snubber in system.snubbers],
         "output": [{"unit": each.unit} for each in outputs],
     }
-    count, level_unit = len(branches), model.scenario.level_unit or "1"
-    about = {
+    return {
+        "branches": _branches(model, branches),
+        "points": POINTS.dataset(values, of_members, unit=f.unit, parameter=f"what is followed: {f.label}"),
+        "special_points": special_points_table(special, f.unit),
+    }
+
+
+def _branches(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> Dataset:
+    """A row for each branch."""
+    f, count = model.followed, len(branches)
+    values = {
         "branch": np.arange(count),
         "kind": ["response"] * count,
         "level": [branch.level for branch in branches],
@@ -166,11 +175,7 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
         "followed_snubber": f.snubber,
         **endings(f.shown(branch.traced.outcome) for branch in branches),
     }
-    return {
-        "branches": BRANCHES.dataset(about, level_unit=level_unit),
-        "points": POINTS.dataset(values, of_members, unit=f.unit, parameter=f"what is followed: {f.label}"),
-        "special_points": special_points_table(special, f.unit),
-    }
+    return BRANCHES.dataset(values, level_unit=model.scenario.level_unit or "1")
 
 
 def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[str, Any]:

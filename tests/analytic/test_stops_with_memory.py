@@ -330,7 +330,8 @@ def test_the_gap_of_a_crushed_stop_along_a_branch_has_its_crush():
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": 4.0, "frequency": 9.0},
         "sweep": {"kind": "continuation", "from": 9.5, "to": 10.0},
     }))  # fmt: skip
-    gap, lowest = result["points"]["peak_gap"].sel(snubber="s").values, result["points"]["min_displacement"].values[0]
+    points = result.branches[0]
+    gap, lowest = points["peak_gap"].sel(snubber="s").values, points["min_displacement"].values[0]
     crush = gap - (1e-3 - lowest)
     assert crush[0] > 1e-5
     np.testing.assert_allclose(crush, crush[0], rtol=1e-6)

@@ -46,10 +46,10 @@ from beamsim.results.branch import SpecialRow
 from beamsim.results.result import forces_beyond_tables, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.scenario.sweep import FullPeriodMethod, RelaxedMinimisationMethod
+from beamsim.scenario.sweep import FullPeriodMethod, NonlinearMode, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none
+from beamsim.typing import Floats
 
 RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
 
@@ -109,9 +109,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         Where ``compare`` names another method.
     """
     begin = clock.perf_counter()
-    if scenario.nnm is None:
-        raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")
-    _refuse_comparisons(scenario, compare)
+    settings = _settings(scenario, compare)
     system = conservative_system(scenario)
     job = mode_path(system)
     work = _followed(job, compare, progress)
@@ -120,16 +118,15 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
     branches = _branches(job, work)
-    mode = followed.problem.vectors[:, job.mode]
-    datasets = mode_datasets(job, branches, _special(job, work, special))
-    datasets |= _jumps(job, followed) | {"motion": _motion(system, branches, mode)}
-    held = scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance")
+    motion = _motion(system, branches, followed.problem.vectors[:, job.mode])
+    held = settings.phase_resonance is not None and work.goes_on("nnm.phase_resonance")
     resonance = hold_mode(system, followed.problem, followed.backbone.points, progress) if held else None
+    compared = {"multiple_scales": work.expansion, "relaxed_minimisation": work.relaxed}
+    datasets = mode_datasets(job, branches, _special(job, work, special)) | _jumps(job, followed) | {"motion": motion}
     datasets |= {} if resonance is None else resonance.datasets
-    datasets |= {} if work.expansion is None else {"multiple_scales": work.expansion.dataset}
-    datasets |= {} if work.relaxed is None else {"relaxed_minimisation": work.relaxed.dataset}
+    datasets |= {name: of.dataset for name, of in compared.items() if of is not None}
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
-    forces = {name: of.values for name, of in datasets["motion"].by_label("force").items()}
+    forces = {name: of.values for name, of in motion.by_label("force").items()}
     result = NormalModeResult(
         scenario=scenario,
         outcome=reduction_checked(balanced(outcome, datasets["points"]), scenario, system.modes),
@@ -170,8 +167,11 @@ class _MethodResults:
         return True
 
 
-def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
-    settings = not_none(scenario.nnm)
+def _settings(scenario: Scenario, compare: Collection[str]) -> NonlinearMode:
+    """What is asked for, which can be compared so; raises as `nnm`."""
+    settings = scenario.nnm
+    if settings is None:
+        raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")
     for name in compare:
         if name not in COMPARISONS:
             raise ValueError(f"no comparison with {name}; there are {', '.join(COMPARISONS)}")
@@ -187,6 +187,7 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
             "= multiple_scales follows no backbone to compare relaxed minimisation with",
             "use method: shooting; both can be compared with it",
         )
+    return settings
 
 
 def _followed(job: ModePath, compare: Collection[str], progress: Progress) -> _MethodResults:

@@ -236,14 +236,12 @@ def orbit_motion(
     whole = flow.flow_map(start, period)
     time = np.linspace(0.0, period, SAMPLES + 1)
     states = flow.states_at(whole, time)
-    q, v = states[:, :n], states[:, n : 2 * n]
-    delta = flow.penetration_of(states, time)[0]
+    q, v, delta = states[:, :n], states[:, n : 2 * n], flow.penetration_of(states, time)[0]
     shapes = [probe.shape for probe in system.probes]
     over, last = followed(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
     record = over.reshape(PERIODS * RATE, -1)[:, :n]
-    deflection = q @ system.deflection.T
     harmonics = np.array([RECTANGULAR.amplitudes(q[:-1] @ shape)[: HARMONICS + 1] for shape in shapes])
     laws = flow.system.contacts.laws
     values = {
@@ -262,13 +260,21 @@ def orbit_motion(
         "spectrum": np.array([np.abs(RECTANGULAR.amplitudes(record @ shape)) for shape in shapes]),
         "snubber": [snubber.name for snubber in system.snubbers],
         "force": np.array([laws[i].static_force(delta[:, i]) for i in range(len(system.snubbers))]),
+        **_drawn_shapes(system, q, mode),
+    }
+    return MOTION.dataset(values, {"snubber": [{"force_unit": each.force_unit} for each in system.snubbers]})
+
+
+def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str, Any]:
+    """Deflections at the stations of a motion of coordinates (nt, n), and of the linear mode beside it."""
+    deflection = q @ system.deflection.T
+    return {
         "station": np.arange(1, deflection.shape[1] + 1),
         "deflection": deflection,
         "instant": np.array([0.0, 0.5]),
         "extreme_shapes": deflection[[0, SAMPLES // 2]],
         "linear_shape": mode_shape(system.deflection, mode, deflection[0]),
     }
-    return MOTION.dataset(values, {"snubber": [{"force_unit": each.force_unit} for each in system.snubbers]})
 
 
 def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:

@@ -17,7 +17,7 @@ from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
-from beamsim.signals.lines import ROUND_OFF, SpectralLine, lines_of, view_of
+from beamsim.signals.lines import ROUND_OFF, LineFit, SpectralLine, lines_of, view_of
 from beamsim.signals.records import (
     LOBE,
     Levels,
@@ -169,27 +169,19 @@ def _spectra(
         if resting(label.name, label.quantity, figures) or not np.isfinite(levels[number].peak):
             continue
         fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
-        every, frequency = np.append(fit.mean + 0j, fit.amplitude), np.array([0.0, *fit.frequency_hz])
-        size, none = np.abs(every), np.full(every.size, np.nan)
-        remainder, separating = none.copy(), none.copy()
-        if fit.remainder is not None:
-            remainder[1:] = fit.remainder.size / size[1:]
-            many = np.flatnonzero(remainder > ALLOWED_REMAINDER)
-            if many.size:
-                pairs, _ = fit.remainder.best_pairs([[k - 1] for k in many.tolist()], [np.nan] * many.size)
-                apart = np.abs(np.diff(pairs)[:, 0])
-                separating[many] = np.where(apart < LOBE, LOBE / apart * duration, np.nan)
+        size, remainder, separating = _steadiness(fit, duration)
+        frequency = np.array([0.0, *fit.frequency_hz])
         of_lines = {
             "signal": [number] * size.size,
-            "order": frequency / excitation_hz if forced else none,
+            "order": frequency / excitation_hz if forced else np.full(size.size, np.nan),
             "frequency_hz": frequency,
             "amplitude": size,
             "amplitude_db": amplitude_db(size, levels[number].peak),
-            "phase_deg": np.degrees(np.angle(every)),
+            "phase_deg": np.degrees(np.angle(np.append(fit.mean + 0j, fit.amplitude))),
             "kind": ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)],
             "remainder": remainder,
             "separating_duration_s": separating,
-            "relative_change": none,
+            "relative_change": np.full(size.size, np.nan),
         }
         for name, values in of_lines.items():
             columns[f"line_{name}"].extend(values)
@@ -212,6 +204,20 @@ def _spectra(
         **columns,
     }
     return SPECTRA.dataset(values, {"signal": [{"unit": label.unit} for label in labels]})
+
+
+def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
+    """(k + 1,) amplitudes of the mean and of lines, what is left near each over it, and s that tell two lines apart."""
+    size = np.abs(np.append(fit.mean, fit.amplitude))
+    remainder, separating = np.full(size.size, np.nan), np.full(size.size, np.nan)
+    if fit.remainder is not None:
+        remainder[1:] = fit.remainder.size / size[1:]
+        many = np.flatnonzero(remainder > ALLOWED_REMAINDER)
+        if many.size:
+            pairs, _ = fit.remainder.best_pairs([[k - 1] for k in many.tolist()], [np.nan] * many.size)
+            apart = np.abs(np.diff(pairs)[:, 0])
+            separating[many] = np.where(apart < LOBE, LOBE / apart * duration, np.nan)
+    return size, remainder, separating
 
 
 def coverage_notes(motion: RunMotion) -> list[str]:

@@ -49,6 +49,7 @@ from beamsim.results.values import (
 )
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.structures.places import StressRows
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
@@ -312,12 +313,7 @@ def summary_of_run(
     if any(spring.kind != FRICTION for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None and STRESS in motion.extremes:
-        where = int(largest(motion.extremes[STRESS]).argmax())
-        summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
-        if system.stress.stations.across is not None:
-            summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
-        if len(system.bodies) > 1:
-            summary["largest_bending_stress_body"] = system.stress.bodies[where]
+        summary |= _place_of_stress(system.stress, motion.extremes, several=len(system.bodies) > 1)
     predicted = needed.has("gapping_ratio") and system.snubbers
     if predicted:
         nothing, what = dict[str, dict[str, Any]](), "the level that changes contact"
@@ -327,6 +323,15 @@ def summary_of_run(
         if system.sine is not None:
             summary["gapping_ratio"] = gapping_ratios(of_snubbers)
     return summary
+
+
+def _place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -> dict[str, Any]:
+    """Where the bending stress is largest; the body where there are several."""
+    where = int(largest(extremes[STRESS]).argmax())
+    place: dict[str, Any] = {"largest_bending_stress_position_m": float(stress.stations.position[where])}
+    if stress.stations.across is not None:
+        place["largest_bending_stress_across_m"] = float(stress.stations.across[where])
+    return place | ({"largest_bending_stress_body": stress.bodies[where]} if several else {})
 
 
 def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
