@@ -243,7 +243,7 @@ SPECTRA = Layout(
         "line_signal": Variable(_LINE, "1", "number of the signal, from 0", int, names="spectra/signal"),
         "line_order": Variable(_LINE, "1", "frequency over excitation frequency; NaN where there is none"),
         "line_frequency_hz": Variable(_LINE, "Hz", "frequency of the line"),
-        "line_amplitude": Variable(_LINE, "", "amplitude of the line, zero to peak, in the unit of its signal"),
+        "line_amplitude": Variable(_LINE, "{unit}", "amplitude of the line, zero to peak"),
         "line_amplitude_db": Variable(_LINE, "dB", "20 log10(amplitude / max |x|)"),
         "line_phase_deg": Variable(_LINE, "degree", "phase of the line as a sine of the run's time"),
         "line_kind": Variable(

@@ -203,7 +203,8 @@ def _spectra(
         "line": 1 + np.arange(len(columns["line_signal"])),
         **columns,
     }
-    return SPECTRA.dataset(values, {"signal": [{"unit": label.unit} for label in labels]})
+    units = [{"unit": label.unit} for label in labels]
+    return SPECTRA.dataset(values, {"signal": units, "line": [units[k] for k in columns["line_signal"]]})
 
 
 def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
