@@ -433,9 +433,10 @@ class Layout:
             array, absent = _array_of(known[name], declared.type)
             if array.shape != tuple(sizes[dim] for dim in declared.dims):
                 raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
-            each = (of_members or {}).get(declared.dims[0] if declared.dims else "", ())
+            each = (of_members or {}).get(declared.dims[0] if declared.dims else "")
             units, meanings = (_texts(text, each, words) for text in (declared.unit or "1", declared.meaning))
-            attributes = {"units": " | ".join(dict.fromkeys(units)), "long_name": " | ".join(dict.fromkeys(meanings))}
+            together = [" | ".join(dict.fromkeys(texts)) for texts in (units, meanings)]
+            attributes = {"units": together[0] or "1", "long_name": together[1]}
             if len(set(units)) > 1:
                 attributes |= {"units": MIXED, OF_EACH: json.dumps(units, ensure_ascii=False)}
             attributes |= flagged(declared.flags) if declared.flags else {}
@@ -466,7 +467,7 @@ class Layout:
                 column = [getattr(row, name) for row in rows]
                 lacking = declared.optional and all(value is None for value in column)
                 columns[name] = None if lacking else column
-        return self.dataset(columns | values, {dim: of_rows})
+        return self.dataset(columns | values, {dim: of_rows} if of_rows or not rows else None)
 
     def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
         """The dimensions of a dataset with these variables."""
@@ -530,8 +531,8 @@ def _array_of(given: Any, kind: type) -> tuple[NDArray[Any], list[int]]:
     return np.asarray(array, dtype=object if kind is str else kind), np.flatnonzero(unknown).tolist()
 
 
-def _texts(text: str, each: Sequence[Words], words: Words) -> list[str]:
+def _texts(text: str, each: Sequence[Words] | None, words: Words) -> list[str]:
     """A text with its words replaced: one, or one for each member where they say something in it."""
     if "{" not in text:
         return [text]
-    return [text.format_map({**words, **of}) for of in each or ({},)]
+    return [text.format_map({**words, **of}) for of in (({},) if each is None else each)]

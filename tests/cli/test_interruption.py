@@ -390,6 +390,8 @@ TWICE = """
 import os, signal, sys, types
 from beamsim import cli
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background is started without
+
 class Late:  # deleted after Python has given up its handlers
     def __del__(self, kill=os.kill, process=os.getpid()):
         kill(process, {number})

@@ -242,3 +242,10 @@ def test_a_table_takes_its_columns_from_the_attributes_of_its_rows():
     assert (given["word"].values.tolist(), given["word"].absent) == (["c", ""], {1})
     nobody = COUNTS.table([SimpleNamespace(length=1.0, hits=None, word=None)], [{"unit": "m"}])
     assert list(nobody) == ["number", "length"]
+
+
+def test_a_table_without_rows_has_nobody_to_say_its_unit():
+    made = COUNTS.table([], [])
+    assert (made["length"].values.size, made["length"].unit) == (0, "1")
+    with pytest.raises(KeyError, match="unit"):  # which is not said of rows
+        COUNTS.table([SimpleNamespace(length=1.0, hits=None, word=None)])
