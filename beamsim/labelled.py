@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import xarray
 
 ABSENT = "absent"
-"""Attribute of an array of a result that some members do not have: JSON list of their numbers, in C order over the
-dimensions of members."""
+"""Attribute of an array with integers, truth values or texts that are not known: JSON list of their places, numbered
+from 0 over the whole array in C order."""
 OF_EACH = "units_of_each"
 """Attribute of an array whose unit differs from member to member: JSON list of their units, in the same order."""
 MIXED = f"see {OF_EACH}"
@@ -55,7 +55,7 @@ class Described:
 
     @property
     def absent(self) -> frozenset[int]:
-        """Numbers of the members that have no values, in C order over the dimensions of members."""
+        """Places of the integers, truth values or texts that are not known, numbered in C order."""
         return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
 
 
@@ -79,6 +79,13 @@ class Item(Described):
 
 
 Items = dict[str, Item]  # by path, "/" of the root, "/histories" of a dataset, "/histories/time" of a variable
+
+
+def absent_in(item: Item) -> NDArray[np.bool_]:
+    """Which values of an array `Described.absent` names, in the shape of the array."""
+    flags = np.zeros(item.array.shape, dtype=bool)
+    flags.flat[sorted(item.absent)] = True
+    return flags
 
 
 def parent(path: str) -> str:
@@ -338,9 +345,7 @@ def _taken(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
     """A variable at its ``own`` numbers (n,) along an axis, with what its attributes say of these."""
     attributes = dict(item.attributes)
     if ABSENT in attributes:
-        flags = np.zeros(item.values.shape, dtype=bool)
-        flags.flat[sorted(item.absent)] = True
-        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(own, flags, axis)).tolist())
+        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(own, absent_in(item), axis)).tolist())
     if OF_EACH in attributes and axis == 0:
         units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[own].tolist()
         attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.labelled import NAMES, OF_EACH, ROW, Item, Items, last, parent, part_of
+from beamsim.labelled import NAMES, OF_EACH, ROW, Item, Items, absent_in, last, parent, part_of
 from beamsim.results.result import Result
 from beamsim.store.results import (
     decode_summary,
@@ -207,9 +207,7 @@ def _absent(item: Item) -> NDArray[np.bool_] | None:
     """
     if not item.absent or item.array.dtype.kind not in "iub":
         return None
-    flags = np.zeros(item.array.shape, dtype=bool)
-    flags.flat[sorted(item.absent)] = True
-    return flags
+    return absent_in(item)
 
 
 def header(name: str, unit: str) -> str:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from beamsim.dofs import DIRECTIONS
 from beamsim.files import replacing
-from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, last, parent, part_of
+from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, absent_in, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION, NODES, Stations
@@ -281,9 +281,9 @@ def _names_at(
     if not places:
         yield "base", {}
         return
-    absent = item.absent
-    for k, label in enumerate(items[item.axes[dims.index(places[0])]].values):
-        if k not in absent:
+    axis, absent = dims.index(places[0]), absent_in(item) if item.absent else None
+    for k, label in enumerate(items[item.axes[axis]].values):
+        if absent is None or not absent.take(k, axis).all():
             yield str(label), {places[0]: k}
 
 

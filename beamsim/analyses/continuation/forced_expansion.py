@@ -68,8 +68,8 @@ def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
     levels = datasets["multiple_scales"]
     motions = each_of(levels, datasets["multiple_scales_points"], "comparison")
     differences = each_of(levels, datasets["multiple_scales_factors"], "comparison")
-    said = [_summary(*of_level) for of_level in zip(motions, differences, strict=True)]
-    summary = {**result.summary, "multiple_scales": said}
+    levels_compared = [_summary(*of_level) for of_level in zip(motions, differences, strict=True)]
+    summary = {**result.summary, "multiple_scales": levels_compared}
     return replace(result, datasets=result.datasets | datasets, summary=summary)
 
 
