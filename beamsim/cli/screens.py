@@ -235,15 +235,32 @@ def modes(result: Any) -> Iterator[str]:
 
 
 def contact_levels(result: Result) -> Iterator[str]:
-    """From which level on the linear motion first opens or closes snubbers, where that is not with every motion."""
+    """From which level on the linear motion first opens or closes snubbers, where that is not with every motion.
+
+    Where the level of a test differs between frequencies, it says also where the test comes closest to that.
+    """
     names: dict[str, list[str]] = {}
+    closest = result.summary.get("closest_to_test", {})
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
-            names.setdefault(predicted(result, of)[0], []).append(name)
+            text = predicted(result, of)[0] + (_closest(result, closest[name]) if name in closest else "")
+            names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
         verb, rest = text.split(" ", 1)
         several = {"opens": "open", "touches": "touch"} if len(alike) > 1 else {}
         yield f"{first_of(alike, SHOWN)} {several.get(verb, verb)} {rest}"
+
+
+def _closest(result: Result, of: Mapping[str, Any]) -> str:
+    """Where a test whose level differs between frequencies comes closest to opening or closing a contact."""
+    share = of["share_of_level"]
+    if "not_predicted" in of:
+        return f"; in this test, raised as a whole, {of['not_predicted']}"
+    if not math.isfinite(share):
+        return "; not in this test at any level"
+    verb, where = "opens" if of["closed_at_rest"] else "touches", f"{of['frequency_hz']:.4g} Hz"
+    times = f"{share:.3g} times the level there"
+    return f"; this test comes closest at {where}, where it {verb} from {_level(result, of)}, {times}"
 
 
 def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
@@ -292,7 +309,8 @@ def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
         where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
     else:
         where = f"at {amount(of['time_s'], 's')} in linear motion"
-    return f"{verb} {level} {where}{'' if reached else ', above the level here'}", reached
+    here = "there" if "closest_to_test" in result.summary else "here"
+    return f"{verb} {level} {where}{'' if reached else f', above the level {here}'}", reached
 
 
 def _level(result: Result, of: Mapping[str, Any]) -> str:

@@ -321,7 +321,7 @@ def contact(result: SweepResult, direction: str) -> Chart:
 def contact_levels(result: SweepResult) -> Chart:
     """Level at which contact first begins or is lost, over frequency, with the levels of the sweep.
 
-    The curve of a contact is drawn where no other one changes before.
+    The curve of a contact is drawn where no other one changes before; markers show the levels that the summary names.
     """
     frequency_hz, drawn = result["linear"]["frequency_hz"].values, []
     for name, levels in contact_levels_of(result["linear"]).items():
@@ -337,6 +337,15 @@ def contact_levels(result: SweepResult) -> Chart:
     swept = [
         Curve("" if k else "sweep", c.frequency_hz, np.abs(c.excitation_amplitude), grey) for k, c in enumerate(curves)
     ]
+    marks = {
+        "gapping": ("lowest level", {"marker": "v", "color": "k"}),
+        "closest_to_test": ("closest to the test", {"marker": "o", "color": "k", "fillstyle": "none"}),
+    }
+    for entry, (label, style) in marks.items():
+        shown = [of for of in result.summary.get(entry, {}).values() if np.isfinite(of["share_of_level"])]
+        if shown:
+            hz, level = (np.array([of[key] for of in shown]) for key in ("frequency_hz", "level"))
+            swept.append(Curve(label, hz, level, style | {"linestyle": "none"}))
     scale = scale_for(next(iter(curves)).excitation_unit)
     return _chart(result, ("Level", scale), drawn, of="snubbers", marks=swept)
 

@@ -150,39 +150,62 @@ def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
     return phases
 
 
-def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats) -> dict[str, dict[str, Any]]:
-    """Where contact changes first, and the preload that keeps it, for the summary.
+def gapping(
+    levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats, level: Floats
+) -> dict[str, dict[str, Any]]:
+    """At which level a sine first changes contact, and the preload that keeps it, for the summary.
 
     Parameters
     ----------
     levels : by snubber, from `contact_levels`.
     frequency_hz : (F,) of the levels.
-    amplitude : (F,) of the excitation there, SI; what is far below it counts least.
+    amplitude : (F,) of the excitation there, SI.
+    level : (F,) amplitude of a sine whose level is the same at all frequencies, SI; above zero.
 
     Returns
     -------
-    By snubber whether it is closed at rest; the level that is the smallest share of the excitation's, SI, with this
-    share (nan at level 0) and its frequency, Hz, where no other contact changes before (`in_order`); and the largest
+    By snubber whether it is closed at rest; the lowest level that changes its contact, SI, over the amplitude there
+    (nan where that is zero) and its frequency, Hz, where no other contact changes before (`in_order`); and the largest
     preload that any frequency needs, N, with all snubbers closed and with the others as they are at rest.
     """
-    tightest, loud = {}, np.where(amplitude > 0, amplitude, np.nan)
+    changes = first_changes(levels, frequency_hz, amplitude, level)
     for name, of in levels.items():
-        share = of.changing / loud
-        known = share if np.isfinite(share).any() else of.changing
-        k = int(np.nanargmin(known)) if np.isfinite(known).any() else 0
-        together = of.preload_needed * amplitude
-        alone = of.preload_alone * amplitude
-        tightest[name] = {
+        for entry, needed in (("preload_n", of.preload_needed), ("preload_alone_n", of.preload_alone)):
+            forces = needed * amplitude
+            changes[name][entry] = max(forces[np.isfinite(forces)].tolist(), default=math.nan)
+    return changes
+
+
+def first_changes(
+    levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats, least_of: Floats
+) -> dict[str, dict[str, Any]]:
+    """Where a sine first changes each contact: at the smallest level over that of another sine.
+
+    Parameters
+    ----------
+    levels : by snubber, from `contact_levels`.
+    frequency_hz : (F,) of the levels.
+    amplitude : (F,) of the excitation there, SI.
+    least_of : (F,) amplitude over which the level is smallest at the first change, SI; zero where nothing changes.
+
+    Returns
+    -------
+    By snubber the entries of `gapping` without preloads.
+    """
+    changes, measures = {}, {}
+    loud, driven = (np.where(of > 0, of, np.nan) for of in (amplitude, least_of))
+    for name, of in levels.items():
+        measure = of.changing / driven
+        k = int(np.nanargmin(measure)) if np.isfinite(measure).any() else 0
+        measures[name] = float(measure[k])
+        changes[name] = {
             "closed_at_rest": of.closed_at_rest,
             "level": float(of.changing[k]),
             "frequency_hz": float(frequency_hz[k]),
-            "share_of_level": float(share[k]),  # nan at level 0
-            "preload_n": max(together[np.isfinite(together)].tolist(), default=math.nan),
-            "preload_alone_n": max(alone[np.isfinite(alone)].tolist(), default=math.nan),
+            "share_of_level": float(of.changing[k] / loud[k]),
         }
-    quiet = not np.isfinite(loud).any()
-    before = [(of.before if quiet else of.before / loud) for of in levels.values()]
-    return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
+    before = [of.before / driven for of in levels.values()]
+    return in_order(changes, measures, float(np.nanmin(before, initial=np.inf)))
 
 
 def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
@@ -193,7 +216,7 @@ def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
     amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)
-    return gapping(levels, frequency, np.array([amplitude])) if levels else {}
+    return gapping(levels, frequency, np.array([amplitude]), np.ones(1)) if levels else {}
 
 
 def gapping_ratios(snubbers: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
@@ -213,7 +236,9 @@ def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]
     return {name: turned[name] if units[name] == "rad" else of for name, of in snubbers.items()}
 
 
-def in_order(snubbers: dict[str, dict[str, Any]], measure: str, before: float) -> dict[str, dict[str, Any]]:
+def in_order(
+    snubbers: dict[str, dict[str, Any]], measures: Mapping[str, float], before: float
+) -> dict[str, dict[str, Any]]:
     """The entries of a summary's ``gapping``, of which only that of the first change of contact keeps its level.
 
     Once it has happened the motion is another one, and the linear one says nothing of the other contacts.
@@ -221,19 +246,19 @@ def in_order(snubbers: dict[str, dict[str, Any]], measure: str, before: float) -
     Parameters
     ----------
     snubbers : by name, with what the linear motion says of each.
-    measure : the entry that orders them.
+    measures : by name what orders them.
     before : the least of it of any contact, also of those that have no entry.
 
     Returns
     -------
     By name; those of later changes have ``not_predicted``, a text that says what happens first, and nan for a level.
     """
-    least, cause = float(np.fmin.reduce([of[measure] for of in snubbers.values()], initial=np.inf)), ""
+    least, cause = float(np.fmin.reduce(list(measures.values()), initial=np.inf)), ""
     if not np.isfinite(min(least, before)):
         return snubbers
     if before * (1.0 + AT_ONCE) < least:
         least, cause = before, "a table, branch, spring or friction changes first"
-    first = {name for name, of in snubbers.items() if of[measure] <= least * (1.0 + AT_ONCE)}
+    first = {name for name in snubbers if measures[name] <= least * (1.0 + AT_ONCE)}
     if not cause:
         name = next(name for name in snubbers if name in first)
         cause = f"{name} {'opens' if snubbers[name]['closed_at_rest'] else 'touches'} first"

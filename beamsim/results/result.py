@@ -71,10 +71,16 @@ MARGINS = Entry(
 )  # fmt: skip
 GAPPING = Entry(
     "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
-    "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
-    "standard deviations of the linear motion), nan where another contact changes first, which not_predicted says; "
+    "at which the linear motion first opens or closes it (of a sweep the lowest at any frequency), that level over the "
+    "one here (of a random input instead: standard deviations of the linear motion), "
+    "nan where another contact changes first, which not_predicted says; "
     "contact force at equilibrium that keeps contact (of a random input to 3 sigma) "
     "with all snubbers closed and alone; what the motion did", form=by_name(CONTACT_CHANGE)
+)  # fmt: skip
+CLOSEST_TO_TEST = Entry(
+    "closest_to_test", "", "by snubber, where the level differs between frequencies: the level (SI) and frequency at "
+    "which the linear motion first opens or closes it if the test is raised as a whole, and that level over the one of "
+    "the test there; nan where another contact changes first, which not_predicted says", form=by_name(CONTACT_CHANGE)
 )  # fmt: skip
 OF_MODES = (
     Entry("open_frequencies_hz", section="modes", of="modes/open_frequencies_hz", shown="kept_modes"),
@@ -218,7 +224,7 @@ class Result:
             return limit_unit(self.scenario, place[0])
         if entry.section == OUTPUT.section and place:
             return str(self.summary["output_unit"][place[-1]])
-        if entry.name == "gapping" and keys == ("level",):
+        if entry.name in ("gapping", "closest_to_test") and keys == ("level",):
             quantity = getattr(self.scenario.excitation, "quantity", None) or "acceleration"
             return amplitude_unit(quantity) if "frequency_hz" in record else level_unit(quantity)
         return "" if keys else entry.unit

@@ -530,6 +530,11 @@ class SweptSine(_UpAndDown):
         once = log2(self.to / self.from_) if self.rate.unit == "oct/s" else self.to - self.from_
         return (2.0 if self.direction == "both" else 1.0) * once / self.rate.value
 
+    @property
+    def shaped(self) -> bool:
+        """Whether the level differs between frequencies: by a profile, notches or limits of the response."""
+        return bool(self.profile or self.profile_file or self.notches or self.notch_to)
+
     def check(self) -> None:
         """Reject a table that does not increase, unusable tolerances, and a sweep of too many or too few cycles."""
         super().check()

@@ -6,6 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.cli.screens import contact_levels as contact_sentences
 from beamsim.cli.tables import all_rows
 from beamsim.responses.gapping import contact_levels, transfer
 from beamsim.scenario import load_scenario
@@ -210,3 +211,62 @@ def test_the_table_of_a_run_does_not_contradict_itself(given, said):
     text = " ".join(word for _, text in rows for word in text.split())
     for part in said:
         assert part in text
+
+
+def swept_pad(level="0.5 g", **sweep):
+    """One mass on a spring, with a pad that is pressed on at rest: the closed resonance lies inside the notch."""
+    return load_scenario(
+        {
+            "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.02},
+                      "snubbers": [{"name": "pad", "mass": 1, "side": "above", "stiffness": 2e4, "preload": 10.0}]},
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": "20 Hz"},
+            "probes": [{"name": "mass", "mass": 1}],
+            "limits": {"gapping": 0.8},
+            "sweep": {"kind": "swept_sine", "from": 20, "to": 40, "rate": "10 oct/min", **sweep},
+        }
+    )  # fmt: skip
+
+
+def level_of_pad(frequency_hz):
+    """m/s^2, at which the pad's 0.5 mm of penetration vanish; the dashpot is that of 2 % at the open resonance."""
+    w = 2 * np.pi * frequency_hz
+    return 0.5e-3 * np.abs(3e4 - w**2 + 1j * w * 2 * 0.02 * 100.0)
+
+
+NOTCH = {"from": "24 Hz", "to": "32 Hz", "level": "0.02 g"}
+
+
+@pytest.mark.parametrize(
+    ("sweep", "closest", "loud"),
+    [
+        ({"notches": [NOTCH]}, 24.0, 0.5),
+        ({"profile": [{"frequency": 20, "level": "0.5 g"}, {"frequency": 23, "level": "0.01 g"}]}, 23.0, 0.5),
+    ],
+)
+def test_a_shaped_sweep_tells_the_lowest_level_and_where_the_test_comes_closest(sweep, closest, loud):
+    levels = {} if "notches" in sweep else {"levels": [1.0]}
+    result = sweep_alone(swept_pad(**sweep, **levels))
+    of, test = (result.summary[entry]["pad"] for entry in ("gapping", "closest_to_test"))
+    resonance = np.sqrt(3e4) / (2 * np.pi)
+    assert of["frequency_hz"] == pytest.approx(resonance, rel=1e-3)
+    assert of["level"] == pytest.approx(level_of_pad(resonance), rel=1e-3)
+    assert test["frequency_hz"] == pytest.approx(closest, abs=0.2)  # the level falls within a cycle
+    assert test["level"] == pytest.approx(level_of_pad(test["frequency_hz"]), rel=1e-6)
+    assert test["share_of_level"] == pytest.approx(test["level"] / (loud * 9.80665), rel=1e-3)
+    margin = result.summary["margins"]["gapping"]
+    assert margin["value"] == pytest.approx(1 / test["share_of_level"])
+    assert margin["at"] == f"pad, {test['frequency_hz']:.4g} Hz"
+    said = " ".join(contact_sentences(result))
+    lowest = f"pad opens from {of['level'] / 9.80665:.4g} g at {of['frequency_hz']:.4g} Hz in steady linear motion"
+    assert f"{lowest}, above the level there; " in said
+    assert f"this test comes closest at {test['frequency_hz']:.4g} Hz, where it opens from " in said
+
+
+@pytest.mark.parametrize(("level", "integrals"), [("0.5 g", 0), ("0.01 m/s", 1), ("0.1 mm", 2)])
+def test_a_sweep_of_one_level_has_one_level_that_opens(level, integrals):
+    """That of the quantity of the excitation, which is the same at all frequencies."""
+    summary = sweep_alone(swept_pad(level)).summary
+    hz = np.linspace(20.0, 40.0, 200_001)
+    least = level_of_pad(hz) / (2 * np.pi * hz) ** integrals
+    assert summary["gapping"]["pad"]["frequency_hz"] == pytest.approx(hz[np.argmin(least)], abs=0.02)
+    assert "closest_to_test" not in summary

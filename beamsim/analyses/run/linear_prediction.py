@@ -270,7 +270,8 @@ def _by_snubber(
             others = together[j] if alone is None else alone[j] if closed[j] else math.nan
             preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
             of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | told[j] | preloads
-    return in_order(of_snubber, measure, min(of[measure] for of in told)) if of_snubber else {}
+    measures = {name: of[measure] for name, of in of_snubber.items()}
+    return in_order(of_snubber, measures, min(of[measure] for of in told)) if of_snubber else {}
 
 
 def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:

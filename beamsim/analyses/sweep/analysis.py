@@ -23,6 +23,7 @@ from beamsim.labelled import Dataset, joined
 from beamsim.outcomes import Outcome, Progress, asked_to_stop, combined, interruption, part_of
 from beamsim.responses.gapping import (
     contact_levels,
+    first_changes,
     gapping,
     gapping_ratios,
     in_their_units,
@@ -44,7 +45,7 @@ from beamsim.results.values import (
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
-from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -266,10 +267,13 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
 
 
 def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> Dataset:
-    """The steady response with open and with closed snubbers; resonances of the open ones are among its points."""
+    """The steady response with open and with closed snubbers; resonances, open and at rest, are among its points."""
     between = np.geomspace if logarithmic else np.linspace
-    frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.open_frequencies_hz
-    frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
+    modes = system.modes
+    resting = modes["resting_frequencies_hz"].values if "resting_frequencies_hz" in modes else np.zeros(0)
+    resonances = np.concatenate((system.open_frequencies_hz, resting))
+    inside = resonances[(resonances > low_hz) & (resonances < high_hz)]
+    frequency = np.unique(np.append(between(low_hz, high_hz, LINEAR_POINTS), inside))
     q, contacts, penetration = transfer(system, frequency), system.dynamics.contacts, static_penetration(system)
     omega2 = (2 * np.pi * frequency) ** 2
     shapes, names = [probe.shape for probe in system.probes], [probe.name for probe in system.probes]
@@ -315,14 +319,15 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
 def _summary(result: SweepResult) -> dict[str, Any]:
     """What the summary says of the datasets of a result."""
     scenario, curves, levels = result.scenario, result.curves, result["levels"]
-    contact, correction = _gapping(result["linear"], curves), _largest_correction(levels)
+    contact, correction = _gapping(scenario, result["linear"], curves), _largest_correction(levels)
     found = [
         (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
         for curve in curves.values()
         for value, name, largest, frequency in curve.largest()
     ]
+    changes = contact.get("closest_to_test") or contact.get("gapping", {})
     found += [
-        (BY_ENTRY["gapping_ratio"], name, ratio, f"{contact['gapping'][name]['frequency_hz']:.4g} Hz")
+        (BY_ENTRY["gapping_ratio"], name, ratio, f"{changes[name]['frequency_hz']:.4g} Hz")
         for name, ratio in contact.get("gapping_ratio", {}).items()
     ]
     errors = [float(np.max(curve["energy_error"].values)) for curve in curves.values()]
@@ -425,13 +430,16 @@ def _described(curve: SweepCurve) -> dict[str, Any]:
     return {"direction": curve.direction, "level": curve.level, "points": curve.frequency_hz.size, **counts}
 
 
-def _gapping(linear: Dataset, curves: dict[str, SweepCurve]) -> dict[str, Any]:
+def _gapping(scenario: Scenario, linear: Dataset, curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """Where the linear motion first changes contact, and where the sweep did, for the summary."""
     levels, frequency_hz = contact_levels_of(linear), linear["frequency_hz"].values
     if not levels or not curves:
         return {}
     strongest = max(curves.values(), key=lambda curve: float(np.max(np.abs(curve.excitation_amplitude), initial=0.0)))
-    summary = gapping(levels, frequency_hz, strongest.amplitude_at(frequency_hz))
+    amplitude, quantity = strongest.amplitude_at(frequency_hz), scenario.sine.quantity
+    level = np.array([acceleration_amplitude(1.0, quantity, hz) for hz in frequency_hz.tolist()])
+    summary = gapping(levels, frequency_hz, amplitude, level)
+    turning = {name: of.gap_unit for name, of in levels.items()}
     for name, of in summary.items():
         at_rest = 1.0 if of["closed_at_rest"] else 0.0
         changed = {
@@ -444,8 +452,11 @@ def _gapping(linear: Dataset, curves: dict[str, SweepCurve]) -> dict[str, Any]:
         }
         gaps = [gap for c in curves.values() if not np.isnan(gap := _gap(c, name)).all()]
         of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
-    by_units = in_their_units(summary, {name: of.gap_unit for name, of in levels.items()})
-    return {"gapping": by_units, "gapping_ratio": gapping_ratios(summary)}
+    contact: dict[str, Any] = {"gapping": in_their_units(summary, turning)}
+    if isinstance(scenario.sweep, SweptSine) and scenario.sweep.shaped:
+        summary = first_changes(levels, frequency_hz, amplitude, amplitude)
+        contact["closest_to_test"] = summary
+    return contact | {"gapping_ratio": gapping_ratios(summary)}
 
 
 def _gap(curve: SweepCurve, snubber: str) -> Floats:

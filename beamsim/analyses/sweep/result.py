@@ -22,7 +22,16 @@ from beamsim.analyses.sweep.layouts import (
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.labelled import Dataset, LabelledArray, joined
 from beamsim.responses.gapping import ContactLevels
-from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.result import (
+    CLOSEST_TO_TEST,
+    CONVERGENCE,
+    GAPPING,
+    MARGINS,
+    OF_MODES,
+    PROCESSOR_TIME,
+    STATUS,
+    Result,
+)
 from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, Value, largest_in
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
@@ -310,6 +319,7 @@ CURVE = record({"direction": Text, "level": Number, "points": Number}, {"steady"
 _SUMMARY = (
     STATUS,
     GAPPING,
+    CLOSEST_TO_TEST,
     BY_ENTRY["gapping_ratio"].summary_entry("of the strongest sweep, "),
     Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", form=list_of(record(OF_PEAKS))),
     Entry("curves", "",
