@@ -331,22 +331,30 @@ class Outcome:
 
     @property
     def text(self) -> str:
-        """Message and remedy, then those of the parts; ``complete`` where nothing is incomplete or doubtful."""
-        own = "; ".join(filter(None, (self.message, self.remedy)))
-        if self.kind is OutcomeKind.COMPLETE and self.complete:
-            own = f"complete: {own}" if own else "complete"
-        own = f"{self.within}: {own}" if own and self.within else own
-        return "; ".join(filter(None, (own, *(part.text for part in self.parts))))
+        """What is said of it and of its parts; it begins with ``complete`` where nothing is incomplete or doubtful.
+
+        Parts that are complete are not called so: beside others that are not it would be read as of the whole.
+        """
+        said = "; ".join(self.statements)
+        if self.kind is not OutcomeKind.COMPLETE or not self.complete:
+            return said
+        return f"complete{':' if self.message else ';'} {said}" if said else "complete"
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """What `text` says, one text for each outcome, the first one ``complete`` where `text` says so."""
-        complete = "complete" if self.kind is OutcomeKind.COMPLETE and self.complete else ""
+        """Message and remedy of this outcome, then those of its parts; nothing of those that have none."""
         own = "; ".join(filter(None, (self.message, self.remedy)))
-        if self.within:
-            own = f"{self.within}: {own or complete}" if own or complete else ""
-        of_parts = (text for part in self.parts for text in part.statements if text != "complete")
-        return tuple(filter(None, (complete, own, *of_parts)))
+        own = f"{self.within}: {own}" if own and self.within else own
+        return tuple(filter(None, (own, *(text for part in self.parts for text in part.statements))))
+
+    @property
+    def of_part(self) -> str:
+        """What is said of a part of a result, such as a branch; the whole may be incomplete although the part is not.
+
+        >>> Outcome.of(OutcomeKind.COMPLETE, "closed_curve", "closed curve").of_part
+        'closed curve'
+        """
+        return "; ".join(self.statements) or self.text
 
     def __str__(self) -> str:
         return self.text

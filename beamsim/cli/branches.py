@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, Changes, Screen, limit_lines, modes, more_rows, rounded
+from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Changes, Screen, limit_lines, modes, more_rows, rounded
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
@@ -98,17 +98,22 @@ def _several(result: ContinuationResult) -> Iterator[str]:
 
 
 def _special_lines(result: ContinuationResult) -> list[str]:
-    """Where the special points of each kind are, of all levels and periods."""
-    special: dict[str, set[float]] = {}
-    for point in result.summary["special_points"]:
-        special.setdefault(special_name(point["kind"]), set()).add(point["parameter"])
+    """How many special points of each kind there are, of all levels and periods, and where."""
     texts = []
-    for kind, places in special.items():
-        scale = scale_for(result.unit, list(places))
-        at = list(dict.fromkeys(f"{x * scale.factor:.4g}" for x in sorted(places)))
+    for kind, places in _special(result).items():
+        scale = scale_for(result.unit, places)
+        at = [f"{x * scale.factor:.4g}" for x in sorted(places)]
         more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
-        texts.append(f"{kind} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
-    return textwrap.wrap("; ".join(texts), 118)
+        texts.append(f"{counted(len(at), kind)} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
+    return textwrap.wrap("; ".join(texts), WIDTH)
+
+
+def _special(result: ContinuationResult | NormalModeResult) -> dict[str, list[float]]:
+    """Parameters of the special points by what their kind is called, as many as the table of special points has."""
+    special: dict[str, list[float]] = {}
+    for point in result.summary.get("special_points") or ():
+        special.setdefault(special_name(point["kind"]), []).append(point["parameter"])
+    return special
 
 
 def _level(result: ContinuationResult, level: float) -> dict[str, str]:
@@ -217,12 +222,9 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
     if tongues:
         at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues]
         yield f"internal resonances at {result.parameter.replace('_', ' ')} {first_of(at, SHOWN)}"
-    counts = {"jumps": "jump", "grazings": "grazing contact", "special_points": "fold or branch point"}
-    found = {name: s.get(name) or 0 for name in counts}
-    sizes = {name: some if isinstance(some, int) else len(some) for name, some in found.items()}
-    if any(sizes.values()):
-        some = ", ".join(counted(sizes[name], noun) for name, noun in counts.items() if sizes[name])
-        yield f"along the backbone: {some}"
+    found = {"jump": s.get("jumps") or (), **_special(result)}
+    if some := [counted(len(points), kind) for kind, points in found.items() if points]:
+        yield f"along the backbone: {', '.join(some)}"
     if (drift := s.get("motion_drift", 0.0)) > LARGEST_DRIFT:
         after = f"after {s['motion_periods']} periods the drawn motion differs by {percent(drift, 2)} from its start"
         yield f"{after}: it is unstable, and the lines of its spectrum are broadened"

@@ -59,9 +59,7 @@ class Screen:
         worth = STANDINGS[outcome.gravest].first_line
         if worth and doubtful and outcome.usable:
             worth = f"{worth}: {counted(len(doubtful), 'value')}"
-        statements = [
-            part for text in outcome.displayed(scale_for).statements if text != "complete" for part in text.split("; ")
-        ]
+        statements = [part for text in outcome.displayed(scale_for).statements for part in text.split("; ")]
         verdict = ", ".join(filter(None, (worth, self.verdict)))
         return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import closest
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.identification import SteadyTest, TransientTest
@@ -175,10 +175,10 @@ def channel_named(
         chosen = chosen[:1]
     if len(chosen) != 1:
         names = [s.name for s in signals]
-        close = get_close_matches(name, names, n=1)
+        close = closest(name, names)
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
-        remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
+        remedy = f"did you mean {close}?" if close and not chosen else f"name one: {listed}"
         raise ScenarioError.at(at, f"{path} {verdict} {name} {words}", remedy)
     return _checked(chosen[0], path)
 

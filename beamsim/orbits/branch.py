@@ -96,7 +96,7 @@ class SpecialPoint:
 
 def special_name(kind: str) -> str:
     """What a kind of special point is called in messages, tables and plots."""
-    return "Neimark–Sacker" if kind == "neimark_sacker" else kind.replace("_", " ")
+    return "Neimark–Sacker bifurcation" if kind == "neimark_sacker" else kind.replace("_", " ")
 
 
 @contextmanager

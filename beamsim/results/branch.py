@@ -21,7 +21,7 @@ _BRANCH, _POINT, _PROBE, _SNUBBER, _OUTPUT = ("branch",), ("point",), ("probe",)
 _COORDINATES, _MULTIPLIERS = (*_POINT, "coordinate"), (*_POINT, "multiplier")
 FLAGS = ("unstable", "stable")
 ENDED = {
-    "status": "complete, or why it stopped early and what to try",
+    "status": "how it ended, or why it stopped early and what to try",
     "outcome": "code of how it ended",
     "outcome_numbers": "numbers that belong to how it ended, JSON object",
 }
@@ -35,7 +35,7 @@ def ended(dims: tuple[str, ...]) -> dict[str, Variable]:
 
 def endings(outcomes: Iterable[Outcome]) -> dict[str, list[str]]:
     """The values of these variables."""
-    texts = [outcome.as_texts() for outcome in outcomes]
+    texts = [outcome.as_texts() | {"status": outcome.of_part} for outcome in outcomes]
     return {name: [of[name] for of in texts] for name in ENDED}
 
 

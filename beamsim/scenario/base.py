@@ -34,6 +34,8 @@ Whole = Any
 
 PAIR = Field(min_length=2, max_length=2)
 LONGEST_VALUE = 60  # characters of a value in a message
+MOST_NAMES = 40  # listed in a message
+LEAST_LIKENESS = 0.65  # of a word and what may be meant by it
 
 _KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"
 _ITEM = r"\[(?:\*|\w(?:[\w .+-]*[\w+-])?)\]"
@@ -473,10 +475,13 @@ def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
     """
     names = list(names)
     meant = closest(name, names)
-    return f"did you mean {meant}?" if meant else f"{otherwise} {', '.join(names)}"
+    more = f", ... ({len(names)} in all)" if len(names) > MOST_NAMES else ""
+    return f"did you mean {meant}?" if meant else f"{otherwise} {', '.join(names[:MOST_NAMES])}{more}"
 
 
 MEANT = {
+    "above": "top over upper up",
+    "below": "bottom under beneath underneath lower down",
     "clamped": "fixed built_in encastre encastred",
     "coefficient": "c mu friction_coefficient damping_coefficient damping_constant",
     "density": "rho",
@@ -517,10 +522,17 @@ MEANT = {
 
 
 def closest(name: str, names: Iterable[str]) -> str:
-    """What was meant by a name: one that means the same, else one that is spelled alike; empty if there is none."""
-    word, known = re.sub(r"[\s-]", "_", name.lower()), {each.lower(): each for each in names}
+    """What was meant by a name: one that means the same, else one that is spelled alike; empty if there is none.
+
+    Another number is no spelling mistake.
+
+    >>> closest("bottom", ["below", "above", "both"]), closest("stop_12", ["stop_1", "stop_2"])
+    ('below', '')
+    """
+    word, numbers = re.sub(r"[\s-]", "_", name.lower()), re.findall(r"\d+", name)
+    known = {each.lower(): each for each in names if not numbers or re.findall(r"\d+", each) in ([], numbers)}
     means = [each for key, words in MEANT.items() if word in words.split() for each in [known.get(key)] if each]
-    alike = means or [known[each] for each in get_close_matches(word, known, n=1)]
+    alike = means or [known[each] for each in get_close_matches(word, known, n=1, cutoff=LEAST_LIKENESS)]
     if not alike:  # thickness_mm, e_modulus, Length
         alike = [known[each] for each in known if min(len(each), len(word)) > 3 and (each in word or word in each)]
     return alike[0] if alike else ""

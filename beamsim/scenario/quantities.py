@@ -52,10 +52,11 @@ _EXAMPLES = {
         "width": "50 mm", "thickness": "5 mm", "diameter": "20 mm", "outer_diameter": "20 mm", "wall_thickness": "2 mm",
         "web_thickness": "3 mm", "flange_thickness": "4 mm", "extreme_fibre": "6 mm", "height": "20 mm",
         "gap": "0.1 mm", "peak_displacement": "1 mm", "rms_displacement": "1 mm", "side": "30 mm", "y": "100 mm",
+        "displacement": "1 mm",
     },
     "s": {
         "rise": "0.5 ms", "fall": "0.5 ms", "minimum_rest": "1 ms", "longest_time": "1 s", "period": "0.1 s",
-        "relaxation_time": "40 ms", "time": "5 ms",
+        "relaxation_time": "40 ms", "time": "5 ms", "test_duration": "2 min",
     },
     "Hz": {
         "sample_rate": "20 kHz", "history_rate": "1 kHz", "resample": "2 kHz", "low_pass": "2 kHz",

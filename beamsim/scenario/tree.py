@@ -95,8 +95,21 @@ def locate(root: Any, path: Path) -> Mark:
 
 def located_problem(root: Any, found: Problem) -> Problem:
     """Return the problem with the file and line of the value at its path."""
-    file, line = locate(root, tuple(path_parts(found.path)))
+    file, line = locate(root, tuple(path_parts(found.path)) or _written_at(root, found.path))
     return replace(found, file=file, line=line)
+
+
+def _written_at(root: Any, path: str) -> Path:
+    """Keys and indices of what is written at a path with a key that is no name (``gap:0.1 mm``), or next above it."""
+    value, walked = root, Path()
+    while isinstance(value, (dict, list)):
+        below = {path_text((*walked, key)): key for key in (value if isinstance(value, dict) else range(len(value)))}
+        texts = [text for text in below if path == text or path.startswith((f"{text}.", f"{text}["))]
+        if not texts:
+            break
+        key = below[max(texts, key=len)]
+        value, walked = value[key], (*walked, key)
+    return walked
 
 
 class _TooLong(Exception):

@@ -87,8 +87,9 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
     match error["type"]:
         case "value_error":
             unfit = context["error"]
-            lead = shown if isinstance(unfit, UnitError) else ""
-            return (*path, *unfit.at), lead + unfit.message, unfit.remedy
+            if not isinstance(unfit, UnitError):
+                return (*path, *unfit.at), unfit.message, unfit.remedy
+            return path, shown + unfit.message, _with_usual_example(unfit.remedy, path, field)
         case "variants":
             return path, shown + error["msg"], context["remedy"]
         case "missing":
@@ -131,6 +132,15 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
     return _described(schema, field)
+
+
+def _with_usual_example(remedy: str, path: Path, field: FieldInfo | None) -> str:
+    """A remedy that gives the example of a dimension, with that which suits the key."""
+    key = next((part for part in reversed(path) if isinstance(part, str)), "")
+    for item in (*field.metadata, *within(field.annotation)) if field is not None else ():
+        if isinstance(item, Quantity) and remedy == f"write for example {item.dimension.example}":
+            return f"write for example {example_of(key, item.dimension.unit) or item.dimension.example}"
+    return remedy
 
 
 def _described(schema: type[Schema], field: FieldInfo | None) -> str:

@@ -21,9 +21,9 @@ the model had been in SI units; of any other scaling the motion of the nodes is 
 from __future__ import annotations
 
 import csv
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from beamsim.errors import InputFileError, MethodError
 from beamsim.files import reading
 from beamsim.measurements.tables import NamedColumns, read_named_columns
 from beamsim.scenario import units as si
+from beamsim.scenario.base import MOST_NAMES
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.matrices import FileUnits, UnitSizes, UnitSystem
 from beamsim.typing import Floats, Ints
@@ -92,10 +93,11 @@ class DofTable:
         known = sorted({number for number, each in self.dofs if each != MODAL})
         if not known:
             return "there are modal coordinates alone"
-        near = sorted(known, key=lambda number: abs(number - node))[:2]
-        alike = get_close_matches(str(node), [str(number) for number in known], n=2)
-        names = list(dict.fromkeys([*alike, *(str(number) for number in near)]))[:3]
-        return f"the nearest nodes are {', '.join(names)}"
+        if len(known) <= MOST_NAMES:
+            return f"the nodes are {', '.join(map(str, known))}"
+        k = bisect(known, node)
+        next_to = f"; next to it are {known[k - 1]} and {known[k]}" if 0 < k < len(known) else ""
+        return f"the {len(known)} nodes are numbered from {known[0]} to {known[-1]}{next_to}"
 
 
 @dataclass(frozen=True)

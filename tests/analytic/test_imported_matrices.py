@@ -181,13 +181,13 @@ def test_a_spring_to_ground_in_the_matrices_is_refused_where_the_base_moves(tmp_
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is not a node of the matrices; the nearest"),
+        ({"base": "{nodes: [31], direction: z}"}, "base.nodes[0] = 31 is not a node of the matrices; the nodes are 2"),
         ({"base": "{nodes: [10], direction: x}"}, "none of its nodes has that direction; they have z"),
         (
             {"case": CASE + "joints: [{{kind: hinge, between: [{{node: 9}}, {{node: 8, direction: ry}}]}}]\n"},
             "joints[0].between acts between z and ry, a displacement and a rotation",
         ),
-        ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is not a node of panel; the nearest nodes are"),
+        ({"case": CASE.replace("{place}", "node: 24")}, "at.node = 24 is not a node of panel; the nodes are 2, 3"),
         ({"case": CASE.replace("{place}", "node: 9, direction: x")}, "= x is not a direction of node 9; node 9 has z"),
         ({"case": CASE.replace("{place}", "node: 10")}, "snubbers[0].at.node = 10 moves with the base"),
         ({"body": BODY.replace("name: kxx", "name: kgg")}, "stiffness.name = kgg is not a matrix of panel.op4"),
@@ -318,3 +318,12 @@ def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
     structure = triples(300)
     limit = 1.0 / structure.frequency_scale
     assert structure.frequency_count(limit) == 300 * np.sum(np.linalg.eigvalsh(TRIPLE) < 1.0) == 600
+
+
+def test_of_many_nodes_the_range_and_those_next_to_an_unknown_one_are_told():
+    """Numbers that are spelled alike are not near: 105 is not 1005."""
+    table = DofTable(tuple((node, "z") for node in (*range(1, 101), 200, 1005)), None)
+    assert table.remedy(105) == "the 102 nodes are numbered from 1 to 1005; next to it are 100 and 200"
+    assert table.remedy(2000) == "the 102 nodes are numbered from 1 to 1005"
+    assert table.remedy(200) == "node 200 has z"
+    assert DofTable(((7, "z"), (5, "z")), None).remedy(6) == "the nodes are 5, 7"

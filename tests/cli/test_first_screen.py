@@ -1,6 +1,8 @@
 """The first screens: what is decided by, and nothing that is not sure."""
 
 import gzip
+import re
+from collections import Counter
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -88,7 +90,8 @@ def test_a_sweep_shows_its_curves(printed):
 
 SHOWN = {
     "continuation": ("400 mN   0.085 to 0.1 Hz", "1.44 m at 0.1 Hz, the other", "gap EXCEEDED, margin -61.2 %"),
-    "folds": ("62 of 123 points", "0.104, 0.1203 Hz", "1.96 m at 0.12 Hz, first", "folds in level: 30 to 300 mN"),
+    "folds": ("62 of 123 points", "3 folds at 0.104, 0.1203, 0.1203 Hz", "1.96 m at 0.12 Hz, first",
+              "folds in level: 30 to 300 mN"),
     "designs": ("4 cases, each a run", "1.94 m (2 N/m, 0.2 m)", "EXCEEDED in 4 of 4 cases: 1.936 m at the other",
                 "1 of 4 cases compared with a finer model, the other 3 not"),
     "designs_zip": ("2 cases, each a swept sine", "1.87 N (6 N/m, below)", "6 more responses", "none of 2 cases"),
@@ -115,3 +118,28 @@ def test_every_kind_says_first_what_is_decided_by(name, tmp_path):
     assert lines[-1] == f"{name}.h5, 1 plot"
     assert len(lines) <= 12
     assert "complete:" not in text
+
+
+@pytest.mark.parametrize("name", ["continuation", "folds", "nnm"])
+@pytest.mark.parametrize("more", [0, 9])
+def test_counts_of_special_points_are_those_of_their_table(name, more, tmp_path):
+    """All levels and periods count, also at one value of the parameter, and all kinds."""
+    path = tmp_path / f"{name}.h5"
+    path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
+    result = load(path)
+    table = result.summary["special_points"]
+    assert [point["kind"] for point in table] == result["special_points"]["kind"].values.tolist()
+    table += [
+        {"kind": kind, "parameter": 0.09, "frequency_hz": 0.09, "snubber": "", "level": 1.0, "period_multiple": 2}
+        for kind in ("neimark_sacker", "grazing", "nonsmooth_fold", "fold")
+        for _ in range(more)
+    ]
+    with shown_in(result.scenario.display_scales):
+        text = resolve_name(KINDS[kind_of(path)].screen)(result).text(result, [path.name]).replace("\n", " ")
+    for kind, count in Counter(point["kind"] for point in table).items():
+        called = {"neimark_sacker": "Neimark–Sacker bifurcation"}.get(kind, kind.replace("_", " "))
+        said = re.search(rf"(?<!\d)(\d+) {called}s?\b(?: at ([^;]*? and (\d+) more)?)?", text)
+        assert said, (kind, text)
+        assert int(said[1]) == count
+        if said[3]:
+            assert int(said[3]) + said[2].count(",") + 1 == count

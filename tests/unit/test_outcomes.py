@@ -83,11 +83,11 @@ def test_both_directions():
     assert both_directions(REACHED, REACHED) is REACHED
     two = both_directions(REACHED, STOPPED)
     assert two.code == "step_too_small"
-    assert two.text == f"{STOPPED.text}; in the other direction: complete: reached the end at 3 Hz"
+    assert two.text == f"{STOPPED.text}; in the other direction: reached the end at 3 Hz"
     assert two.statements == (STOPPED.text, "in the other direction: reached the end at 3 Hz")
     assert not two.complete
     assert not both_directions(STOPPED, REACHED).complete
-    assert COMPLETE.statements == ("complete",)
+    assert COMPLETE.statements == ()
     assert REACHED.but(STOPPED).statements == ("reached the end at 3 Hz", STOPPED.text)
 
 
@@ -99,6 +99,18 @@ def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
         assert "complete" not in whole.text
         assert not any("complete" in text for text in whole.statements)
         assert part.message in whole.text
+
+
+def test_a_part_that_is_complete_is_not_called_so_beside_one_that_is_not():
+    """Levels of a sweep, branches, cases: the reader of INCOMPLETE would read it of the whole."""
+    fine = COMPLETE.but(within=Where(1.0, "g", "level"))
+    for whole in (MISSING.but(fine), MISSING.but(REACHED), MISSING.but(COMPLETE), COMPLETE.but(MISSING, fine)):
+        assert "complete" not in whole.text
+        assert not any("complete" in text for text in whole.statements)
+    assert MISSING.but(REACHED).text == f"{MISSING.text}; reached the end at 3 Hz"
+    assert REACHED.of_part == "reached the end at 3 Hz"  # what is said of a branch
+    assert COMPLETE.of_part == "complete"
+    assert COMPLETE.but(REACHED, fine).text == "complete; reached the end at 3 Hz"  # twin: all is
 
 
 def test_what_a_part_means_for_the_whole():

@@ -51,6 +51,38 @@ def test_the_documented_message(tmp_path):
     assert str(problem).startswith(f"{path}:20: snubbers[0].position = 0.31 m lies beyond beam.length = 0.27 m; ")
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "line", "message"),
+    [
+        ("stiffness: 151 kN/m", "stiffness:151 kN/m", 3, "snubbers[0][stiffness:151 kN/m] is not a known key"),
+        ("gap: 0.1 mm", "gap (mm): 0.1", 4, "snubbers[0][gap (mm)] is not a known key"),
+        ("gap: 0.1 mm", "gap[mm: 0.1", 4, "is not YAML"),
+        ("gap: 0.1 mm", '"gap [mm]": 0.1', 4, "snubbers[0][gap [mm]] is not a known key"),
+        ("width: 50 mm", "width:50 mm", 1, "beam[width:50 mm] is not a known key"),
+        ("beam:", '"beam:":', 1, "beam: is not a known key"),
+    ],
+)
+def test_keys_that_are_no_names_are_located(tmp_path, right, wrong, line, message):
+    text = """\
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3}
+snubbers:
+  - {name: tip, position: 270 mm, side: below, stiffness: 151 kN/m,
+     gap: 0.1 mm}
+"""
+    path = tmp_path / "case.yaml"
+    path.write_text(text.replace(right, wrong))
+    found = [each for each in problems(path) if message in each]
+    assert [each.partition(": ")[0] for each in found] == [f"{path}:{line}"]
+
+
+def test_another_number_is_no_spelling_mistake():
+    stops = [{"name": f"stop_{k}", "position": 0.1 * k, "side": "below", "stiffness": 1e5} for k in (1, 2)]
+    said = one(BASE, {"snubbers": stops, "limits": {"peak_force": {"stop_12": "5 N"}}})
+    assert said.endswith("= stop_12 is an unknown snubber; the snubbers are stop_1, stop_2")
+    said = one(BASE, {"snubbers": stops, "limits": {"peak_force": {"stpo_2": "5 N"}}})
+    assert said.endswith("did you mean stop_2?")
+
+
 def test_everything_at_once_in_the_order_of_the_file():
     text = BASE
     for right, wrong in (

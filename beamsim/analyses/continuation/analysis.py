@@ -339,7 +339,7 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
                 "largest_parameter": float(c.parameter.max(initial=-np.inf)),
                 "smallest_hz": float(c.frequency_hz.min(initial=np.inf)),
                 "largest_hz": float(c.frequency_hz.max(initial=-np.inf)),
-                "status": c.outcome.text,
+                "status": c.outcome.of_part,
             }
             for c in folds
         ]

@@ -146,7 +146,7 @@ class HeldMode:
             **{name: text for name, (text,) in endings([self.outcome]).items()},
             **{name: [getattr(motion, name) for motion in motions] for name in ("predicted_amplitude", "amplitude")},
             **of_multipliers([motion.multipliers[None, :] for motion in motions]),
-            "curve_status": ["" if motion.curve is None else motion.curve.outcome.text for motion in motions],
+            "curve_status": ["" if motion.curve is None else motion.curve.outcome.of_part for motion in motions],
         }  # fmt: skip
         if held:
             values |= _held_values([motion.held for motion in motions])

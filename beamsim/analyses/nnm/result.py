@@ -55,8 +55,7 @@ _SUMMARY = (
              form=list_of(TONGUE)),
     Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
              form=list[Plain]),
-    Entry("grazings", "1", "grazing contacts along the backbone"),
-    Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
+    Entry("special_points", "", "folds, branch points and grazings of the backbone: kind, parameter, frequency",
              form=list[Plain]),
     Entry("requested_points", "", "points at the energies and frequencies asked for: quantity, value, branch and point "
              "(from 1), parameter, frequency, energy, share, stable or not",

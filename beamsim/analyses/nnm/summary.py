@@ -46,8 +46,7 @@ def nnm_summary(result: NormalModeResult) -> dict[str, Any]:
             for branch in result.branches if branch["kind"].item() == "tongue"
         ],
         "jumps": [{**jump, "mode": jump["mode"] or None, "ratio": jump["ratio"] or None} for jump in jumps],
-        "grazings": sum(point["kind"] in ("grazing", "nonsmooth_fold") for point in special),
-        "special_points": [point for point in special if point["kind"] in ("fold", "nonsmooth_fold", "branch_point")],
+        "special_points": special,
         "motion_frequency_hz": 1.0 / float(result["motion"]["time"].values[-1]),
         "full_period": _full_period(result) if "half_period_difference" in result["points"] else None,
     }  # fmt: skip
@@ -113,7 +112,7 @@ def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
         "silent_jumps": relaxed.factor[relaxed.jumped].tolist(),
         "passages": int(relaxed.passages.sum()),
         "processor_time_s": float(relaxed.processor_time_s.sum()),
-        "status": relaxed.outcome.text,
+        "status": relaxed.outcome.of_part,
     }
 
 
@@ -165,7 +164,7 @@ def held_summary(held: HeldMode) -> dict[str, Any]:
         "quantity": held.quantity,
         "unit": held.unit,
         "probe": held.probes[held.compared],
-        "status": held.outcome.text,
+        "status": held.outcome.of_part,
         "levels": list(_level_summaries(held)),
     }
 
@@ -184,7 +183,7 @@ def _level_summaries(held: HeldMode) -> Iterator[dict[str, Any]]:
             "amplitude_m": float(m.amplitude[held.compared]),
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,
-            "curve": "" if m.curve is None else m.curve.outcome.text,
+            "curve": "" if m.curve is None else m.curve.outcome.of_part,
             "periods": 0 if m.held is None else int(m.held.departure.size),
             "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
             "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),

@@ -52,7 +52,7 @@ def level_row(
     aliased : of a kept history, see `SweepLevel.aliased`.
     """
     values = {
-        "level_index": one.index, "level": float(one.value), **outcome.as_texts(), **columns,
+        "level_index": one.index, "level": float(one.value), **outcome.as_texts(), "status": outcome.of_part, **columns,
     }  # fmt: skip
     return LEVELS.dataset(
         {name: [value] for name, value in values.items()} | dict(aliased or {}), level_unit=one.level_unit or "1"
