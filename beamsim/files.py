@@ -16,12 +16,13 @@ import logging
 import math
 import os
 import platform
+import re
 import secrets
 import stat
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -642,26 +643,49 @@ def check_writable(path: Path | str) -> Path:
     return intended / probe.name
 
 
+_ENDING = re.compile(r"\.[a-z][a-z0-9]{0,4}", re.IGNORECASE)  # of a file's name
+
+
 def output_file(output: Path | None, stem: str, *suffixes: str) -> Path:
     """File named by ``-o``: the file itself if it has one of the suffixes, else ``stem`` in that folder.
 
     Raises
     ------
     ResultFileError
-        If the file could not be written.
+        If the file could not be written, or the name has the ending of another kind of file.
     """
     if output is not None and output.suffix.lower() in suffixes and not output.is_dir():
         path = output
     else:
-        path = (output or Path()) / f"{stem}{suffixes[0]}"
+        path = _named_folder(output, suffixes) / f"{stem}{suffixes[0]}"
     check_writable(path)
     return path
 
 
-def output_folder(output: Path | None, stem: str) -> Path:
-    """Folder named by ``-o``, checked; the current one by default."""
-    folder = output or Path()
+def output_folder(output: Path | None, stem: str, *suffixes: str) -> Path:
+    """Folder named by ``-o``, checked; the current one by default. A file of one of the suffixes could be named, too.
+
+    Raises
+    ------
+    ResultFileError
+        If no file could be written there, or the name has the ending of a file.
+    """
+    folder = _named_folder(output, suffixes)
     check_writable(folder / f"{stem}_")
+    return folder
+
+
+def _named_folder(output: Path | None, suffixes: Sequence[str]) -> Path:
+    """The folder that ``-o`` names, which does not end as files do unless there is one of that name."""
+    folder = output or Path()
+    if _ENDING.fullmatch(folder.suffix) and not folder.is_dir():
+        remedy = "give a folder after -o"
+        if suffixes:
+            remedy = f"give a name that ends with {' or '.join(suffixes)}, or a folder"
+        raise ResultFileError(
+            f"cannot write {folder}: files that end with {folder.suffix} are not written here; {remedy} (one whose name"
+            " has an ending must exist)"
+        )
     return folder
 
 

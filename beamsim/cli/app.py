@@ -366,7 +366,7 @@ def report(
 def animate(
     given: Given,
 ) -> None:
-    """Write the motion of a result as a GIF and as HTML. It is slow around contact."""
+    """Write the motion of a result as a GIF and as HTML. Slow around contact; -o NAME.mp4 writes a video (ffmpeg)."""
     from beamsim.cli import html_report
 
     html_report.animate(given)

@@ -112,10 +112,12 @@ def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool
     Raises
     ------
     ScenarioError
-        If the file exists.
+        If the file exists, or has the ending of another kind of file.
     ResultFileError
         If it cannot be written.
     """
+    if path.suffix.lower() not in ("", ".yaml", ".yml"):
+        raise ScenarioError(f"{path} is no name of a scenario; give one that ends with .yaml")
     if path.exists() and not force:
         raise ScenarioError(f"{path} already exists; choose another name, or use --force to replace it")
     schema = path.with_name(SCHEMA)

@@ -32,6 +32,9 @@ from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
+ANIMATIONS = (".gif", ".html", ".htm", ".mp4")
+"""Endings of animations."""
+
 
 def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path, stem: str) -> list[Path]:
     """Draw the model of a valid case.
@@ -86,18 +89,20 @@ def report(given: Given) -> None:
 
 
 def animate(given: Given) -> None:
-    """Write the motion of a result as a GIF and as HTML.
+    """Write the motion of a result as a GIF and as HTML, or as the one file that is named, also as a video.
 
     Raises
     ------
     ResultFileError
-        If the file cannot be read or holds no motion, or a file cannot be written.
+        If the file cannot be read or holds no motion, a file cannot be written, or there is no ffmpeg for a video.
     """
     path, output = given.case, given.output
-    if output is not None and output.suffix.lower() in (".gif", ".html", ".htm"):
+    if output is not None and output.suffix.lower() in ANIMATIONS and not output.is_dir():
         targets = [output_file(output, path.stem, output.suffix.lower())]
+        if output.suffix.lower() == ".mp4":
+            animation.demand_ffmpeg(output)
     else:
-        folder = output_folder(output, path.stem)
+        folder = output_folder(output, path.stem, *ANIMATIONS)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (given.json or given.quiet)
     with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
@@ -106,9 +111,10 @@ def animate(given: Given) -> None:
             remedy = "animate a run, a sweep or a nonlinear mode of a model with nodes that move"
             raise ResultFileError(f"{path}: holds no motion of places; {remedy}")
         for target in targets:
-            if target.suffix.lower() == ".gif":
+            if target.suffix.lower() in (".gif", ".mp4"):
+                save = animation.save_gif if target.suffix.lower() == ".gif" else animation.save_video
                 with progress_of(f"drawing {target.name}", shown=shown) as progress:
-                    animation.save_gif(scene, target, progress)
+                    save(scene, target, progress)
             else:
                 with replacing(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")

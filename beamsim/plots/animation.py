@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.animation import FFMpegWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from beamsim.errors import visible
+from beamsim.errors import ResultFileError, visible
 from beamsim.files import replacing
 from beamsim.outcomes import tell
 from beamsim.plots.drawing import in_lines, plain_text, show_unseen
@@ -139,16 +140,11 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
     from PIL import Image
 
     with plain_text():
-        figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
-        canvas: Any = FigureCanvasAgg(figure)
-        update = _drawing(scene, figure.subplots())
-        show_unseen(figure)
+        figure, draw = _canvas(scene)
 
         def picture(k: int) -> Any:
-            update(k)
-            canvas.draw()
-            figure.set_layout_engine("none")  # that of the first one stays
-            return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+            draw(k)
+            return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB")
 
         forces = np.sum([stop.force for stop in scene.stops], axis=0) if scene.stops else np.zeros(1)
         palette = picture(int(np.argmax(forces))).quantize(64)  # it has the colour of contact
@@ -161,6 +157,65 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
             temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=MILLISECONDS, loop=0
         )
     return path
+
+
+def demand_ffmpeg(path: Path) -> None:
+    """Refuse to write a video where there is no ffmpeg.
+
+    Raises
+    ------
+    ResultFileError
+        Where Matplotlib finds none.
+    """
+    if not FFMpegWriter.isAvailable():
+        raise ResultFileError(
+            f"cannot write {path}: a video needs the program ffmpeg, which is not found; install it, or give a name"
+            " that ends with .gif or .html"
+        )
+
+
+def save_video(scene: Scene, path: Path, progress: Callable[[float], None] | None = None) -> Path:
+    """Write the animation as a video in MP4 by ffmpeg.
+
+    Parameters
+    ----------
+    scene, path, progress : as of `save_gif`.
+
+    Returns
+    -------
+    The path.
+
+    Raises
+    ------
+    ResultFileError
+        If there is no ffmpeg, or the file cannot be written.
+    """
+    demand_ffmpeg(path)
+    even = ["-f", "mp4", "-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]  # which players demand
+    with plain_text(), replacing(path) as temporary:
+        figure, draw = _canvas(scene)
+        writer = FFMpegWriter(fps=round(1000 / MILLISECONDS), codec="h264", extra_args=even)
+        with writer.saving(figure, str(temporary), figure.dpi):
+            for k in range(scene.time.size):
+                draw(k)
+                writer.grab_frame()
+                tell(progress, (k + 1) / scene.time.size)
+    return path
+
+
+def _canvas(scene: Scene) -> tuple[Any, Callable[[int], None]]:
+    """The figure of an animation, and what draws a frame in it."""
+    figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
+    canvas: Any = FigureCanvasAgg(figure)
+    update = _drawing(scene, figure.subplots())
+    show_unseen(figure)
+
+    def draw(k: int) -> None:
+        update(k)
+        canvas.draw()
+        figure.set_layout_engine("none")  # that of the first one stays
+
+    return figure, draw
 
 
 def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
