@@ -145,7 +145,7 @@ class ExitCode(IntEnum):
     SUCCESS = 0
     BUG = 1
     USAGE = 2  # usage, scenario or file
-    NOT_CONVERGED = 3  # incomplete or not reliable; the result is saved; under --check: a limit that is neither
+    NOT_CONVERGED = 3  # incomplete or not reliable; the result is saved; under --check: a limit not met nor exceeded
     LIMIT_EXCEEDED = 4  # under --check
     NOT_WRITTEN = 5  # what was computed: no room where it was to go, or a disk that fails
     INTERRUPTED = 130  # from the keyboard
@@ -178,6 +178,7 @@ class OnLimit(StrEnum):
     MET = "ok"
     EXCEEDED = "exceeded"
     NOT_RELIABLE = "not reliable"  # neither
+    UNDECIDED = "undecided"  # by a random motion of this length: the limit lies inside the interval of the value
 
 
 _BEGINS = {
@@ -476,8 +477,9 @@ def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> 
     -------
     int
 
-    >>> [int(exit_code(COMPLETE, ["ok", *other])) for other in ([], ["not reliable"], ["not reliable", "exceeded"])]
-    [0, 3, 4]
+    >>> others = [], ["not reliable"], ["undecided"], ["undecided", "exceeded"]
+    >>> [int(exit_code(COMPLETE, ["ok", *other])) for other in others]
+    [0, 3, 3, 4]
     """
     if signal:
         return 128 + signal
@@ -486,7 +488,7 @@ def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> 
         return code
     if OnLimit.EXCEEDED in verdicts:
         return ExitCode.LIMIT_EXCEEDED
-    return max(code, ExitCode.NOT_CONVERGED) if OnLimit.NOT_RELIABLE in verdicts else code
+    return code if verdicts <= {OnLimit.MET} else max(code, ExitCode.NOT_CONVERGED)
 
 
 def interruption(when: str = "", *parts: Outcome, at: Where | None = None) -> Outcome:

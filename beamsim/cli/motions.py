@@ -15,6 +15,7 @@ from beamsim.cli.screens import (
     contact_levels,
     limit_lines,
     limits_by_place,
+    limits_in_test,
     modes,
 )
 from beamsim.outcomes import first_of
@@ -24,6 +25,7 @@ from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import words
+from beamsim.typing import not_none
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -81,6 +83,7 @@ def _largest_of_test(result: RunResult, _: Changes) -> Iterator[str]:
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
         yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, SHOWN)}"
+    yield from limits_in_test(result)
 
 
 def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
@@ -89,10 +92,14 @@ def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
 
 
 def _fatigue(result: RunResult, _: Changes) -> Iterator[str]:
+    run = not_none(result.scenario.run)
     for name, body in result.summary["fatigue"].items():
         low, high = body.get("damage_low"), body.get("damage_high")
         interval = "" if low is None else f" ({low:.2g} to {high:.2g}, 95 %)"
-        yield f"damage of {name} {body['damage']:.2g}{interval} at {damage_place(body)}"
+        ran = amount(run.duration, "s")
+        tested = body.get("damage_in_test")
+        of_test = "" if tested is None else f", {tested:.2g} in {amount(run.test_duration, 's')} of test"
+        yield f"damage of {name} {body['damage']:.2g}{interval} in {ran}{of_test}, at {damage_place(body)}"
 
 
 def _against(result: RunResult) -> Iterator[str]:

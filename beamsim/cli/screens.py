@@ -275,6 +275,23 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
+def limits_in_test(result: Result) -> Iterator[str]:
+    """Which value of a test with a random input each limit is compared with, and how long a run decides."""
+    alike: dict[str, list[str]] = {}
+    for name, item in result.summary.get("margins", {}).items():
+        if "statistic" in item:
+            alike.setdefault(item["statistic"], []).append(limit_label(name))
+    yield from (f"compared with limits: {first_of(names, SHOWN)} by the {of}" for of, names in alike.items())
+    for name, item in result.summary.get("margins", {}).items():
+        if item["verdict"] == OnLimit.UNDECIDED:
+            unit, longer = limit_unit(result.scenario, name), item["decided_after_s"]
+            low, high, limit = (amount(item[key], unit, 4) for key in ("interval_low", "interval_high", "limit"))
+            after = f"{LONGER_RUN} {amount(longer, 's', 2)}" if is_known(longer) else NO_RUN_DECIDES
+            yield f"{limit_label(name)} undecided: {low} to {high} at 95 %, the limit {limit} between them; {after}"
+
+
+LONGER_RUN = "if a longer run is more of the same, it decides from a duration of about"
+NO_RUN_DECIDES = "no longer run does, since the largest values of tests themselves scatter so much"
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
 
 

@@ -129,6 +129,8 @@ def verdict_of(result: Result) -> Verdict:
         return Verdict("bad", standing.first_line.capitalize(), reasons)
     if on[OnLimit.NOT_RELIABLE]:
         return Verdict("doubt", f"Neither kept nor exceeded: {', '.join(on[OnLimit.NOT_RELIABLE])}", reasons)
+    if on[OnLimit.UNDECIDED]:
+        return Verdict("doubt", f"Undecided by a run of this length: {', '.join(on[OnLimit.UNDECIDED])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""
         return Verdict("doubt", f"To be read with care.{within}", reasons)

@@ -51,7 +51,11 @@ if TYPE_CHECKING:
 STATUS = Entry("status", "", "complete, or why the computation stopped early", form=Text)
 MARGIN = record(
     {"limit": Number, "value": Number, "margin": Number, "at": Text, "verdict": Text},
-    {"lowest": Number, "highest": Number, "margin_db": Number, "exceeded": Flag},
+    {
+        "exceeded": Flag,
+        "statistic": Text,
+        **dict.fromkeys(("lowest", "highest", "margin_db", "interval_low", "interval_high", "decided_after_s"), Number),
+    },
 )
 CONTACT_CHANGE = record(
     {"closed_at_rest": Flag},
@@ -66,7 +70,9 @@ FINER_MODEL = record(
 )  # fmt: skip
 MARGINS = Entry(
     "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its change with a finer "
-    "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded",
+    "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded; of a "
+    "random motion which statistic the value is, the 95 % interval of the largest in the test, and where that spans "
+    "the limit (undecided) how long a run is about to decide, nan if none does",
     form=by_name(MARGIN)
 )  # fmt: skip
 GAPPING = Entry(
@@ -220,7 +226,14 @@ class Result:
         keys : of a value of a record, that of the record in which it is nested before its own.
         record : with the value, where it is part of one.
         """
-        if entry.name == "margins" and keys[0] in ("limit", "value", "lowest", "highest"):
+        if entry.name == "margins" and keys[0] in (
+            "limit",
+            "value",
+            "lowest",
+            "highest",
+            "interval_low",
+            "interval_high",
+        ):
             return limit_unit(self.scenario, place[0])
         if entry.section == OUTPUT.section and place:
             return str(self.summary["output_unit"][place[-1]])

@@ -35,7 +35,7 @@ NO_EXTREMES: Extreme = np.zeros((4, 0))  # where there is no probe
 Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
 Margins = dict[str, dict[str, Any]]
 """By limit (SI) ``limit``, ``value``, ``lowest`` and ``highest`` (the range of its change), ``margin``, ``at``,
-``verdict``, ``exceeded``."""
+``verdict``, ``exceeded``; of a value of a random motion also which ``statistic`` it is."""
 
 
 def of_angles(entry: str) -> str:
@@ -429,7 +429,8 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     Parameters
     ----------
     compared : with the range of each value, ``lowest`` to ``highest``, by its change; ``held_within`` is the share of
-        the limit to which the level of a sweep is known that holds it there.
+        the limit to which the level of a sweep is known that holds it there; ``interval_low`` and ``interval_high``
+        are the interval of a value of a random motion, where that decides.
     outcome : of the computation.
 
     Returns
@@ -440,6 +441,10 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
         name: on_limit(item["lowest"], item["highest"], item["limit"] * (1.0 + item.get("held_within", 0.0)), outcome)
         for name, item in compared.items()
     }
+    for name, verdict in verdicts.items():
+        low, high = (compared[name].get(f"interval_{end}", math.nan) for end in ("low", "high"))
+        if verdict is OnLimit.NOT_RELIABLE and outcome.trusted and low <= compared[name]["limit"] < high:
+            verdicts[name] = OnLimit.UNDECIDED
     return {
         name: item | {"exceeded": verdicts[name] is OnLimit.EXCEEDED, "verdict": verdicts[name].value}
         for name, item in compared.items()
@@ -455,6 +460,11 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
         unit, changes = f" {limit_unit(scenario, name)}".removesuffix(" 1"), item["lowest"] < item["highest"]
         between = f" ({item['lowest']:.5g} to {item['highest']:.5g}{unit} with its change)" if changes else ""
         verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
+        if item["verdict"] == OnLimit.UNDECIDED:
+            interval = f"{item['interval_low']:.5g} to {item['interval_high']:.5g}{unit}"
+            test = f"the largest value in run.test_duration, {interval} at 95 %, may meet or exceed"
+            texts.append(f"{limit_label(name)} undecided: {test} limits.{name} = {item['limit']:.5g}{unit}")
+            continue
         if "margin_db" in item:
             margin = f"the margin is {item['margin_db']:.2f} dB"
             texts.append(f"{limit_label(name)} {verdict} limits.{name} at {item['at']}: {margin}")

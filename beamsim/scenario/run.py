@@ -333,6 +333,10 @@ class Run(Schema):
     test_duration: q.Duration | None = None
     """How long the test with a stationary random input lasts, for which largest values are expected; by default as long
     as the run."""
+    test_peak: Literal["interval", "median", "three_sigma"] = "interval"
+    """What limits on peaks are compared with where test_duration is given: the upper end of the 95 % interval of the
+    largest value in it (undecided if the interval spans the limit), its median, or the mean and three standard
+    deviations."""
     sample_rate: q.Frequency | None = None
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"

@@ -17,11 +17,13 @@ from beamsim.analyses.run.random_response import (
     LEVELS,
     Compression,
     crossing_rates,
+    deciding_share,
     largest_of_test,
     rms_interval,
     sampling_errors,
     statistics_of,
 )
+from beamsim.cli.screens import limits_in_test
 from beamsim.cli.tables import table_rows
 from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
@@ -469,6 +471,74 @@ def test_no_largest_value_of_a_test_that_may_reach_a_stop_of_which_the_record_sa
     verdicts = [item["verdict"] for item in result.summary["margins"].values()]
     assert verdicts == ["not reliable" if reached else "ok"]
     assert exit_code(result.outcome, verdicts) == (3 if reached else 0)
+
+
+def in_test(limit, **run):
+    """A run of 20 s against a stop, as the sample of a test of 2 min."""
+    case = {
+        "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.02}},
+        "snubbers": [{"name": "stop", "mass": 1, "side": "above", "stiffness": 1e5, "gap": 0.5e-3,
+                      "damping": {"kind": "viscous", "coefficient": 10.0}}],
+        "excitation": {"kind": "random", "applied_to": "base", "seed": 1,
+                       "psd": [{"frequency": f, "density": "0.01 g^2/Hz"} for f in (5.0, 100.0)]},
+        "run": {"duration": 20.0, "test_duration": 120.0, "sample_rate": 2000.0, "convergence": "off", **run},
+        "limits": {"peak_force": limit},
+    }  # fmt: skip
+    return beamsim.run(load_scenario(case))
+
+
+def test_a_limit_is_compared_with_the_largest_value_of_the_test():
+    """Upper end of its interval, median, or three sigma; undecided only by the interval, with exit code 3."""
+    signals = in_test(1.0)["random"].rows("signal")
+    random = next(of for of in signals if of["signal"] == "stop force")
+    low, median, high = (random[name] for name in ("expected_peak_low", "expected_peak", "expected_peak_high"))
+    three_sigma = abs(random["mean"]) + 3.0 * random["standard_deviation"]
+    for limit, verdict, code in ((0.99 * low, "exceeded", 4), (0.5 * (low + high), "undecided", 3), (high, "ok", 0)):
+        result = in_test(limit)
+        of = result.summary["margins"]["peak_force"]
+        assert (of["value"], of["interval_low"], of["verdict"]) == (high, low, verdict)
+        assert of["margin"] == pytest.approx(limit / high - 1.0)
+        assert exit_code(result.outcome, [of["verdict"]]) == code
+        lines = list(limits_in_test(result))
+        upper = "compared with limits: peak force by the upper end of the 95 % interval of the largest value in"
+        assert lines[0].startswith(upper)
+        assert any("undecided" in line for line in lines) is (verdict == "undecided")
+    for peak, value in (("median", median), ("three_sigma", three_sigma)):
+        for share, verdict in ((0.99, "exceeded"), (1.01, "ok")):
+            of = in_test(share * value, test_peak=peak).summary["margins"]["peak_force"]
+            assert of["value"] == pytest.approx(value)
+            assert of["verdict"] == verdict
+
+
+def test_the_largest_value_of_a_test_is_never_below_what_its_run_reached():
+    """Also where that is in the first tenth, which the statistics leave out; a shorter test may stay below."""
+    case = OSCILLATOR | {"run": {"duration": 20.0, "test_duration": 20.0, "sample_rate": 500.0, "convergence": "off"}}
+    floors = 0
+    for seed in range(40):
+        result = beamsim.run(load_scenario(case, {"excitation.seed": seed, "excitation.amplitudes": "random"}))
+        x = result["histories"]["displacement"].sel(probe="mass").values
+        of = result.summary["random"]["mass displacement"]
+        early = np.abs(x[: x.size // 10]).max() > np.abs(x[x.size // 10 :]).max()
+        floors += early
+        assert of["expected_peak_low"] >= np.abs(x).max()
+    assert floors
+
+
+def test_how_long_a_run_decides_is_how_the_interval_narrows():
+    """Of Gaussian records: the advice grows as the limit comes closer to the median, and is infinite inside the scatter
+    of tests."""
+    rate, test = 250.0, 600.0
+    x = np.random.default_rng(3).standard_normal(int(20 * rate))
+    freedom = rms_interval(x)["degrees_of_freedom"]
+    of = largest_of_test(x, freedom, test * rate)
+    median, high = of["expected_peak"], of["expected_peak_high"]
+    shares = [
+        deciding_share(x, freedom, test * rate, median + part * (high - median)) for part in (0.95, 0.7, 0.5, 0.0)
+    ]
+    assert all(share > 1.0 for share in shares)
+    assert shares == sorted(shares)
+    assert shares[0] < 10.0
+    assert shares[-1] == np.inf
 
 
 def test_pictures_are_of_the_band_of_the_input_and_of_the_share_of_the_time(result):

@@ -178,7 +178,7 @@ def solved(
     warnings += evaluation.computed(
         "warnings of jumps", lambda: jump_warnings(motion, summary["peak_acceleration_g"]), list[str](), minor=True
     )
-    fields, notes = _asked_for(result, motion, needed, evaluation)
+    fields, notes = _asked_for(result, motion, summary, needed, evaluation)
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
@@ -217,7 +217,7 @@ def pull_warnings(motion: RunMotion) -> list[str]:
 
 
 def _asked_for(
-    result: RunResult, motion: RunMotion, needed: Needed, evaluation: Evaluation
+    result: RunResult, motion: RunMotion, figures: Mapping[str, Any], needed: Needed, evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
@@ -225,6 +225,7 @@ def _asked_for(
     ----------
     result : of the motion.
     motion : it came from.
+    figures : values of the motion, by entry of the summary.
     needed : of it; what a note may follow from is computed in any case.
     evaluation : what is computed from the motion.
     """
@@ -235,7 +236,7 @@ def _asked_for(
     if scenario.excitation.stationary and needed.statistics:
         from beamsim.analyses.run.random_response import largest_known, random_response
 
-        random = evaluation.computed("densities and statistics", lambda: random_response(result, system), None)
+        random = evaluation.computed("densities and statistics", lambda: random_response(result, system, figures), None)
         if random is not None:
             fields["outcome"], datasets["random"] = largest_known(result.outcome, random, settings), random
     counted = settings.from_ < motion.marched.end or not settings.from_

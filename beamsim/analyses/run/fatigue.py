@@ -152,6 +152,7 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
     stresses.check_complete()
     settings = not_none(not_none(system.scenario.run).fatigue)
     stress, variation = not_none(system.stress), stresses.variation()
+    tested = not_none(system.scenario.run).test_duration
     limit, across, names = settings.endurance_limit or 0.0, stress.stations.across, list(dict.fromkeys(stress.bodies))
     components = {body.body: COMPONENTS[: body.moments] for body in system.bodies if body.moments > 1}
     rows, counted = list[dict[str, Any]](), list[Floats]()
@@ -171,6 +172,7 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
             "equivalent_range_pa": equivalent_range(cycles, settings.exponent, limit),
             "damage": done,
             "life_s": end / done if done > 0.0 else float("inf"),
+            "damage_in_test": None if tested is None else done * tested / end,
             **(damage_interval(turns, done, settings) if system.scenario.excitation.stationary else {}),
         })  # fmt: skip
     values: dict[str, Any] = {"body": names, **columns_of_cycles(counted, "body")}

@@ -402,9 +402,12 @@ FATIGUE = Layout(
         "equivalent_range_pa": Variable(
             _BODY, "Pa", "constant range that does the same damage in as many cycles"
         ),
-        "damage": Variable(_BODY, "1", "damage of the run by Palmgren and Miner; 1 is failure"),
+        "damage": Variable(_BODY, "1", "damage of the run, run.duration long, by Palmgren and Miner; 1 is failure"),
         "life_s": Variable(
             _BODY, "s", "time to damage 1 if the run is repeated; infinite without damage"
+        ),
+        "damage_in_test": Variable(
+            _BODY, "1", "damage of a test of run.test_duration, at the rate of the run", optional=True
         ),
         # not known of an input that is not random, or of few cycles
         "damage_low": Variable(
@@ -426,6 +429,7 @@ RANDOM = Layout(
         "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),
         "level": Variable(_LEVEL, "1", "level above the mean, in standard deviations of the signal"),
         "signal": Variable(_SIGNAL, "1", "name and quantity of the signal", str),
+        "section": Variable(_SIGNAL, "", "probes, snubbers or outputs; excitation of the input", str),
         "name": Variable(_SIGNAL, "", "input, or the name of the probe, snubber or output", str),
         "quantity": Variable(_SIGNAL, "", "quantity of the signal", str),
         "unit": Variable(_SIGNAL, "", "unit of the signal", str),
@@ -464,6 +468,10 @@ RANDOM = Layout(
         ),
         "expected_peak_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
         "expected_peak_unknown": Variable(_SIGNAL, "", "why it is not stated", str, optional=True),
+        "decided_after_s": Variable(
+            _SIGNAL, "s", "duration of a run of which the interval is about to leave the limit that it spans; infinite "
+            "where none is, NaN where it spans none", optional=True,
+        ),
         # NaN where the structure has no snubbers or is more than linear without them
         "linear_open": Variable(
             _SIGNAL, "{unit}", "standard deviation of the stationary linear response, every snubber always open",

@@ -36,8 +36,10 @@ the force of that snubber is stated, which follows its law.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +52,8 @@ from beamsim.contacts.laws import ContactLaw
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
+from beamsim.results.values import LIMITED, OUTPUT, Margins, judged, limited, margin_of
+from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
@@ -66,10 +70,11 @@ EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
 UNKNOWN = "expected_peak_unknown"
 SAME_PEAK = 1e-9  # relative, within which the largest peaks of two segments are one, which none exceeds
 DRAWS = 20_000  # of records, for the interval of a largest value
+MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-def random_response(result: RunResult, system: StructuralSystem) -> Dataset | None:
+def random_response(result: RunResult, system: StructuralSystem, figures: Mapping[str, Any]) -> Dataset | None:
     """Analyse a run with a stationary input, a process of which the run is a sample.
 
     Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
@@ -78,6 +83,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> Dataset | No
     ----------
     result : of the run.
     system : that it moves.
+    figures : values of the motion, by entry of the summary.
 
     Returns
     -------
@@ -97,31 +103,36 @@ def random_response(result: RunResult, system: StructuralSystem) -> Dataset | No
     tested = not_none(scenario.run).test_duration or float(times[-1])
     beyond = _beyond_record(result, system, first, tested * rate)
 
-    def statistics(name: str, quantity: str, unit: str, x: Floats) -> dict[str, Any]:
+    def statistics(section: str, name: str, quantity: str, unit: str, whole: Floats) -> dict[str, Any]:
+        x = whole[first:]
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
         of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
         others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
         pressed = _compression(system, histories, name, first) if quantity == "force" else None
         figures |= {UNKNOWN: others} if others else largest_of_test(x, *of_test, pressed)
+        if EXPECTED[0] in figures:
+            limit = _limit_on_peak(scenario, section, name, quantity, unit)
+            if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
+                figures["decided_after_s"] = float(times[-1]) * deciding_share(x, *of_test, limit, pressed)
+            if tested >= times[-1]:  # the test is as long as what was seen, its beginning included
+                reached = _reached(figures, section, name, quantity, unit)
+                figures |= {each: max(figures[each], reached) for each in EXPECTED}
         return {
-            "signal": f"{name} {quantity}", "name": name, "quantity": quantity, "unit": unit,
+            "signal": f"{name} {quantity}", "section": section, "name": name, "quantity": quantity, "unit": unit,
             "density": cross_density(x, x, rate, length).real,
             "limit": limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
             "crossings_hz": crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         }  # fmt: skip
 
     quantity, given = _input_of(system, histories)
-    shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given[first:]
-    entered = statistics("input", quantity, amplitude_unit(quantity), given)
+    shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given
+    entered = statistics("excitation", "input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], dict[str, Complexes](), dict[str, Floats]()
-    for name, quantity, unit, values in _responses(result):
+    for section, name, quantity, unit, values in _responses(result):
         check_stop()
-        x = values[first:]
-        signals.append(statistics(name, quantity, unit, x))
-        # an output may be called as a probe is
-        of_probe = name in histories.labels("probe") and name not in transmissibility
-        if alone and of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
-            cross = cross_density(given, x, rate, length)
+        signals.append(statistics(section, name, quantity, unit, values))
+        if alone and section == "probes" and quantity == (MAIN_QUANTITY if shaken else "displacement"):
+            cross = cross_density(given[first:], values[first:], rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
                 transmissibility[name] = np.asarray(cross / entered["density"])
                 coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered["density"] * signals[-1]["density"]))
@@ -170,17 +181,17 @@ def _input_of(system: StructuralSystem, histories: Dataset) -> tuple[str, Floats
     return str(shown.takes[0]), history
 
 
-def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
-    """Name, quantity, unit and history of each response."""
+def _responses(result: RunResult) -> Iterator[tuple[str, str, str, str, Floats]]:
+    """Section, name, quantity, unit and history of each response."""
     histories = result["histories"]
     for name in histories.labels("probe"):
         for quantity in (MAIN_QUANTITY, "displacement"):
             history = histories[quantity].sel(probe=name)
-            yield name, quantity, history.unit, history.values
+            yield "probes", name, quantity, history.unit, history.values
     for name, force in histories.by_label("snubber_force").items():
-        yield name, "force", force.unit, force.values
+        yield "snubbers", name, "force", force.unit, force.values
     for name, output in histories.by_label("output_value").items():
-        yield name, histories["output_quantity"].sel(output=name).item(), output.unit, output.values
+        yield "outputs", name, histories["output_quantity"].sel(output=name).item(), output.unit, output.values
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
@@ -368,6 +379,124 @@ def largest_of_test(
     }
 
 
+def deciding_share(
+    x: Floats, freedom: float, samples: float, limit: float, compression: Compression | None = None
+) -> float:
+    """How many times as long a record has to be for the interval of the largest value not to span a limit.
+
+    A longer record has more segments, up to the most that are taken, and then longer ones, of which the largest value
+    grows as that of exponential energies does. Location, scale and shape are those of this record.
+
+    Parameters
+    ----------
+    x, freedom, samples, compression : as of `largest_of_test`, which knows the interval.
+    limit : inside the interval, in the unit of the signal.
+
+    Returns
+    -------
+    float
+        Above 1; infinite where the largest value itself scatters so much from test to test that no record decides.
+    """
+    mean, peaks = abs(float(x.mean())), _segment_peaks(np.abs(x), freedom)
+    if compression is None:
+        energies, energy = (peaks - mean) ** 2, (limit - mean) ** 2
+    else:
+        energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
+        energy = compression.energy(limit)
+    segments = energies.size
+    energies = _independent(energies)
+    joined = segments / energies.size  # of which one peak each is independent
+    place, scale, skewness = _moments(np.sort(energies))
+    for share in 2.0 ** np.arange(0.5, np.log2(MOST_TIMES_AS_LONG), 0.5):
+        count = int(min(share * freedom / FREEDOM_OF_SEGMENT, MOST_SEGMENTS) / joined)
+        longer = share * energies.size / count  # segments
+        pivot = _pivots(count, count * samples / x.size / share, skewness)
+        low, high = place + scale * (np.log(longer) / np.log(2.0) + pivot[1:])
+        if not low <= energy < high:
+            return float(share)
+    return math.inf
+
+
+def _limit_on_peak(scenario: Scenario, section: str, name: str, quantity: str, unit: str) -> float:
+    """The lowest limit on the peaks of a signal, SI; nan without any."""
+    limits = {} if scenario.limits is None else scenario.limits.given
+    on_signal = [
+        limit for of, limit in limits.items()
+        if _on_peak(of, {"section": section, "name": name, "quantity": quantity, "unit": unit})
+    ]  # fmt: skip
+    return min(on_signal, default=math.nan)
+
+
+def _reached(figures: Mapping[str, Any], section: str, name: str, quantity: str, unit: str) -> float:
+    """The largest magnitude of a signal in the run, between samples, too; 0 of the input, which is known anyway."""
+    for value in LIMITED.values():
+        if value.of is not None and (value.section, value.quantity) in ((section, quantity), (section, "")):
+            of_places = figures.get(value.entry, {})
+            if value.unit in ("", unit) and isinstance(of_places, Mapping) and name in of_places:
+                return float(of_places[name]) * value.scale
+    return 0.0
+
+
+def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
+    """Whether a limit, by its name, is on the peaks of a signal."""
+    value, place = limited(limit)
+    if value.of is None or value.section != signal["section"] or place not in ("", signal["name"]):
+        return False
+    return value is OUTPUT or (value.quantity == signal["quantity"] and value.unit == signal["unit"])
+
+
+def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset) -> Margins:
+    """Margins of a run, with those on peaks by the largest values of the test, where these are known.
+
+    Parameters
+    ----------
+    scenario : with run.test_duration.
+    compared : margins of the values that the run reached.
+    random : statistics of the record.
+
+    Returns
+    -------
+    Margins
+        Where the largest value of a test is not known, and the run has not exceeded the limit, the range is open.
+    """
+    run, signals, found = not_none(scenario.run), random.rows("signal")[1:], dict(compared)
+    for name, item in compared.items():
+        of_limit = [signal for signal in signals if _on_peak(name, signal)]
+        known = [_in_test(run, item, signal) for signal in of_limit if _known(signal.get(EXPECTED[0]))]
+        if known and len(known) == len(of_limit):
+            found[name] = item | max(known, key=itemgetter("value"))
+        elif of_limit and not item["exceeded"]:
+            found[name] = item | {"highest": math.inf}
+    return judged(found)
+
+
+def _known(value: float | None) -> bool:
+    return value is not None and not math.isnan(value)
+
+
+def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
+    """What a margin says of one signal, whose largest value in the test is known."""
+    median, low, high = (float(signal[name]) for name in EXPECTED)
+    test = "largest value in run.test_duration"
+    if run.test_peak == "interval":
+        size, said = high, f"upper end of the 95 % interval of the {test}"
+    elif run.test_peak == "median":
+        size = low = high = median
+        said = f"median of the {test}"
+    else:
+        size = low = high = abs(float(signal["mean"])) + 3.0 * float(signal["standard_deviation"])
+        said = "mean and three standard deviations"
+    limit = item["limit"]
+    of_place = {"value": size, "lowest": low, "highest": high, "margin": margin_of(limit, size), "statistic": said}
+    of_place |= {"at": str(signal["name"])} if item["at"] else {}
+    if run.test_peak == "interval":
+        of_place |= {"interval_low": low, "interval_high": high}
+        if low <= limit < high:
+            after = signal.get("decided_after_s")
+            of_place["decided_after_s"] = after if after is not None and math.isfinite(after) else math.nan
+    return of_place
+
+
 def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Outcome:
     """The outcome of a run, which is incomplete where largest values of a test were asked for and are not reliable.
 
@@ -440,11 +569,22 @@ def _extrapolated(energies: Floats, longer: float) -> Floats:
     """
     energies = _independent(energies)
     place, scale, skewness = _moments(np.sort(energies))
-    of_draws, pivots = _drawn(energies.size, energies.size * longer)
+    return np.asarray(np.maximum(place + scale * _pivots(energies.size, energies.size * longer, skewness), 0.0))
+
+
+def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
+    """(3,) median and interval of (largest of a test - location) / scale, of drawn records with alike skewness.
+
+    Parameters
+    ----------
+    count : of segments of the record.
+    segments : of the test.
+    skewness : of the record, the ratio of its third to its second L-moment.
+    """
+    of_draws, pivots = _drawn(count, segments)
     alike, tail = DRAWS // 10, 0.5 * (1.0 - CONFIDENCE)
     first = int(np.clip(np.searchsorted(of_draws, skewness) - alike // 2, 0, DRAWS - alike))
-    pivot = np.quantile(pivots[first : first + alike], [0.5, tail, 1.0 - tail])
-    return np.asarray(np.maximum(place + scale * pivot, 0.0))
+    return np.asarray(np.quantile(pivots[first : first + alike], [0.5, tail, 1.0 - tail]))
 
 
 def _independent(peaks: Floats) -> Floats:

@@ -245,7 +245,8 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
     table, name, of : of the limit.
     """
     verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
-    exceeding, unsure = (known & (verdict == each) for each in (OnLimit.EXCEEDED, OnLimit.NOT_RELIABLE))
+    exceeding = known & (verdict == OnLimit.EXCEEDED)
+    unsure = known & ~exceeding & (verdict != OnLimit.MET)
     judged = OnLimit.EXCEEDED if exceeding.any() else OnLimit.NOT_RELIABLE if unsure.any() else OnLimit.MET
     if judged is OnLimit.MET and not known.all():  # what is missing may exceed it
         judged = OnLimit.NOT_RELIABLE
