@@ -100,7 +100,8 @@ def random_response(result: RunResult, system: StructuralSystem, figures: Mappin
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
     linear = linear_responses(system, frequency)
-    tested = not_none(scenario.run).test_duration or float(times[-1])
+    settings = not_none(scenario.run)
+    tested = settings.test_duration or settings.duration
     beyond = _beyond_record(result, system, first, tested * rate)
 
     def statistics(section: str, name: str, quantity: str, unit: str, whole: Floats) -> dict[str, Any]:
@@ -114,7 +115,7 @@ def random_response(result: RunResult, system: StructuralSystem, figures: Mappin
             limit = _limit_on_peak(scenario, section, name, quantity, unit)
             if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
                 figures["decided_after_s"] = float(times[-1]) * deciding_share(x, *of_test, limit, pressed)
-            if tested >= times[-1]:  # the test is as long as what was seen, its beginning included
+            if tested >= settings.duration:  # the test is as long as what was seen, its beginning included
                 reached = _reached(figures, section, name, quantity, unit)
                 figures |= {each: max(figures[each], reached) for each in EXPECTED}
         return {
