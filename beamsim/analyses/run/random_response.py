@@ -74,7 +74,7 @@ MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-def random_response(result: RunResult, system: StructuralSystem, figures: Mapping[str, Any]) -> Dataset | None:
+def random_response(result: RunResult, system: StructuralSystem, found: Mapping[str, Any]) -> Dataset | None:
     """Analyse a run with a stationary input, a process of which the run is a sample.
 
     Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
@@ -83,7 +83,7 @@ def random_response(result: RunResult, system: StructuralSystem, figures: Mappin
     ----------
     result : of the run.
     system : that it moves.
-    figures : values of the motion, by entry of the summary.
+    found : values of the motion, by entry of the summary.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def random_response(result: RunResult, system: StructuralSystem, figures: Mappin
             if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
                 figures["decided_after_s"] = float(times[-1]) * deciding_share(x, *of_test, limit, pressed)
             if tested >= settings.duration:  # the test is as long as what was seen, its beginning included
-                reached = _reached(figures, section, name, quantity, unit)
+                reached = _reached(found, section, name, quantity, unit)
                 figures |= {each: max(figures[each], reached) for each in EXPECTED}
         return {
             "signal": f"{name} {quantity}", "section": section, "name": name, "quantity": quantity, "unit": unit,
@@ -428,11 +428,11 @@ def _limit_on_peak(scenario: Scenario, section: str, name: str, quantity: str, u
     return min(on_signal, default=math.nan)
 
 
-def _reached(figures: Mapping[str, Any], section: str, name: str, quantity: str, unit: str) -> float:
+def _reached(found: Mapping[str, Any], section: str, name: str, quantity: str, unit: str) -> float:
     """The largest magnitude of a signal in the run, between samples, too; 0 of the input, which is known anyway."""
     for value in LIMITED.values():
         if value.of is not None and (value.section, value.quantity) in ((section, quantity), (section, "")):
-            of_places = figures.get(value.entry, {})
+            of_places = found.get(value.entry, {})
             if value.unit in ("", unit) and isinstance(of_places, Mapping) and name in of_places:
                 return float(of_places[name]) * value.scale
     return 0.0
