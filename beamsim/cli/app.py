@@ -24,7 +24,7 @@ COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "all
 ABOUT_A_RESULT = ("output", "json", "quiet")
 
 
-Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
+Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file, or a result file to take the case of.")]
 Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
 Overrides = Annotated[
     list[str] | None,

@@ -6,11 +6,11 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from beamsim.cli.session import Given, print_json, say, show
+from beamsim.cli.session import Given, print_json, say, scenario_given, show
 from beamsim.errors import ScenarioError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind
-from beamsim.scenario import Scenario, load_scenario, template
+from beamsim.scenario import Scenario, template
 from beamsim.scenario.jsonschema import json_schema
 from beamsim.structures.matrices import summaries_of_files
 from beamsim.structures.named_matrices import FileSummary
@@ -39,7 +39,7 @@ def validate(given: Given, *, sketch: bool) -> None:
     folder = output_folder(given.output, case.stem) if sketch else None
     drawn: list[Path] = []
     try:
-        scenario = load_scenario(case, given.overrides or ())
+        scenario = scenario_given(given)
         files, warnings, system = _checked(scenario)
         if folder is not None:
             from beamsim.cli.html_report import draw_model  # and with it everything that draws

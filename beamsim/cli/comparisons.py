@@ -14,12 +14,11 @@ from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
 from beamsim.cli.conclusion import concluded
-from beamsim.cli.session import Given
+from beamsim.cli.session import Given, scenario_given
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.measurements.channels import history_named
 from beamsim.outcomes import OnLimit, exit_code
-from beamsim.scenario import load_scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.validation_errors import describe
@@ -125,7 +124,7 @@ def compare_shapes(
     BeamsimError
         As `concluded`.
     """
-    scenario = load_scenario(given.case, given.overrides or ())
+    scenario = scenario_given(given)
     target = output_file(given.output, f"{given.case.stem}_modes", ".h5", ".hdf5")
 
     def compared(*_: object) -> ModeComparison:

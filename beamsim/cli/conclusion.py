@@ -8,7 +8,19 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
-from beamsim.cli.session import Given, Interruption, Progress, interruptible, print_json, progress_of, say, show
+from beamsim.cli.session import (
+    RESULTS,
+    Given,
+    Interruption,
+    Progress,
+    interruptible,
+    print_json,
+    progress_of,
+    say,
+    scenario_given,
+    show,
+    stem_given,
+)
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS
@@ -17,7 +29,7 @@ from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.results.result import Result
 from beamsim.results.values import limits_not_met
-from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario import Scenario
 from beamsim.store.results import keep_result, refusing_damage
 
 _Result = TypeVar("_Result", bound=Result)
@@ -35,12 +47,12 @@ def prepared(command: str, given: Given) -> tuple[Scenario, Path]:
     ResultFileError
         If the result could not be written.
     """
-    scenario = load_scenario(given.case, given.overrides or (), command=command)
+    scenario = scenario_given(given, command)
     if given.check and scenario.limits is None:
         raise ScenarioError(
             Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
         )
-    return scenario, output_file(given.output, given.case.stem, ".h5", ".hdf5")
+    return scenario, output_file(given.output, stem_given(given), *RESULTS)
 
 
 def concluded(

@@ -16,7 +16,7 @@ def identify(given: Given) -> None:
     concluded(
         "identify-stiffness", target, given,
         lambda progress, stop: identify_stiffness(
-            scenario, read_tests(scenario, given.case.parent) if has_tests else (), progress, stop
+            scenario, read_tests(scenario) if has_tests else (), progress, stop
         ),
         f"identifying {given.case.name}",
     )  # fmt: skip

@@ -21,12 +21,15 @@ from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
 from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
 from beamsim.outcomes import ExitCode
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
 
 
 class Given(NamedTuple):
@@ -43,6 +46,40 @@ class Given(NamedTuple):
     check: bool = False  # whether exceeding a limit is an error
     resume: bool = False  # whether to go on from what an interrupted command has kept
     open_files: bool = False  # whether files that a result names may be opened to build its model again
+
+
+RESULTS = (".h5", ".hdf5")
+"""Endings of result files."""
+
+
+def scenario_given(given: Given, command: str = "") -> Scenario:
+    """The scenario of a command: that of a YAML file, or of a result file, with what is replaced in it.
+
+    The files that the case of a result names are looked for beside it and where they were, and must be unchanged.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario is invalid.
+    ResultFileError
+        If it is that of a result file, and this cannot be read.
+    """
+    from beamsim.scenario import load_scenario  # without which --help is instant
+
+    overrides = given.overrides or ()
+    if given.case.suffix.lower() not in RESULTS:
+        return load_scenario(given.case, overrides, command=command)
+    from beamsim.store.results import load
+
+    scenario: Scenario = load(given.case).scenario
+    if overrides:
+        scenario = load_scenario(scenario, overrides, command=command)
+    return scenario.with_source(given.case.stem)
+
+
+def stem_given(given: Given) -> str:
+    """The stem of what a command writes: that of its case, which where it is a result is not written over."""
+    return f"{given.case.stem}_again" if given.case.suffix.lower() in RESULTS else given.case.stem
 
 
 # --- What is printed -------------------------------------------------------------------------------------------------

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.cli.session import Given, print_json, progress_of, show
+from beamsim.cli.session import Given, print_json, progress_of, scenario_given, show
 from beamsim.cli.tables import print_table
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file, replacing
 from beamsim.matrix_files import ENDINGS, FORMATS, write_matrices
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
-from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.matrices import SYSTEMS, UnitSystem
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
@@ -31,7 +31,7 @@ def check(given: Given) -> None:
     VerdictError
         If a check fails.
     """
-    scenario = load_scenario(given.case, given.overrides or ())
+    scenario = scenario_given(given)
     with scenario.locating(), progress_of(f"checking {given.case.name}", shown=not given.json):
         bodies = checked(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
@@ -69,7 +69,7 @@ def export(given: Given, body: str | None, modes: int | None, units: str, *, bin
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
-    scenario = load_scenario(case, given.overrides or ())
+    scenario = scenario_given(given)
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
         files, text = exported(scenario, target, body, modes, units, binary=binary)

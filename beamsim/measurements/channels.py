@@ -15,7 +15,7 @@ from beamsim.measurements.conditioning import conditioned, evenly_timed
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
-from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import closest
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
@@ -25,25 +25,33 @@ from beamsim.scenario.quantities import level_unit, meant, motion_dimension
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 
 
-def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
-    """The signal of every test of ``identify_stiffness.nonlinear`` that is used and has a file, in SI units; paths are
-    relative to a folder. A transient is not filtered yet: the part that is compared is, together with the motion.
+def read_tests(scenario: Source, folder: Path | str | None = None) -> list[MeasuredSignal]:
+    """The signal of every test of ``identify_stiffness.nonlinear`` that is used and has a file, in SI units.
+
+    A transient is not filtered yet: the part that is compared is, together with the motion.
+
+    Parameters
+    ----------
+    scenario : with the tests, or what `beamsim.load_scenario` reads, such as the path of its file.
+    folder : that paths are relative to; by default that of the scenario's file.
 
     Raises
     ------
     ScenarioError
         For every file that is missing or empty, has non-finite values or lacks the channel.
     """
+    scenario = scenario_of(scenario, "identify-stiffness")
     section = scenario.identify_stiffness
     if section is None or section.nonlinear is None:
         return []
     signals: list[MeasuredSignal] = []
     problems: list[Problem] = []
     default = scenario.effective_probes[0].name
+    where = "identify_stiffness", "nonlinear", "tests"
     for index, test in section.nonlinear.recorded.items():
         at = f"identify_stiffness.nonlinear.tests[{index}]"
-        path = Path(folder) / test.file
         try:
+            path = (scenario.folder_of(*where, index, "file") if folder is None else Path(folder)) / test.file
             name = test.channel or test.probe or default
             channels = read_signals(path, test.axis_unit, test.decimal)
             required = test.channel is not None

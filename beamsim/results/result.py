@@ -137,6 +137,18 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
+def demand_result(value: object) -> None:
+    """Refuse what is no result where one is needed.
+
+    Raises
+    ------
+    TypeError
+        With how the result of a file is read.
+    """
+    if not isinstance(value, Result):
+        raise TypeError(f"a result is needed, not a {type(value).__name__}; beamsim.load reads that of a file")
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)  # that of a dataclass holds all arrays
 class Result:
     """Base of the results of all commands: scenario, outcome, summary, datasets, warnings and provenance."""

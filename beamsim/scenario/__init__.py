@@ -14,6 +14,6 @@ Begin with `scenario`, the whole and how it is read; every section has a module 
 
 from __future__ import annotations
 
-from beamsim.scenario.scenario import Scenario, load_scenario, template
+from beamsim.scenario.scenario import Scenario, Source, load_scenario, scenario_of, template
 
-__all__ = ["Scenario", "load_scenario", "template"]
+__all__ = ["Scenario", "Source", "load_scenario", "scenario_of", "template"]

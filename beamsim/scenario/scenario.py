@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -719,9 +720,22 @@ USED: dict[str, frozenset[str]] = {
 """Sections that each command uses, of those that not all of them use (``vary``: sweep with many cases)."""
 
 
-def load_scenario(
-    source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = (), *, command: str = ""
-) -> Scenario:
+Source = str | FilePath | Mapping[str, Any] | Scenario
+"""What a scenario is read from, see `load_scenario`."""
+
+
+def scenario_of(source: Source, command: str = "") -> Scenario:
+    """The scenario of a source, which is read unless it is one; ``command`` as of `load_scenario`.
+
+    Raises
+    ------
+    ScenarioError
+        As `load_scenario`.
+    """
+    return source if isinstance(source, Scenario) else load_scenario(source, command=command)
+
+
+def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "") -> Scenario:
     """Read and check a scenario.
 
     Parameters
@@ -752,6 +766,10 @@ def load_scenario(
         root = resolve_extends(from_python(source), None, FilePath())
     elif isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
         root = resolve_extends(parse(source, "<text>"), "<text>", FilePath())
+    elif not isinstance(source, str | os.PathLike):
+        message = f"is a {type(source).__name__}, which no scenario can be read from"
+        remedy = "take its scenario" if hasattr(source, "scenario") else "give a path, YAML text or a mapping"
+        raise ScenarioError(problem(("scenario",), message, remedy))
     else:
         path = FilePath(source)
         root, name = resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem

@@ -376,6 +376,9 @@ def read_file(path: FilePath) -> Any:
     except InputFileError as error:
         remedy = _similar_file(path) if error.missing else error.remedy
         raise ScenarioError(problem((), error.message, remedy, (file, None))) from None
+    if raw.startswith(b"\x89HDF"):
+        remedy = f'a result is read by beamsim.load("{path}"), its case is beamsim.load("{path}").scenario'
+        raise ScenarioError(problem((), "is an HDF5 file, not YAML", remedy, (file, None)))
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

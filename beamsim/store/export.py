@@ -75,6 +75,8 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     ResultFileError
         If the format is unknown or cannot hold the result, or a file cannot be read or written.
     """
+    if isinstance(path, Result):
+        raise TypeError("the path of a result file is needed, not a result; beamsim.write_result writes one")
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
     result, items = open_with_items(path)

@@ -48,6 +48,7 @@ from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, v
 from beamsim.kinds import KINDS
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.outcomes import Outcome
+from beamsim.results.result import demand_result
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
 from beamsim.summaries import by_name, demand_summary, plain, record
@@ -86,6 +87,7 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
     ResultFileError
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
+    demand_result(result)
     items = items_of(result)
     cut_short = result.outcome.cut_short
     examine = partial(_content, items["/"].attributes, contains=resumed or not cut_short)

@@ -26,7 +26,7 @@ from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome
 from beamsim.parallel import Cluster
-from beamsim.scenario import Scenario
+from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.base import counted
 from beamsim.store.results import keep_result, write_result
 from beamsim.trust.studies import design_study
@@ -98,7 +98,7 @@ def stored_study(
 
 
 def ensemble(
-    scenario: Scenario,
+    scenario: Source,
     draws: Mapping[str, Sequence[Any] | Any],
     responses: Sequence[str] = (),
     *,
@@ -113,7 +113,8 @@ def ensemble(
 
     Parameters
     ----------
-    scenario : with a ``run``; or with a ``sweep``, which is then computed for every draw.
+    scenario : with a ``run``; or with a ``sweep``, which is then computed for every draw; or what
+        `beamsim.load_scenario` reads.
     draws : by path of a number, as in ``vary``, an array of its values, one a case: in SI units, or text with units.
         The path ``excitation.seed`` draws realisations of a random input.
     responses : what is computed: quantities (``peak_force``), or whole names (``snubbers/tip/peak_force``). By default
@@ -146,6 +147,7 @@ def ensemble(
     >>> table = beamsim.ensemble(case, draws, ["peak_force"]).table  # doctest: +SKIP
     >>> np.quantile(table["snubbers/tip/peak_force"], 0.99)  # doctest: +SKIP
     """
+    scenario = scenario_of(scenario)
     plan = plan_draws(scenario, draws, responses)
     check_cases(plan)
     if file is None:

@@ -18,6 +18,7 @@ from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
 from beamsim.results.values import largest_in
+from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.trust.convergence import (
     COMPARISON,
     MORE_MODES,
@@ -38,14 +39,13 @@ if TYPE_CHECKING:
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.sweep.result import SweepResult
-    from beamsim.scenario import Scenario
 
 
 _Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
 
 
 def sweep(
-    scenario: Scenario,
+    scenario: Source,
     progress: Progress = None,
     *,
     stop: Stop = never,
@@ -56,7 +56,8 @@ def sweep(
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
+    scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation, or what
+        `beamsim.load_scenario` reads, such as the path of its file.
     progress : called with the fraction done.
     stop : asked between cycles, frequencies and levels whether to end; the result then holds those up to there,
         which may be none.
@@ -75,6 +76,7 @@ def sweep(
     TooLongError
         If it would take longer than `beamsim.allowing_hours` allows.
     """
+    scenario = scenario_of(scenario, "sweep")
     least_time_of_sweep(scenario).demand_allowed()
     from beamsim.analyses.sweep.analysis import sweep as compute
 
@@ -90,12 +92,12 @@ def sweep(
         return _checked(first, compute, asked, _of_sweep, progress)
 
 
-def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
+def continuation(scenario: Source, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
     """Follow the periodic motions of a scenario; compare them with a finer model's where ``sweep.convergence: on``.
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind continuation.
+    scenario : with a ``sweep`` section of kind continuation, or what `beamsim.load_scenario` reads.
     progress : called with the fraction done.
     stop : asked between points whether to end; the result then holds those up to there.
 
@@ -111,6 +113,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     TooLongError
         If it would take longer than `beamsim.allowing_hours` allows.
     """
+    scenario = scenario_of(scenario, "sweep")
     least_time_of_sweep(scenario).demand_allowed()
     from beamsim.analyses.continuation.analysis import continuation as compute
 
@@ -120,14 +123,14 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
 
 
 def coexisting(
-    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
+    scenario: Source, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
     scheduler: str | None = None, **kept: Any,
 ) -> CoexistingResult:  # fmt: skip
     """Find coexisting motions; compare their peaks with those of a finer model where ``sweep.convergence: on``.
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind coexisting.
+    scenario : with a ``sweep`` section of kind coexisting, or what `beamsim.load_scenario` reads.
     progress : called with the fraction done.
     stop : asked between starts and points whether to end; the result then holds those up to there.
     workers, scheduler, kept : as of `beamsim.analyses.coexisting.analysis.coexisting`; ``known`` and ``each`` are not
@@ -143,6 +146,7 @@ def coexisting(
     ScenarioError
         If there are no motions to be found in the scenario.
     """
+    scenario = scenario_of(scenario, "sweep")
     from beamsim.analyses.coexisting.analysis import coexisting as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
@@ -152,13 +156,13 @@ def coexisting(
 
 
 def nnm(
-    scenario: Scenario, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
+    scenario: Source, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
 ) -> NormalModeResult:
     """Follow a nonlinear normal mode, and compare it with a finer model's where ``nnm.convergence: on``.
 
     Parameters
     ----------
-    scenario : with an ``nnm`` section.
+    scenario : with an ``nnm`` section, or what `beamsim.load_scenario` reads.
     progress : called with the fraction done.
     compare : other methods to compare with it: any of `beamsim.analyses.nnm.analysis.COMPARISONS`.
     stop : asked between points whether to end; the result then holds those up to there.
@@ -173,6 +177,7 @@ def nnm(
     ScenarioError
         If the mode cannot be followed.
     """
+    scenario = scenario_of(scenario, "nnm")
     from beamsim.analyses.nnm.analysis import nnm as compute
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"

@@ -50,7 +50,7 @@ from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, 
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.responses.histories import Histories
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
-from beamsim.scenario import Scenario
+from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import FilteredMotion, filtered
@@ -164,14 +164,14 @@ class Model:
 
 
 def run(
-    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, entries: Collection[str] | None = None,
+    scenario: Source, progress: Progress = None, stop: Stop = never, *, entries: Collection[str] | None = None,
     shared: SharedBuilds | None = None,
 ) -> RunResult:  # fmt: skip
     """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
 
     Parameters
     ----------
-    scenario : with a ``run`` section.
+    scenario : with a ``run`` section, or what `beamsim.load_scenario` reads, such as the path of its file.
     progress : called from time to time with the fraction of the duration that is done.
     stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
         The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
@@ -189,6 +189,7 @@ def run(
     ScenarioError
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
+    scenario = scenario_of(scenario, "run")
     begin, shared = clock.perf_counter(), shared or SharedBuilds()
     alone = scenario.run is not None and scenario.run.convergence == "off"
     solution = solved(scenario, progress, stop, shared, entries if alone else None)

@@ -36,7 +36,7 @@ from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, n
 from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
 from beamsim.results.values import BY_NAME, limited
-from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep
 from beamsim.trust.convergence import COMPARISON
@@ -111,7 +111,7 @@ def _of_entry(response: str) -> str:
 
 
 def design_study(
-    scenario: Scenario | StudyPlan,
+    scenario: Source | StudyPlan,
     *,
     workers: int = 1,
     scheduler: str | Cluster | None = None,
@@ -129,8 +129,8 @@ def design_study(
 
     Parameters
     ----------
-    scenario : with ``vary`` or ``optimise``; or its plan from `plan_designs`, already checked by `check_cases`. Each
-        case is a sweep if there is a section ``sweep``, else a run.
+    scenario : with ``vary`` or ``optimise``, or what `beamsim.load_scenario` reads; or its plan from `plan_designs`,
+        already checked by `check_cases`. Each case is a sweep if there is a section ``sweep``, else a run.
     workers : number of processes on this machine; one is this process, several start beside it and import the script
         that calls, so that its call stands below ``if __name__ == "__main__":``.
     scheduler : Dask scheduler whose workers are used instead: its address, or with how long to wait for workers.
@@ -158,7 +158,7 @@ def design_study(
     if isinstance(scenario, StudyPlan):
         plan = scenario
     else:
-        plan = plan_designs(scenario)
+        plan = plan_designs(scenario_of(scenario, "sweep"))
         check_cases(plan)
     known, total = tuple(known), plan.most * plan.study.realisations.count
     solved_before = len({outcome.index for outcome in known})

@@ -30,6 +30,7 @@ from beamsim.measurements.channels import channel_named, demand_amplitudes, hold
 from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
+from beamsim.results.result import demand_result
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
@@ -73,6 +74,7 @@ def compare(
         If a measured record is too short, unevenly sampled or sampled too slowly, or neither a time history nor an
         amplitude spectrum.
     """
+    demand_result(result)
     warnings: list[str] = []
     begin = perf_counter()
     demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a run")
@@ -389,7 +391,7 @@ BY_NAME = ChannelChoice()
 """All channels that are named after places and quantities."""
 
 
-def pair_channels(result: RunResult | SweepResult, path: Path, choice: ChannelChoice = BY_NAME) -> list[Pair]:
+def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = BY_NAME) -> list[Pair]:
     """The measured channels of a file that belong to places of a result by name, in SI units.
 
     With a chosen `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or
@@ -414,6 +416,8 @@ def pair_channels(result: RunResult | SweepResult, path: Path, choice: ChannelCh
     ScenarioError
         If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
     """
+    demand_result(result)
+    path = Path(path)
     signals, unit = read_signals(path, choice.axis_unit, choice.decimal), choice.unit
     found, swept = quantities_of(result), isinstance(result, SweepResult)
     if choice.place is not None and choice.place not in found:

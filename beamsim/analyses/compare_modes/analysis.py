@@ -28,7 +28,7 @@ from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import DataSet, data_sets
 from beamsim.outcomes import COMPLETE
 from beamsim.results.result import Result
-from beamsim.scenario import Scenario, units
+from beamsim.scenario import Scenario, Source, scenario_of, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
@@ -96,14 +96,14 @@ class ShapesAtPlaces:
 
 
 def compare_modes(
-    scenario: Scenario, measured: ShapesAtPlaces, *, contacts: Literal["open", "closed"] = "open"
+    scenario: Source, measured: ShapesAtPlaces | Path | str, *, contacts: Literal["open", "closed"] = "open"
 ) -> ModeComparison:
     """Compare measured mode shapes with those of the structure.
 
     Parameters
     ----------
-    scenario : with the structure.
-    measured : shapes at two places or more, with their frequencies.
+    scenario : with the structure, or what `beamsim.load_scenario` reads.
+    measured : shapes at two places or more, with their frequencies; or the file that `read_shapes` reads them from.
     contacts : whether the snubbers are open or all closed in the computed modes.
 
     Returns
@@ -117,7 +117,10 @@ def compare_modes(
         If a place is not on the structure, there are less than two places, a shape is zero or not finite, or a
         frequency is not above zero.
     """
+    scenario = scenario_of(scenario)
     begin = perf_counter()
+    if not isinstance(measured, ShapesAtPlaces):
+        measured = read_shapes(measured, scenario)
     _check(measured)
     frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
     mac, auto = (np.nan_to_num(assurance(shape, shapes)) for shape in (measured.shapes, shapes))
@@ -245,13 +248,13 @@ _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r
 _LAYOUT = "give columns position (and y), mass, or node and direction, then a column a mode, headed by its frequency"
 
 
-def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = None) -> ShapesAtPlaces:
+def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None = None) -> ShapesAtPlaces:
     """The mode shapes of a file; nodes of a UFF file are placed by their coordinates where bodies have no nodes.
 
     Parameters
     ----------
     path : of the file.
-    scenario : with the bodies that it names.
+    scenario : with the bodies that it names, or what `beamsim.load_scenario` reads.
     decimal : decimal mark of a text file, where the user states it.
 
     Returns
@@ -263,6 +266,7 @@ def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = No
     ScenarioError
         If the file is missing or empty, or a value in it is wrong: with its line and column.
     """
+    path, scenario = Path(path), scenario_of(scenario)
     try:
         suffix = ending_of(path)
         with reading(path, "mode shapes"):

@@ -16,7 +16,7 @@ from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Progress, Stop, asked_by, never, together
-from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
 from beamsim.scenario.parameters import unit_of, with_values
@@ -31,7 +31,7 @@ _MIN_MODES = 3  # in the tables
 
 
 def identify_stiffness(
-    scenario: Scenario,
+    scenario: Source,
     measurements: Sequence[MeasuredSignal] = (),
     progress: Progress = None,
     stop: Stop = never,
@@ -40,7 +40,7 @@ def identify_stiffness(
 
     Parameters
     ----------
-    scenario : with that section.
+    scenario : with that section, or what `beamsim.load_scenario` reads.
     measurements : one signal for each of ``identify_stiffness.nonlinear.tests`` that is used, read from their files.
     progress : called repeatedly with the fraction done.
     stop : asked within fits to vibrations whether to end with the best parameters so far, without their intervals.
@@ -54,6 +54,7 @@ def identify_stiffness(
     ScenarioError
         If the section is missing, or no parameters explain the measurements: with the reason and a remedy.
     """
+    scenario = scenario_of(scenario, "identify-stiffness")
     with scenario.locating(), asked_by(stop):
         return _identify(scenario, measurements, progress)
 

@@ -19,7 +19,7 @@ from beamsim.analyses.studies.responses import begins_response, limited_response
 from beamsim.cases import Case
 from beamsim.errors import Problem, ScenarioError
 from beamsim.results.values import BY_NAME, parameter_label
-from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.parameters import replaced, value_at, with_values
 from beamsim.scenario.studies import (
@@ -200,14 +200,15 @@ class StudyPlan:
         return getattr(getattr(self.scenario, self.study.section), "convergence", None)
 
 
-def plan_designs(scenario: Scenario) -> StudyPlan:
-    """List the cases of a scenario with ``vary``.
+def plan_designs(scenario: Source) -> StudyPlan:
+    """List the cases of a scenario with ``vary``, or of what `beamsim.load_scenario` reads.
 
     Raises
     ------
     ScenarioError
         If ``vary`` is missing, or there is no analysis for the cases.
     """
+    scenario = scenario_of(scenario, "sweep")
     vary = scenario.study
     if vary is None:
         raise ScenarioError.at(
