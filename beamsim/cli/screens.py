@@ -14,7 +14,7 @@ from typing import Any
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.results.result import ALLOWED_CHANGE, Result
-from beamsim.results.values import limit_label, limit_unit
+from beamsim.results.values import limit_label, limit_unit, longer_run
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -286,12 +286,10 @@ def limits_in_test(result: Result) -> Iterator[str]:
         if item["verdict"] == OnLimit.UNDECIDED:
             unit, longer = limit_unit(result.scenario, name), item["decided_after_s"]
             low, high, limit = (amount(item[key], unit, 4) for key in ("interval_low", "interval_high", "limit"))
-            after = f"{LONGER_RUN} {amount(longer, 's', 2)}" if is_known(longer) else NO_RUN_DECIDES
+            after = longer_run(amount(longer, "s", 2) if is_known(longer) else "")
             yield f"{limit_label(name)} undecided: {low} to {high} at 95 %, the limit {limit} between them; {after}"
 
 
-LONGER_RUN = "if a longer run is more of the same, it decides from a duration of about"
-NO_RUN_DECIDES = "no longer run does, since the largest values of tests themselves scatter so much"
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
 
 

@@ -193,14 +193,15 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
         elif item["verdict"] == OnLimit.MET:
             where = "in all cases: at most"
         else:
-            exceeded = item["verdict"] == OnLimit.EXCEEDED
-            count = item.get("cases_exceeding" if exceeded else "cases_not_reliable")
+            counts = {OnLimit.EXCEEDED: "cases_exceeding", OnLimit.UNDECIDED: "cases_undecided"}
+            count = item.get(counts.get(item["verdict"], "cases_not_reliable"))
             where = f"in {count or 'some'} of {result.count} cases:"
             with_them = _parameters(result, item.get("parameters", {})).items()
             most = "".join(f", {label} {value}" for label, value in with_them)
         met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
+        by = f" ({item['statistic']})" if "statistic" in item else ""
         limit = f"limit {of['limit']}, margin {of['margin']}"
-        yield f"{name} {of['verdict']} {where} {of['value']}{at}, {limit}{most}{met}"
+        yield f"{name} {of['verdict']} {where} {of['value']}{by}{at}, {limit}{most}{met}"
     if "probability" in result.summary and len(result.limits) > 1:
         yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
 

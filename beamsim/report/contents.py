@@ -17,7 +17,7 @@ from beamsim.plots.style import amount, scale_for
 from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.results.result import MARGINS, Result
-from beamsim.results.values import limit_label
+from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
 from beamsim.scenario.parameters import field_type
@@ -130,6 +130,7 @@ def verdict_of(result: Result) -> Verdict:
     if on[OnLimit.NOT_RELIABLE]:
         return Verdict("doubt", f"Neither kept nor exceeded: {', '.join(on[OnLimit.NOT_RELIABLE])}", reasons)
     if on[OnLimit.UNDECIDED]:
+        reasons += limits_not_met(result.scenario, {n: i for n, i in margins.items() if i["verdict"] != OnLimit.MET})
         return Verdict("doubt", f"Undecided by a run of this length: {', '.join(on[OnLimit.UNDECIDED])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""

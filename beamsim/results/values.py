@@ -451,6 +451,13 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     }
 
 
+def longer_run(duration: str) -> str:
+    """What would decide on a limit that is undecided: a run of a duration, as it is printed; empty where none would."""
+    if duration:
+        return f"if a longer run is more of the same, it decides from a duration of about {duration}"
+    return "no longer run decides, since the largest values of tests themselves scatter so much"
+
+
 def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
     """A message for every limit that is exceeded, and for every one of which nothing reliable can be said."""
     texts = []
@@ -463,7 +470,8 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
         if item["verdict"] == OnLimit.UNDECIDED:
             interval = f"{item['interval_low']:.5g} to {item['interval_high']:.5g}{unit}"
             test = f"the largest value in run.test_duration, {interval} at 95 %, may meet or exceed"
-            texts.append(f"{limit_label(name)} undecided: {test} limits.{name} = {item['limit']:.5g}{unit}")
+            after = longer_run(f"{float(f'{longer:.2g}'):g} s" if (longer := item["decided_after_s"]) > 0.0 else "")
+            texts.append(f"{limit_label(name)} undecided: {test} limits.{name} = {item['limit']:.5g}{unit}; {after}")
             continue
         if "margin_db" in item:
             margin = f"the margin is {item['margin_db']:.2f} dB"

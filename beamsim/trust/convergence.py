@@ -312,7 +312,7 @@ def _range(
     (summary, values), (value, of) = of_result, limited(limit)
     if "statistic" in item:  # of the largest value of a test: it changes as that of the motion
         of_place = dict(places(changes.get(value.entry, {})))
-        change_of = of_place.get(of or item["at"], math.nan if of_place else 0.0)
+        change_of = of_place.get("" if value.single else of or item["at"], math.nan if of_place else 0.0)
         return {"lowest": item["lowest"] * (1.0 - change_of), "highest": item["highest"] * (1.0 + change_of)}
     by_name = summary.get(value.entry) if of else None
     curves = [name for name, each in (by_name or {}).items() if isinstance(each, Mapping)]

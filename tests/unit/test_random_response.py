@@ -16,6 +16,7 @@ from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import (
     LEVELS,
     Compression,
+    Magnitude,
     crossing_rates,
     deciding_share,
     largest_of_test,
@@ -33,6 +34,7 @@ from beamsim.responses.gapping import transfer
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Reduction, StressLife
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.rainflow import damage, rainflow, reversals
 from beamsim.system.build import build_system
 
@@ -300,7 +302,7 @@ def test_largest_values_of_tests_of_gaussian_noise(mean):
     found = []
     for seed in range(1000, 1200):
         x = mean + noise(4.0, rate, seed, "random", band) / deviation
-        found.append(largest_of_test(x, rms_interval(x)["degrees_of_freedom"], 40.0 * rate))
+        found.append(largest_of_test(Magnitude(x), rms_interval(x)["degrees_of_freedom"], 40.0 * rate))
     ratio, share = held(found, largest)
     assert ratio == pytest.approx(1.0, abs=0.04)
     assert 0.91 < share < 0.98
@@ -334,7 +336,7 @@ def test_what_is_extrapolated_of_a_softer_stop_is_the_energy_at_full_compression
     found = []
     for _ in range(100):
         x = np.interp(mean * generator.exponential(size=800), energy, force)
-        found.append(largest_of_test(x, 400.0, 8000.0, Compression(law, stiffness, -gap, 0.0)))
+        found.append(largest_of_test(Magnitude(x, False, Compression(law, stiffness, -gap, 0.0)), 400.0, 8000.0))
     exact = np.interp(mean * (np.log(8000.0) + np.euler_gamma), energy, force)
     assert np.mean([s["expected_peak"] for s in found]) == pytest.approx(exact, rel=0.01)
     assert 0.93 < share_of_tests(found, 8000, lambda peak: np.interp(peak, force, energy) / mean) < 0.97
@@ -346,23 +348,25 @@ def test_segments_whose_peaks_go_together_are_joined():
     for _ in range(200):
         amplitude = np.outer(np.sqrt(generator.exponential(size=30)), np.linspace(1.0, 0.99, 64)).ravel()
         x = amplitude * np.cos(np.pi * np.arange(amplitude.size))
-        found.append(largest_of_test(x, 8.0 * 50, 10.0 * x.size))
+        found.append(largest_of_test(Magnitude(x), 8.0 * 50, 10.0 * x.size))
     assert 0.88 < share_of_tests(found, 300, lambda peak: peak**2) < 0.98
 
 
 def test_the_largest_value_of_a_force_that_gives_way_is_its_limit():
     x = np.minimum(noise(4.0, 600.0, 1, "random", (20.0, 60.0)), 12.0)
-    found = largest_of_test(x - x.min(), rms_interval(x)["degrees_of_freedom"], 24_000.0)
+    found = largest_of_test(Magnitude(x - x.min()), rms_interval(x)["degrees_of_freedom"], 24_000.0)
     np.testing.assert_allclose(list(found.values()), 3 * [12.0 - x.min()], rtol=1e-12)
 
 
 def test_a_largest_value_is_not_stated_without_independent_peaks():
-    assert largest_of_test(np.zeros(1000), 500.0, 1e4) == {}
+    assert largest_of_test(Magnitude(np.zeros(1000)), 500.0, 1e4) == {}
     few = noise(1.0, 600.0, 1, "fixed")[:60]
-    found = largest_of_test(few, rms_interval(few)["degrees_of_freedom"], 1e4)
+    found = largest_of_test(Magnitude(few), rms_interval(few)["degrees_of_freedom"], 1e4)
     assert found == {"expected_peak_unknown": "the record has fewer than 5 independent peaks"}
     rare = np.where(np.arange(2000) == 1000, 1.0, 0.0)
-    assert largest_of_test(rare, 500.0, 1e4) == {"expected_peak_unknown": "a part of the record is without it"}
+    assert largest_of_test(Magnitude(rare), 500.0, 1e4) == {
+        "expected_peak_unknown": "a part of the record is without it"
+    }
 
 
 @njit
@@ -426,7 +430,10 @@ def test_intervals_of_largest_values_hold_whatever_the_spring(law):
         pressed = Compression(table, k, float(x[:, 0].mean() - gap), float(x[:, 1].mean())) if below else None
         freedoms = [rms_interval(of).get("degrees_of_freedom", 0.0) for of in x.T]
         found.append(
-            [largest_of_test(*of, 200.0 * rate, c) for *of, c in zip(x.T, freedoms, (None, pressed, None), strict=True)]
+            [
+                largest_of_test(Magnitude(one, False, c), freedom, 200.0 * rate)
+                for one, freedom, c in zip(x.T, freedoms, (None, pressed, None), strict=True)
+            ]
         )
         largest.append(np.abs(history(200)).max(axis=0))
     for signal, tests in enumerate(np.transpose(largest)):
@@ -438,7 +445,7 @@ def test_intervals_of_largest_values_hold_whatever_the_spring(law):
 @pytest.mark.slow
 @pytest.mark.parametrize("gap", [None, 2e-3])
 def test_largest_values_of_tests_of_an_oscillator(gap):
-    """Runs of 20 s predict tests of 100 s with other seeds, of a free oscillator and of one against a stop."""
+    """Runs of 20 s predict the tests of 100 s that begin with them, of a free oscillator and of one against a stop."""
     case = OSCILLATOR if gap is None else stopped(gap)
     of = "mass absolute_acceleration" if gap is None else "stop force"
 
@@ -446,13 +453,19 @@ def test_largest_values_of_tests_of_an_oscillator(gap):
         excitation = OSCILLATOR["excitation"] | {"amplitudes": "random", "seed": seed}
         run = {"duration": duration, "test_duration": 100.0, "start": "rest", "sample_rate": 1000.0}
         scenario = load_scenario(case | {"excitation": excitation, "run": run | {"convergence": "off"}})
-        return beamsim.run(scenario).summary["random"][of]
+        result = beamsim.run(scenario)
+        peaks = result.summary["peak_acceleration_g"]["mass"] * STANDARD_GRAVITY
+        return result.summary["random"][of], peaks if gap is None else result.summary["peak_force_n"]["stop"]
 
-    tests = [random(seed, 100.0) for seed in range(30)]
-    largest = np.array([max(abs(s["highest"]), abs(s["lowest"])) for s in tests])
-    ratio, share = held([random(seed, 20.0) for seed in range(100, 150)], largest)
-    assert ratio == pytest.approx(1.0, abs=0.07)
-    assert 0.85 < share <= 1.0
+    others = np.array([random(seed, 80.0)[1] for seed in range(30)])
+    ratios, shares = [], []
+    for seed in range(100, 150):
+        expected, reached = random(seed, 20.0)
+        ratio, share = held([expected], np.maximum(others, reached * (1 + 1e-9)))
+        ratios.append(ratio)
+        shares.append(share)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.07)
+    assert 0.9 < np.mean(shares) <= 1.0
 
 
 @pytest.mark.parametrize("deviations", [3.3, 12.0])
@@ -510,6 +523,44 @@ def test_a_limit_is_compared_with_the_largest_value_of_the_test():
             assert of["verdict"] == verdict
 
 
+@pytest.mark.slow
+def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
+    """A gap that opens away from a stop out of reach follows the displacement; a filter lowers accelerations
+    and what is expected of them; without a test_duration, what the run reached is compared, and that is said."""
+    displacement, _ = oscillator_deviations(3947.84, 6.2832)
+    case = stopped(30.0 * displacement, test_duration="200 s", sample_rate="1 kHz")
+    away = 30.0 * displacement
+    result = beamsim.run(load_scenario(case | {"limits": {"gap": away + 4.0 * displacement}}))
+    of, x = result.summary["margins"]["gap"], result["histories"]["displacement"].sel(probe="mass").values
+    first = x.size // 10
+    freedom, rate = rms_interval(x[first:])["degrees_of_freedom"], (x.size - 1) / result["histories"]["time"].values[-1]
+    expected = largest_of_test(Magnitude(away + x[first:], one_sided=True), freedom, 200.0 * rate)
+    assert of["interval_high"] == pytest.approx(expected["expected_peak_high"], rel=1e-9)
+    assert of["interval_high"] == of["value"] > away + x.max()
+    reached = beamsim.run(load_scenario(case | {"limits": {"gap": 1.0}}, {"run.test_duration": None}))
+    of_run = reached.summary["margins"]["gap"]
+    assert of_run["statistic"] == "largest value that the run reached"
+    assert of_run["value"] == pytest.approx(away + x.max(), rel=1e-3)
+    filtered = beamsim.run(load_scenario(case, {"run.low_pass": "8 Hz"}))
+    quantity = "mass absolute_acceleration"
+    behind, before = (each.summary["random"][quantity]["expected_peak"] for each in (filtered, result))
+    assert filtered.summary["peak_acceleration_g"]["mass"] * STANDARD_GRAVITY <= behind < 0.8 * before
+
+
+@pytest.mark.slow
+def test_a_study_counts_the_cases_that_are_undecided():
+    """The verdict on all of them is undecided if none exceeds the limit and none is without reliable values."""
+    result = in_test(250.0, duration=10.0)
+    of = result.summary["margins"]["peak_force"]
+    limit = 0.5 * (of["interval_low"] + of["interval_high"])
+    case = load_scenario(result.scenario.model_dump(exclude_unset=True, by_alias=True)
+                         | {"limits": {"peak_force": limit}})  # fmt: skip
+    study = beamsim.ensemble(case, {"snubbers.stop.gap": [5e-4, 5e-4, 1.0]}, ["peak_force"])
+    worst = study.summary["margins"]["peak_force"]
+    assert (worst["verdict"], worst["cases_undecided"], worst["cases_exceeding"]) == ("undecided", 2, 0)
+    assert worst["interval_low"] < limit < worst["interval_high"]
+
+
 def test_the_largest_value_of_a_test_is_never_below_what_its_run_reached():
     """Also where that is in the first tenth, which the statistics leave out; a shorter test may stay below."""
     case = OSCILLATOR | {"run": {"duration": 20.0, "test_duration": 20.0, "sample_rate": 500.0, "convergence": "off"}}
@@ -530,10 +581,11 @@ def test_how_long_a_run_decides_is_how_the_interval_narrows():
     rate, test = 250.0, 600.0
     x = np.random.default_rng(3).standard_normal(int(20 * rate))
     freedom = rms_interval(x)["degrees_of_freedom"]
-    of = largest_of_test(x, freedom, test * rate)
+    of = largest_of_test(Magnitude(x), freedom, test * rate)
     median, high = of["expected_peak"], of["expected_peak_high"]
     shares = [
-        deciding_share(x, freedom, test * rate, median + part * (high - median)) for part in (0.95, 0.7, 0.5, 0.0)
+        deciding_share(Magnitude(x), freedom, test * rate, median + part * (high - median))
+        for part in (0.95, 0.7, 0.5, 0.0)
     ]
     assert all(share > 1.0 for share in shares)
     assert shares == sorted(shares)

@@ -236,7 +236,7 @@ def _asked_for(
     if scenario.excitation.stationary and needed.statistics:
         from beamsim.analyses.run.random_response import largest_known, random_response
 
-        random = evaluation.computed("densities and statistics", lambda: random_response(result, system, figures), None)
+        random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, figures), None)
         if random is not None:
             fields["outcome"], datasets["random"] = largest_known(result.outcome, random, settings), random
     counted = settings.from_ < motion.marched.end or not settings.from_

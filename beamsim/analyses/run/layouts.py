@@ -429,7 +429,7 @@ RANDOM = Layout(
         "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),
         "level": Variable(_LEVEL, "1", "level above the mean, in standard deviations of the signal"),
         "signal": Variable(_SIGNAL, "1", "name and quantity of the signal", str),
-        "section": Variable(_SIGNAL, "", "probes, snubbers or outputs; excitation of the input", str),
+        "section": Variable(_SIGNAL, "", "probes, snubbers, outputs or bodies; excitation of the input", str),
         "name": Variable(_SIGNAL, "", "input, or the name of the probe, snubber or output", str),
         "quantity": Variable(_SIGNAL, "", "quantity of the signal", str),
         "unit": Variable(_SIGNAL, "", "unit of the signal", str),
@@ -468,6 +468,10 @@ RANDOM = Layout(
         ),
         "expected_peak_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
         "expected_peak_unknown": Variable(_SIGNAL, "", "why it is not stated", str, optional=True),
+        "three_sigma": Variable(
+            _SIGNAL, "{unit}", "magnitude of the mean, and three standard deviations; of an acceleration behind "
+            "run.low_pass", optional=True,
+        ),
         "decided_after_s": Variable(
             _SIGNAL, "s", "duration of a run of which the interval is about to leave the limit that it spans; infinite "
             "where none is, NaN where it spans none", optional=True,

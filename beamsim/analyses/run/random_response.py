@@ -47,12 +47,14 @@ import numpy as np
 from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.layouts import RANDOM
 from beamsim.analyses.run.linear_prediction import linear_responses
+from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult
 from beamsim.contacts.laws import ContactLaw
+from beamsim.flow.channels import outputs_of
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
-from beamsim.results.values import LIMITED, OUTPUT, Margins, judged, limited, margin_of
+from beamsim.results.values import LIMITED, OPENING, OUTPUT, STRESS, Margins, judged, largest, limited, margin_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
@@ -70,11 +72,12 @@ EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
 UNKNOWN = "expected_peak_unknown"
 SAME_PEAK = 1e-9  # relative, within which the largest peaks of two segments are one, which none exceeds
 DRAWS = 20_000  # of records, for the interval of a largest value
+REACHED = "largest value that the run reached"  # with which limits are compared where no test is known
 MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-def random_response(result: RunResult, system: StructuralSystem, found: Mapping[str, Any]) -> Dataset | None:
+def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, Any]) -> Dataset | None:
     """Analyse a run with a stationary input, a process of which the run is a sample.
 
     Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
@@ -82,7 +85,7 @@ def random_response(result: RunResult, system: StructuralSystem, found: Mapping[
     Parameters
     ----------
     result : of the run.
-    system : that it moves.
+    motion : it came from.
     found : values of the motion, by entry of the summary.
 
     Returns
@@ -90,7 +93,7 @@ def random_response(result: RunResult, system: StructuralSystem, found: Mapping[
     Dataset or None
         Of the layout `RANDOM`; None where the run is too short.
     """
-    histories, scenario = result["histories"], result.scenario
+    histories, scenario, system = result["histories"], result.scenario, motion.system
     times = histories["time"].values
     first = int(SKIPPED * times.size)
     count = times.size - first
@@ -110,11 +113,17 @@ def random_response(result: RunResult, system: StructuralSystem, found: Mapping[
         of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
         others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
         pressed = _compression(system, histories, name, first) if quantity == "force" else None
-        figures |= {UNKNOWN: others} if others else largest_of_test(x, *of_test, pressed)
+        seen = _behind_filter(histories, section, name, quantity, whole)[first:]
+        measured = Magnitude(seen, quantity == "opening", pressed)
+        figures |= {UNKNOWN: others} if others else largest_of_test(measured, *of_test)
+        if figures.keys().isdisjoint((EXPECTED[0], UNKNOWN)) and (name, quantity) in beyond:
+            figures[UNKNOWN] = beyond[name, quantity]  # of a stop that the record does not reach, and a test may
+        mean = float(seen.mean())
+        figures["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
         if EXPECTED[0] in figures:
             limit = _limit_on_peak(scenario, section, name, quantity, unit)
             if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
-                figures["decided_after_s"] = float(times[-1]) * deciding_share(x, *of_test, limit, pressed)
+                figures["decided_after_s"] = float(times[-1]) * deciding_share(measured, *of_test, limit)
             if tested >= settings.duration:  # the test is as long as what was seen, its beginning included
                 reached = _reached(found, section, name, quantity, unit)
                 figures |= {each: max(figures[each], reached) for each in EXPECTED}
@@ -129,7 +138,7 @@ def random_response(result: RunResult, system: StructuralSystem, found: Mapping[
     shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given
     entered = statistics("excitation", "input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], dict[str, Complexes](), dict[str, Floats]()
-    for section, name, quantity, unit, values in _responses(result):
+    for section, name, quantity, unit, values in _responses(result, motion):
         check_stop()
         signals.append(statistics(section, name, quantity, unit, values))
         if alone and section == "probes" and quantity == (MAIN_QUANTITY if shaken else "displacement"):
@@ -182,8 +191,15 @@ def _input_of(system: StructuralSystem, histories: Dataset) -> tuple[str, Floats
     return str(shown.takes[0]), history
 
 
-def _responses(result: RunResult) -> Iterator[tuple[str, str, str, str, Floats]]:
-    """Section, name, quantity, unit and history of each response."""
+def _behind_filter(histories: Dataset, section: str, name: str, quantity: str, history: Floats) -> Floats:
+    """A history of which the largest value is expected: an acceleration behind run.low_pass, as its peak is."""
+    if section == "probes" and quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
+        return histories["low_passed_acceleration"].sel(probe=name).values
+    return history
+
+
+def _responses(result: RunResult, motion: RunMotion) -> Iterator[tuple[str, str, str, str, Floats]]:
+    """Section, name, quantity, unit, history of each response; openings and the largest stress if they have limits."""
     histories = result["histories"]
     for name in histories.labels("probe"):
         for quantity in (MAIN_QUANTITY, "displacement"):
@@ -193,6 +209,16 @@ def _responses(result: RunResult) -> Iterator[tuple[str, str, str, str, Floats]]
         yield "snubbers", name, "force", force.unit, force.values
     for name, output in histories.by_label("output_value").items():
         yield "outputs", name, histories["output_quantity"].sel(output=name).item(), output.unit, output.values
+    limits = {} if result.scenario.limits is None else result.scenario.limits.given
+    if any(limited(name)[0].key == OPENING for name in limits) and motion.histories is not None:
+        for snubber, opening in zip(motion.system.snubbers, motion.histories.of(OPENING).T, strict=False):
+            yield *(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit), opening
+    trajectory = motion.trajectory
+    if any(limited(name)[0].key == STRESS for name in limits) and trajectory is not None and trajectory.time[0] == 0.0:
+        worst = int(largest(motion.extremes[STRESS]).argmax())
+        row = outputs_of(trajectory.flow, motion.system.channels.of_keys(STRESS).linear[[worst]])
+        at = np.minimum(histories["time"].values, trajectory.end)
+        yield *(STRESS[0], "largest", STRESS[1], "Pa"), trajectory.sample(at, row)[:, 0]
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
@@ -342,23 +368,35 @@ def _compression(system: StructuralSystem, histories: Dataset, name: str, first:
     return Compression(contacts.laws[j], 1.0 / compliance, *means)
 
 
-def largest_of_test(
-    x: Floats, freedom: float, samples: float, compression: Compression | None = None
-) -> dict[str, Any]:
+class Magnitude(NamedTuple):
+    """A signal of which the largest value is expected."""
+
+    samples: Floats  # (nt,)
+    one_sided: bool = False  # whether the largest value counts, and not the largest magnitude
+    compression: Compression | None = None  # of the snubber whose force it is
+
+    def peaks(self, freedom: float) -> tuple[float, Floats]:
+        """The mean from which it departs, and the largest values of (N,) segments."""
+        mean = float(self.samples.mean())
+        if self.one_sided:
+            return mean, _segment_peaks(self.samples, freedom)
+        return abs(mean), _segment_peaks(np.abs(self.samples), freedom)
+
+
+def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[str, Any]:
     """Largest magnitude that a stationary signal is expected to reach in a test, and its interval.
 
     Parameters
     ----------
-    x : (nt,) samples of the signal.
-    freedom : degrees of freedom of their mean square.
+    signal : in the record.
+    freedom : degrees of freedom of its mean square.
     samples : of the whole test.
-    compression : of the snubber whose force the signal is; None of other signals.
 
     Returns
     -------
     Values of `RANDOM`: the reason where the record does not say enough; none of a signal that rests.
     """
-    mean, peaks = abs(float(x.mean())), _segment_peaks(np.abs(x), freedom)
+    (x, _, compression), (mean, peaks) = signal, signal.peaks(freedom)
     if peaks.size == 0 and freedom:
         return {UNKNOWN: f"the record has fewer than {FEWEST_SEGMENTS} independent peaks"}
     if peaks.max(initial=0.0) <= 0.0:
@@ -380,9 +418,7 @@ def largest_of_test(
     }
 
 
-def deciding_share(
-    x: Floats, freedom: float, samples: float, limit: float, compression: Compression | None = None
-) -> float:
+def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: float) -> float:
     """How many times as long a record has to be for the interval of the largest value not to span a limit.
 
     A longer record has more segments, up to the most that are taken, and then longer ones, of which the largest value
@@ -390,7 +426,7 @@ def deciding_share(
 
     Parameters
     ----------
-    x, freedom, samples, compression : as of `largest_of_test`, which knows the interval.
+    signal, freedom, samples : as of `largest_of_test`, which knows the interval.
     limit : inside the interval, in the unit of the signal.
 
     Returns
@@ -398,7 +434,7 @@ def deciding_share(
     float
         Above 1; infinite where the largest value itself scatters so much from test to test that no record decides.
     """
-    mean, peaks = abs(float(x.mean())), _segment_peaks(np.abs(x), freedom)
+    (x, _, compression), (mean, peaks) = signal, signal.peaks(freedom)
     if compression is None:
         energies, energy = (peaks - mean) ** 2, (limit - mean) ** 2
     else:
@@ -433,6 +469,8 @@ def _reached(found: Mapping[str, Any], section: str, name: str, quantity: str, u
     for value in LIMITED.values():
         if value.of is not None and (value.section, value.quantity) in ((section, quantity), (section, "")):
             of_places = found.get(value.entry, {})
+            if value.single and value.entry in found:
+                return float(of_places)
             if value.unit in ("", unit) and isinstance(of_places, Mapping) and name in of_places:
                 return float(of_places[name]) * value.scale
     return 0.0
@@ -446,28 +484,36 @@ def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
     return value is OUTPUT or (value.quantity == signal["quantity"] and value.unit == signal["unit"])
 
 
-def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset) -> Margins:
-    """Margins of a run, with those on peaks by the largest values of the test, where these are known.
+def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | None) -> Margins:
+    """Margins of a run with a stationary input, with those on peaks by the largest values of the test.
+
+    Without run.test_duration they are by what the run reached, which is said.
 
     Parameters
     ----------
-    scenario : with run.test_duration.
+    scenario : with a stationary input.
     compared : margins of the values that the run reached.
-    random : statistics of the record.
+    random : statistics of the record; None of one that is too short.
 
     Returns
     -------
     Margins
         Where the largest value of a test is not known, and the run has not exceeded the limit, the range is open.
     """
-    run, signals, found = not_none(scenario.run), random.rows("signal")[1:], dict(compared)
+    run, found = not_none(scenario.run), dict(compared)
+    signals = [] if random is None else random.rows("signal")[1:]
     for name, item in compared.items():
+        if limited(name)[0].of is None:  # root mean squares and densities
+            continue
+        if run.test_duration is None:
+            found[name] = item | {"statistic": REACHED}
+            continue
         of_limit = [signal for signal in signals if _on_peak(name, signal)]
-        known = [_in_test(run, item, signal) for signal in of_limit if _known(signal.get(EXPECTED[0]))]
+        known = [_in_test(run, item, signal) for signal in of_limit if not signal.get(UNKNOWN)]
         if known and len(known) == len(of_limit):
             found[name] = item | max(known, key=itemgetter("value"))
-        elif of_limit and not item["exceeded"]:
-            found[name] = item | {"highest": math.inf}
+        else:  # the largest value of the test is not known
+            found[name] = item | {"statistic": REACHED, "highest": math.inf}
     return judged(found)
 
 
@@ -477,7 +523,9 @@ def _known(value: float | None) -> bool:
 
 def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
     """What a margin says of one signal, whose largest value in the test is known."""
-    median, low, high = (float(signal[name]) for name in EXPECTED)
+    rests = not _known(signal.get(EXPECTED[0]))  # at what it reached
+    still = max(abs(float(signal["highest"])), abs(float(signal["lowest"])))
+    median, low, high = (still if rests else float(signal[name]) for name in EXPECTED)
     test = "largest value in run.test_duration"
     if run.test_peak == "interval":
         size, said = high, f"upper end of the 95 % interval of the {test}"
@@ -485,11 +533,11 @@ def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> di
         size = low = high = median
         said = f"median of the {test}"
     else:
-        size = low = high = abs(float(signal["mean"])) + 3.0 * float(signal["standard_deviation"])
+        size = low = high = float(signal["three_sigma"])
         said = "mean and three standard deviations"
     limit = item["limit"]
     of_place = {"value": size, "lowest": low, "highest": high, "margin": margin_of(limit, size), "statistic": said}
-    of_place |= {"at": str(signal["name"])} if item["at"] else {}
+    of_place |= {"at": str(signal["name"])} if item["at"] and signal["section"] != STRESS[0] else {}
     if run.test_peak == "interval":
         of_place |= {"interval_low": low, "interval_high": high}
         if low <= limit < high:

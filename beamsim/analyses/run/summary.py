@@ -263,7 +263,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
         if place in over.get(value.entry, {}):
             item["frequency_hz"] = over[value.entry][place][1]
             item["at"] = f"{place}, {item['frequency_hz']:.4g} Hz"
-    if random is not None and not_none(result.scenario.run).test_duration is not None:
+    if result.scenario.excitation.stationary:
         from beamsim.analyses.run.random_response import margins_in_test
 
         compared = margins_in_test(result.scenario, compared, random)

@@ -54,7 +54,7 @@ CASES = Layout(
         "margin": Variable(
             _LIMIT + _CASE, "1", "limit / value - 1, within tolerances of the realisation by which the case is judged"
         ),
-        "verdict": Variable(_LIMIT + _CASE, "", "verdict on the limit: ok, exceeded or not reliable", str),
+        "verdict": Variable(_LIMIT + _CASE, "", "verdict on the limit: ok, exceeded, not reliable or undecided", str),
         "passing": Variable(
             _CASE, "1", "whether the case is reliable and meets every limit", bool, optional=True,
             flags=("failing", "passing"),

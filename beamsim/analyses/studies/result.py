@@ -55,9 +55,9 @@ RANGE = record(
 )  # fmt: skip
 WORST = record(
     dict.fromkeys(("limit", "value"), Number) | {"at": Text, "verdict": Text},
-    {**dict.fromkeys(("margin", "margin_db", "lowest", "highest", "case", "cases_exceeding", "cases_not_reliable"),
-                     Number),
-     "exceeded": Flag, "parameters": Plain, "probability": PROBABILITY},
+    {**dict.fromkeys(("margin", "margin_db", "lowest", "highest", "case", "cases_exceeding", "cases_not_reliable",
+                      "cases_undecided", "interval_low", "interval_high", "decided_after_s"), Number),
+     "exceeded": Flag, "statistic": Text, "parameters": Plain, "probability": PROBABILITY},
 )  # fmt: skip
 _SUMMARY = (
     Entry("analysis", of="cases/analysis"),
@@ -88,7 +88,7 @@ _SUMMARY = (
              form=record({"responses": by_name(RANGE)}, {"probability": PROBABILITY})),
     Entry("margins", "", "by limit, of the worst case: limit, value, lowest and highest, margin, at, case, parameters; "
              "the verdict on all cases, the number of cases that exceed the limit and of those with the verdict not "
-             "reliable, and of a sample the probability that it is met", form=by_name(WORST)),
+             "reliable and undecided, and of a sample the probability that it is met", form=by_name(WORST)),
     Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
              "interval of its probability", form=PROBABILITY),
     *CONVERGENCE,

@@ -245,16 +245,18 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
     table, name, of : of the limit.
     """
     verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
-    exceeding = known & (verdict == OnLimit.EXCEEDED)
-    unsure = known & ~exceeding & (verdict != OnLimit.MET)
-    judged = OnLimit.EXCEEDED if exceeding.any() else OnLimit.NOT_RELIABLE if unsure.any() else OnLimit.MET
+    graver = OnLimit.EXCEEDED, OnLimit.NOT_RELIABLE, OnLimit.UNDECIDED
+    exceeding, unsure, undecided = with_verdict = [known & (verdict == each) for each in graver]
+    judged = next((each for each, cases in zip(graver, with_verdict, strict=True) if cases.any()), OnLimit.MET)
     if judged is OnLimit.MET and not known.all():  # what is missing may exceed it
         judged = OnLimit.NOT_RELIABLE
     counts: dict[str, Any] = {"cases_exceeding": int(exceeding.sum()), "cases_not_reliable": int(unsure.sum())}
+    if undecided.any():
+        counts["cases_undecided"] = int(undecided.sum())
     if table.drawn.any():
         counts["probability"] = probability((verdict == OnLimit.MET)[table.drawn])
     about = {"verdict": judged.value, "exceeded": judged is OnLimit.EXCEEDED, **counts}
-    among = next((each for each in (exceeding, unsure) if each.any()), known)
+    among = next((each for each in with_verdict if each.any()), known)
     computed = of.of_cases(table.holds(lambda outcome: not outcome.failed))
     shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
     sizes = np.where(shown, margin, np.nan)
