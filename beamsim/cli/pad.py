@@ -103,17 +103,17 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
     yield "    side: below"
     yield "    gap: 0 mm"
     if found.points is None:
-        yield f"    stiffness: {found.stiffness:.12g}  # N/m"
+        yield f"    stiffness: {found.stiffness:.12g} N/m"
     else:
-        points = ", ".join(f"[{x:.12g}, {force:.12g}]" for x, force in found.points)
-        yield f"    force_deflection: [{points}]  # m, N"
+        points = ", ".join(f"[{x:.12g} m, {force:.12g} N]" for x, force in found.points)
+        yield f"    force_deflection: [{points}]"
     if found.maxwell:
         branches = (
-            f"{{stiffness: {b.stiffness:.6g}, relaxation_time: {b.relaxation_time:.6g}}}" for b in found.maxwell
+            f"{{stiffness: {b.stiffness:.12g} N/m, relaxation_time: {b.relaxation_time:.12g} s}}" for b in found.maxwell
         )
-        yield f"    maxwell: [{', '.join(branches)}]  # N/m, s"
+        yield f"    maxwell: [{', '.join(branches)}]"
     if found.dashpot > 0.0:
-        yield f"    damping: {{kind: viscous, coefficient: {found.dashpot:.12g}}}  # N s/m"
+        yield f"    damping: {{kind: viscous, coefficient: {found.dashpot:.12g} N s/m}}"
 
 
 def _comments(found: PadNumbers) -> Iterator[str]:

@@ -24,6 +24,7 @@ from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.parallel import Cluster, default_workers
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
+from beamsim.scenario.parameters import yaml_with_units
 from beamsim.store.results import (
     holds,
     keep_result,
@@ -312,5 +313,5 @@ def _best_design(result: StudyResult, target: Path) -> Iterator[Path]:
             continue
         path = _design_file(target, name)
         with replacing(path) as temporary:
-            temporary.write_text(design(result.scenario, case).to_yaml(), encoding="utf-8")
+            temporary.write_text(yaml_with_units(design(result.scenario, case)), encoding="utf-8")
         yield path

@@ -20,7 +20,7 @@ from beamsim.results.result import MARGINS, Result
 from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
-from beamsim.scenario.parameters import field_type
+from beamsim.scenario.parameters import field_type, yaml_with_units
 from beamsim.structures.assembly import snubber_site
 from beamsim.summaries import figure_in_words, place_in_words
 from beamsim.system.structural import SnubberNumbers
@@ -112,7 +112,8 @@ def page_of(
     )
     page.add("Why these numbers can be trusted", *_trust(result))
     page.add(
-        "Scenario", f"<details><summary>YAML, as it was run</summary>{listing(result.scenario.to_yaml())}</details>"
+        "Scenario",
+        f"<details><summary>YAML, as it was run</summary>{listing(yaml_with_units(result.scenario))}</details>",
     )
     return page
 

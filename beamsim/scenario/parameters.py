@@ -27,7 +27,7 @@ from beamsim.scenario.base import (
     words_of,
 )
 from beamsim.scenario.quantities import FieldType, LevelValue, PositionType, Share, meant
-from beamsim.scenario.tree import from_python, in_a_body, indices
+from beamsim.scenario.tree import dumped, from_python, in_a_body, indices
 from beamsim.scenario.units import NUMBER, Dimension, UnitError
 
 Part = TypeVar("Part", bound=Schema)
@@ -301,6 +301,23 @@ def unit_at(scenario: Whole, place: Path) -> str:
     """SI unit of the number at a place; "1" for plain numbers and words."""
     of = dimension_at(scenario, place)
     return "1" if of is None else of.unit or "1"
+
+
+def yaml_with_units(scenario: Whole) -> str:
+    """A scenario as YAML for people: that of `Scenario.to_yaml`, numbers with their SI units.
+
+    It loads to the same numbers, bit by bit.
+    """
+
+    def written(value: Any, place: Path) -> Any:
+        if isinstance(value, dict):
+            return {key: written(item, (*place, key)) for key, item in value.items()}
+        if isinstance(value, list):
+            return [written(item, (*place, k)) for k, item in enumerate(value)]
+        unit = unit_at(scenario, place) if isinstance(value, float) else "1"
+        return value if unit == "1" else f"{value!r} {unit}"
+
+    return dumped(written(plain(scenario), ()))
 
 
 def each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:

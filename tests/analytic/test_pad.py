@@ -133,4 +133,4 @@ def test_a_curve_of_few_points_goes_through_them(tmp_path):
     (tmp_path / "pad.csv").write_text("way (mm),force (N)\n0,0\n1,5\n2,9\n4,30\n")
     code, out, errors = pad("--curve", tmp_path / "pad.csv")
     assert code == 0, errors
-    assert "force_deflection: [[0, 0], [0.001, 5], [0.002, 9], [0.004, 30]]  # m, N" in out
+    assert "force_deflection: [[0 m, 0 N], [0.001 m, 5 N], [0.002 m, 9 N], [0.004 m, 30 N]]" in out

@@ -13,7 +13,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.identification import IdentifyStiffness
-from beamsim.scenario.parameters import choices_at, value_at, with_values
+from beamsim.scenario.parameters import choices_at, value_at, with_values, yaml_with_units
 from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.typing import Floats
@@ -95,7 +95,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     more = {
         "combination": list(misfits), "combination_misfit": list(misfits.values()), "misfit_before": misfit_before,
         "misfit_after": best.misfit, "evaluations": sum(fit.evaluations for _, _, fit, _ in tried),
-        "scenario": updated.to_yaml(),
+        "scenario": yaml_with_units(updated),
     }  # fmt: skip
     dataset = estimates_dataset(UPDATE, scenario, parameters, covariance, more)
     chosen = {path_text(place): str(value_at(updated, place)) for place in words}
