@@ -19,13 +19,12 @@ from beamsim.cli.screens import (
     modes,
 )
 from beamsim.outcomes import first_of
-from beamsim.plots.run import damage_place
+from beamsim.plots.run import damage_text
 from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import words
-from beamsim.typing import not_none
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -92,14 +91,8 @@ def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
 
 
 def _fatigue(result: RunResult, _: Changes) -> Iterator[str]:
-    run = not_none(result.scenario.run)
     for name, body in result.summary["fatigue"].items():
-        low, high = body.get("damage_low"), body.get("damage_high")
-        interval = "" if low is None else f" ({low:.2g} to {high:.2g}, 95 %)"
-        ran = amount(run.duration, "s")
-        tested = body.get("damage_in_test")
-        of_test = "" if tested is None else f", {tested:.2g} in {amount(run.test_duration, 's')} of test"
-        yield f"damage of {name} {body['damage']:.2g}{interval} in {ran}{of_test}, at {damage_place(body)}"
+        yield f"damage of {name} {damage_text(result, body)}"
 
 
 def _against(result: RunResult) -> Iterator[str]:

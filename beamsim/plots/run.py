@@ -582,6 +582,36 @@ def cycles(counted: Mapping[str, Dataset], label: str, unit: str, of: str, title
     return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
 
 
+def damage_text(result: RunResult, body: Mapping[str, Any], *, short: bool = False) -> str:
+    """The damage of a body in the run and in the test, each with its interval, the life, and where that is.
+
+    Parameters
+    ----------
+    result : of the run.
+    body : its entry ``fatigue`` of the summary.
+    short : whether intervals and life are left out.
+
+    Returns
+    -------
+    For people: 1.9e-09 (8.9e-10 to 4.1e-09, 95 %) in 2 s, 1.1e-07 (...) in 2 min of test, life 33.1 years, at x = 0 m.
+    """
+    run, done, low = not_none(result.scenario.run), body["damage"], body.get("damage_low")
+    duration = float(result["histories"]["time"].values[-1]) if result.outcome.ended_early else run.duration
+
+    def over(times_as_much: float) -> str:
+        text = f"{done * times_as_much:.2g}"
+        ends = (
+            "" if short or low is None else " to ".join(f"{x * times_as_much:.2g}" for x in (low, body["damage_high"]))
+        )
+        return f"{text} ({ends}, 95 %)" if ends else text
+
+    texts = [f"{over(1.0)} in {amount(duration, 's')}"]
+    if (tested := run.test_duration) is not None:
+        texts.append(f"{over(tested / duration)} in {amount(tested, 's')} of test")
+    life = f", life {amount(body['life_s'], 's', 3)}" if done > 0.0 and not short else ""
+    return f"{', '.join(texts)}{life}, at {damage_place(body)}"
+
+
 def damage_place(body: Mapping[str, Any]) -> str:
     """Where on a body the damage is largest, and of a plate by which stress.
 
@@ -620,9 +650,7 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
 
 def stress_cycles(result: RunResult) -> Picture:
     """The stress ranges of each body where its damage is largest."""
-    damage = [
-        f"{name}: damage {of['damage']:.2g} at {damage_place(of)}" for name, of in result.summary["fatigue"].items()
-    ]
+    damage = [f"{name}: damage {damage_text(result, of, short=True)}" for name, of in result.summary["fatigue"].items()]
     counted, title = result["fatigue"].groups("cycle_body"), "\n".join(damage[:MOST_CURVES])
     return Picture(result.title, [cycles(counted, "Stress range", "Pa", "bodies", title)])
 

@@ -29,7 +29,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
 from beamsim.outcomes import exit_code
-from beamsim.plots.run import density, phase_density
+from beamsim.plots.run import damage_text, density, phase_density
 from beamsim.responses.gapping import transfer
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
@@ -545,6 +545,26 @@ def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
     quantity = "mass absolute_acceleration"
     behind, before = (each.summary["random"][quantity]["expected_peak"] for each in (filtered, result))
     assert filtered.summary["peak_acceleration_g"]["mass"] * STANDARD_GRAVITY <= behind < 0.8 * before
+
+
+@pytest.mark.slow
+def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
+    """At the rate of the run; a damage above 1 in the test alone is warned of."""
+    life = {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}
+    run = {"run.fatigue": life, "run.convergence": "off", "run.duration": 1.0, "run.test_duration": 60.0}
+    result = beamsim.run(load_scenario("configs/random_vibration.yaml", run))
+    body = result.summary["fatigue"]["beam"]
+    done, years = body["damage"], body["life_s"] / (365.25 * 86400)
+    assert body["damage_in_test"] == pytest.approx(60.0 * done)
+    assert body["life_s"] == pytest.approx(1.0 / done)
+    low, high = (60.0 * body[f"damage_{end}"] for end in ("low", "high"))
+    test = f"{60 * done:.2g} ({low:.2g} to {high:.2g}, 95 %) in 60 s of test"
+    assert f", {test}, life {years:.3g} years, at x = 0 m" in damage_text(result, body)
+    weak = run | {"run.fatigue": life | {"cycles": 2e6 * 20.0 * done}}
+    warned = beamsim.run(load_scenario("configs/random_vibration.yaml", weak)).warnings
+    assert [text for text in warned if "failure" in text] == [
+        "the damage of beam in run.test_duration = 3 is failure in the test"
+    ]
 
 
 @pytest.mark.slow

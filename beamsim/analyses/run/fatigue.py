@@ -253,8 +253,11 @@ def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[st
 
 
 def fatigue_warnings(fatigue: Dataset, settings: StressLife) -> Iterator[str]:
-    """A warning for each body that fails within the run: seldom what is simulated."""
+    """A warning for each body that fails within the run, seldom what is simulated, or within the test."""
     for body in fatigue.rows("body"):
+        if body["damage"] < 1.0 <= (body.get("damage_in_test") or 0.0):
+            tested = f"{body['damage_in_test']:.3g}"
+            yield f"the damage of {body['body']} in run.test_duration = {tested} is failure in the test"
         if body["damage"] >= 1.0:
             yield (
                 f"the damage of {body['body']} = {body['damage']:.3g} is failure within the run: ranges are up to "
