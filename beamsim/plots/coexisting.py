@@ -35,7 +35,7 @@ def basins(result: CoexistingResult, at: int) -> Chart:
         curves += [marked(label, places, marker=_MARKS[(number - 1) % len(_MARKS)], **style)] if places.size else []
     more = f", {len(drawn) - 2} more coordinates drawn" if len(drawn) > 2 else ""
     title = f"{hz:.6g} Hz, {int(known.sum())} starts{more}"
-    return Chart(across[:2], up[:2], curves, of="motions", title=title)
+    return Chart(across[:2], up[:2], curves, whole="y" if len(drawn) < 2 else "", of="motions", title=title)
 
 
 def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:

@@ -18,7 +18,7 @@ from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from beamsim.errors import visible
@@ -121,6 +121,7 @@ class Chart(NamedTuple):
     curves: Sequence[Curve]
     levels: Sequence[Guide] = ()  # on a linear axis those far above the curves are left out
     log: str = ""  # the letters of logarithmic axes
+    whole: str = ""  # those of axes that count: numbers between whole ones are not marked
     of: str = "curves"  # the first `MOST_CURVES` are drawn, and the legend says of how many; all where empty
     marks: Sequence[Curve] = ()  # drawn beside the curves, however many these are
     x_ends: Ends = (None, None)
@@ -235,6 +236,8 @@ def draw(ax: Axes, chart: Chart) -> None:
     for set_ends, ends, scale in ((ax.set_xlim, chart.x_ends, x), (ax.set_ylim, chart.y_ends, y)):
         if ends != (None, None):
             set_ends(*(None if end is None else end * scale.factor for end in ends))
+    for letter in chart.whole:
+        (ax.xaxis if letter == "x" else ax.yaxis).set_major_locator(MaxNLocator("auto", integer=True))
     for letter in chart.log:
         axis = ax.xaxis if letter == "x" else ax.yaxis
         axis.set_major_formatter(PowersOfTen())

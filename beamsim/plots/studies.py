@@ -254,7 +254,7 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
         ax.margins(y=0.2)
 
     what = "Realisations of the best case" if "nominal" in of else "Cases"
-    return Chart((_titled(name), unit), (what, ""), curves, more=more, y_ends=(0.0, None))
+    return Chart((_titled(name), unit), (what, ""), curves, whole="y", more=more, y_ends=(0.0, None))
 
 
 def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Chart]:
@@ -355,7 +355,9 @@ def search_chart(result: StudyResult, objective: str) -> Chart:
         Curve("best so far", number, np.where(np.isfinite(best), best, np.nan),
               {"color": DARK, "linestyle": "-", "drawstyle": "steps-post"}),
     ]  # fmt: skip
-    return Chart(("Number of the design", ""), _axis_of(result, objective), curves if result.limits else curves[1:])
+    return Chart(
+        ("Number of the design", ""), _axis_of(result, objective), curves if result.limits else curves[1:], whole="x"
+    )
 
 
 def front_chart(result: StudyResult, across: str, up: str) -> Chart:

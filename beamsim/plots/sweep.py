@@ -10,7 +10,6 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult, contact_levels_of
@@ -200,19 +199,19 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
     step = max(1, curve.frequency_hz.size // 1500)
     amplitude, f = np.abs(curve.channel("displacement", probe).harmonics)[:, ::step], curve.frequency_hz[::step]
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
-    ax.set_facecolor(colormaps["cividis"](0.0))  # dark where nothing moves
     for order, values in zip(curve.orders, amplitude, strict=True):
         level = 20 * np.log10(np.maximum(values, 1e-30) / top)
-        drawn = ax.scatter(f, order * f, c=level, s=9, marker="s", linewidths=0, cmap="cividis", vmin=-60, vmax=0)
+        drawn = ax.scatter(f, order * f, c=level, s=9, marker="s", linewidths=0, cmap="magma_r", vmin=-60, vmax=0)
         fraction = Fraction(float(order)).limit_denominator(12)
         ax.annotate(f"{fraction}", (f.max(), order * f.max()), xytext=(4, 0), textcoords="offset points", va="center",
-                    fontsize="small", color="white")  # fmt: skip
+                    fontsize="small", color="0.2")  # fmt: skip
     for natural in result["modes"]["open_frequencies_hz"].values:
         if natural <= curve.orders.max(initial=1.0) * f.max():
             ax.axhline(natural, color="0.75", linewidth=0.6, zorder=0)
     if curve.orders.size:
         ax.figure.colorbar(drawn, ax=ax, label="Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
+    ax.set_ylim(bottom=0.0)
     ax.grid(visible=False)
 
 

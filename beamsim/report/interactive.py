@@ -15,6 +15,7 @@ from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
 MOST_POINTS = 3000  # of a curve
+MOST_TICKS = 8  # of an axis that counts
 
 
 def interactive(picture: Picture) -> list[dict[str, Any]]:
@@ -64,6 +65,9 @@ def plot(chart: Chart) -> dict[str, Any]:
         known = [end * scale.factor for end in shown if end is not None]
         if len(known) == 2 and all(math.isfinite(end) for end in known):
             layout[f"{letter}axis"]["range"] = [math.log10(end) for end in known] if letter in chart.log else known
+    for letter in chart.whole:
+        most = max((float(np.max(getattr(c, letter))) for c in drawn if c.x.size), default=0.0)
+        layout[f"{letter}axis"] |= {"tickmode": "linear", "tick0": 0, "dtick": max(1, math.ceil(most / MOST_TICKS))}
     if chart.note:
         at = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "align": "right", "showarrow": False}
         layout["annotations"] = [{"text": plain(chart.note), **at}]
