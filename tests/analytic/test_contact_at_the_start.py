@@ -34,6 +34,16 @@ def test_a_mass_thrown_at_a_closed_gap(method):
     assert figures["contact_share"]["stop"] == pytest.approx(away, rel=1e-7)
 
 
+def test_a_contact_of_50_nanoseconds_counts():
+    """Thrown at a closed gap against 400 kN, the mass of 1 kg is back after 2 v / a = 50 ns, 0.1 nm deep."""
+    away = {"kind": "step", "applied_to": {"mass": 1}, "level": 4e5}
+    thrown = case({"velocity": [-0.01]}, excitation=away, run={"duration": 1e-3, "sample_rate": 1e4})
+    result = beamsim.run(thrown)
+    np.testing.assert_allclose(result["events"]["time"].values, [0.0, 5e-8], rtol=1e-5)
+    assert result["events"]["closing"].values.tolist() == [True, False]
+    assert result.summary["contacts"]["stop"] == 1
+
+
 @pytest.mark.parametrize("method", METHODS, ids=["exact", "reference"])
 def test_a_step_that_only_presses_is_one_contact_and_not_linear(method):
     """Pushed against the stop from rest, the mass never comes back beyond its start."""

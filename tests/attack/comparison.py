@@ -39,6 +39,7 @@ LEAST = 0.01  # of a motion that is compared by its states
 STORY = 1e-5  # relative difference of our two integrations at which the horizon lies
 RESOLUTION = 1e-9  # of our own integration
 BEGIN = 1e-7  # of the end: a motion that starts at zero gap closes at 0 or as soon as it is felt
+AT_START = 1e-11  # of the sum of its terms: what counts as zero at t = 0
 AT_ONCE = 1e-9  # of that: earlier ends of contacts are those of a start on a border, by round-off
 
 
@@ -335,6 +336,30 @@ def _found_events(result):
     return _Events(result["histories"].labels("snubber"), *columns, result.summary.get("breakpoints_passed", 0))
 
 
+def _passed_over_at_start(own, j):
+    """Whether a contact of ours must be made at t = 0 but has ended before our motion first looks.
+
+    It does where its penetration is zero and, as long as it is open, grows: by the velocities, else by the
+    accelerations. What acts against it may end it in nanoseconds.
+    """
+    equations, law = own.equations, own.equations.model.contacts[j].of
+    if not law.pushes or law.touching(own.starting_phases[j]):
+        return False
+    row, rate = equations.penetration(equations.model.contacts[j])
+    whole = np.append(equations.start(), equations.model.inputs.at(0.0))
+    if abs(row @ whole) > AT_START * (np.abs(row) @ np.abs(whole)):
+        return False
+    state = equations.linear(own.starting_phases)
+    rates, rest = np.hstack([state.A, state.B]), np.zeros(equations.U)
+    slopes, sizes = (np.append(x, rest) for x in (rates @ whole, np.abs(rates) @ np.abs(whole)))
+    if equations.U == 4:  # the slope of the base's velocity is its acceleration
+        slopes[-2], sizes[-2] = whole[-3], abs(whole[-3])
+    for value, size in ((rate @ whole, np.abs(rate) @ np.abs(whole)), (rate @ slopes, np.abs(rate) @ np.abs(sizes))):
+        if abs(value) > AT_START * size:
+            return value > 0
+    return False
+
+
 def _events(own, found_events, end):
     """Contacts and times of the snubbers' events, and the number of bends passed; those at t = 0 do not count."""
     found = []
@@ -352,7 +377,7 @@ def _events(own, found_events, end):
         t, begins = t[keep], begins[keep]
         mine = found_events.snubber == found_events.names.index(name)
         early = mine & (found_events.time <= begin)
-        if early.sum() > 1 and np.sum(early & ~found_events.closing) > short:
+        if early.sum() > 1 and np.sum(early & ~found_events.closing) > short + _passed_over_at_start(own, j):
             found.append(f"{name}: begins and ends at the start")
         mine &= (found_events.time > begin) & (found_events.time < edge)
         theirs, closing = found_events.time[mine], found_events.closing[mine]
