@@ -472,25 +472,18 @@ class Trajectory:
     def _products_by_time(
         self, state: ContactState, segment: Ints, tau: Floats, factors: tuple[Complexes, Complexes, Floats]
     ) -> Floats:
-        """(n, Q) the same in a contact state with powers of time: at each time a form of the amplitudes."""
-        left, right, weight = factors
-        order = np.argsort(state.term_source, kind="stable")
-        rows, every = order[left[order].any(axis=1)], np.append(order, order.size + order)
-        one, first = np.unique(state.term_source[rows], return_index=True)
-        other, start = np.unique(state.term_source[order], return_index=True)
-        starts, both = (
-            np.append(start, order.size + start),
-            np.append(state.term_basis, state.exponent.size + state.term_basis),
-        )
-        half, out = 0.5 * np.concatenate([right, right.conj()])[every], np.empty((tau.size, weight.shape[1]))
-        forms = np.stack([(left[rows] * w) @ half.T for w in weight.T])
-        amplitude = self.amplitudes(state, segment)
-        zeta, whole = amplitude[:, one], np.hstack([amplitude[:, other], amplitude[:, other].conj()])
+        """(n, Q) the same in a contact state with powers of time, from the factors as sums of functions of time."""
+        amplitude, weight = self.amplitudes(state, segment), factors[2]
+        F, B, K = amplitude.shape[1], state.exponent.size, weight.shape[0]
+        of_sources = np.zeros((2, F * B, K), dtype=complex)
+        for of, table in zip(of_sources, factors[:2], strict=True):
+            np.add.at(of, state.term_source * B + state.term_basis, table)
+        by_source = of_sources.reshape(2, F, B, K).transpose(1, 0, 3, 2).reshape(F, 2 * K * B)
+        out = np.empty((tau.size, weight.shape[1]))
         for entries, moments in moments_by_time(state.exponent, state.power, tau):
-            of_terms = forms * moments[state.term_basis[rows, None], both[every]]
-            form = np.add.reduceat(np.add.reduceat(of_terms, first, axis=1), starts, axis=2)
-            sums: Complexes = ((zeta[entries] @ form) * whole[entries]).sum(axis=2)
-            out[entries] = sums.real.T
+            one, other = (amplitude[entries] @ by_source).reshape(entries.size, 2, K, B).swapaxes(0, 1)
+            both = np.concatenate([other, other.conj()], axis=2)
+            out[entries] = 0.5 * ((one @ moments) * both).sum(axis=2).real @ weight
         return out
 
     def square_integrals(self, output_of: RowsOf) -> Floats:

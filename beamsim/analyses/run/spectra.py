@@ -11,6 +11,7 @@ from beamsim.analyses.run.layouts import SPECTRA
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import ALLOWED_REMAINDER, MAIN_QUANTITY
 from beamsim.flow.channels import MotionPart, outputs_of
+from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
@@ -101,6 +102,10 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
         return spectra_of_samples(histories.time, samples, labels, settings, excitation_hz, figures)
     begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
+    filtered = not_none(system.scenario.run).low_pass is not None  # so are the extremes of accelerations
+    if begin == trajectory.time[0] == 0.0 and not filtered and motion.extremes.keys() >= channels.places.keys():
+        low, when_low, high, when_high = np.hstack([motion.extremes[key] for key in channels.places])
+        records[0].part.extrema = Extrema(low, when_low, high, when_high, 0)  # of the whole motion: no second search
     windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
