@@ -176,23 +176,27 @@ class MatricesStructure(BodyStructure):
         return self.given
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base.
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        given, (held, free), influence = self.given, self._rows, self.rigid_motion(motion)
+        stiffness, moved = given.stiffness[free][:, free], influence[free]
+        ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
+        inertia = given.mass[free] @ influence
+        return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
+
+    def demand_undamped(self, motion: BaseDirection) -> None:
+        """Refuse a motion of the base against dashpots of the matrices to something that does not move with it.
 
         Raises
         ------
         MethodError
-            Where dashpots go to something that does not move with the base.
+            Where there are some.
         """
-        given, (held, free), influence = self.given, self._rows, self.rigid_motion(motion)
-        stiffness, moved = given.stiffness[free][:, free], influence[free]
-        ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
-        if given.damping is not None and not moves_freely(given.damping[free], influence):
+        damping, free = self.given.damping, self._rows[1]
+        if damping is not None and not moves_freely(damping[free], self.rigid_motion(motion)):
             raise MethodError(
                 "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
-                "remove dashpots to ground from the model",
+                "remove dashpots to ground from the model, or load it by forces, so that the base is at rest",
             )  # fmt: skip
-        inertia = given.mass[free] @ influence
-        return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
 
     @cached_property
     def _rows(self) -> tuple[Ints, Ints]:
@@ -403,7 +407,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         order=order,
         notes=(*given.remarks, *condensed, *loose),
     )
-    structure.base_load(UPWARDS)  # refuses a base that moves against springs or dashpots
+    structure.base_load(UPWARDS)  # refuses nodes of a base that springs to the ground hold, too
     return structure
 
 

@@ -464,6 +464,15 @@ class BodyStructure(Structure, ABC):
         inertia = (self.unsupported[0] @ self.rigid_motion(motion)) @ self.on_all_dofs
         return np.asarray(inertia), np.zeros(self.size)
 
+    def demand_undamped(self, motion: BaseDirection) -> None:
+        """Refuse a motion of the base that dashpots of imported matrices would damp, which others do not have.
+
+        Raises
+        ------
+        MethodError
+            Where there are some.
+        """
+
     def recovery_row(self, number: int, order: int = 0) -> Floats:
         """(all dofs,) another quantity that the body gives, by its number from 0, for a unit of each of its dofs.
 

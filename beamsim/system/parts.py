@@ -405,6 +405,8 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
         for direction in directions:
             try:
                 structure.base_load(direction)
+                for member in structure.members if direction == moving else ():
+                    member.body.demand_undamped(structure.seen_from(member.body.name, direction))
             except MethodError as error:
                 about = f"= {direction.direction}: {error.about} {error.message}"
                 raise ScenarioError(Problem(path, about, error.remedy)) from None
