@@ -5,6 +5,7 @@ What they do is imported when they run, so that ``beamsim --help`` is instant.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import partial
@@ -38,6 +39,33 @@ def _not_empty(text: str) -> Path:
     return Path(text)
 
 
+def _quantity(unit: str, least: float = -math.inf, most: float = math.inf) -> Callable[[Any], float]:
+    """A reader of numbers as the scenario's are read, with or without a unit.
+
+    Parameters
+    ----------
+    unit : of a number without one, and of what is returned; of times, percent, or empty of ratios.
+    least, most : bounds, in that unit.
+    """
+
+    def read(text: Any) -> float:
+        if not isinstance(text, str):
+            return float(text)  # the default
+        from beamsim.scenario import units
+
+        of = units.RATIO if unit in ("", "%") else units.TIME
+        try:
+            number, written = units.read_level(text, (of,))
+            number /= units.size_of(unit, of) if written is not None and unit else 1.0
+        except units.UnitError as error:
+            raise typer.BadParameter(f"{text} {error.message}; {error.remedy}") from None
+        if not least <= number <= most:
+            raise typer.BadParameter(f"{text} is outside {least:g} to {most:g}")
+        return number
+
+    return read
+
+
 Output = Annotated[
     Path | None,
     typer.Option(
@@ -64,7 +92,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
             typer.Option(
                 "--allow-hours",
                 metavar="HOURS",
-                min=0.0,
+                parser=_quantity("h", 0.0),
                 help="End with exit code 2 if it would take longer, as estimated before the start or soon after it.",
             ),
         ],
@@ -191,8 +219,8 @@ def sweep(
         float | None,
         typer.Option(
             "--wait-for-workers",
-            metavar="SECONDS",
-            min=0.0,
+            metavar="TIME",
+            parser=_quantity("s", 0.0),
             help="Longest time that the scheduler may be without any worker; 600 by default.",
         ),
     ] = None,
@@ -267,7 +295,13 @@ def compare(
     decimal: DecimalOption = None,
     harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
     last: Annotated[
-        float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
+        float | None,
+        typer.Option(
+            "--last",
+            metavar="TIME",
+            parser=_quantity("s", 0.0),
+            help="Use only the last part of the measurement, e.g. '0.5 s'.",
+        ),
     ] = None,
     curve: Annotated[str | None, typer.Option("--curve", help="Curve of a sweep, e.g. up_0.")] = None,
     detector: Annotated[
@@ -278,7 +312,13 @@ def compare(
         str | None, typer.Option("--reference", help="Channel of the excitation, in a time history of a sweep.")
     ] = None,
     begin: Annotated[
-        float | None, typer.Option("--begin", help="Time of such a record at which the sweep begins, s.")
+        float | None,
+        typer.Option(
+            "--begin",
+            metavar="TIME",
+            parser=_quantity("s"),
+            help="Time of such a record at which the sweep begins, e.g. '2 s'.",
+        ),
     ] = None,
     cycles: Annotated[
         int, typer.Option("--cycles", min=1, help="Track such a record over so many cycles: bandwidth is f / cycles.")
@@ -305,11 +345,21 @@ def compare_modes(
     closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
     least_mac: Annotated[
         float | None,
-        typer.Option("--least-mac", min=0.0, max=1.0, help="Exit with code 4 if the MAC of a pair is lower."),
+        typer.Option(
+            "--least-mac",
+            metavar="RATIO",
+            parser=_quantity("", 0.0, 1.0),
+            help="Exit with code 4 if the MAC of a pair is lower, e.g. 0.9.",
+        ),
     ] = None,
     most_difference: Annotated[
         float | None,
-        typer.Option("--most-difference", min=0.0, help="Exit with code 4 if frequencies differ by more, %."),
+        typer.Option(
+            "--most-difference",
+            metavar="PERCENT",
+            parser=_quantity("%", 0.0),
+            help="Exit with code 4 if frequencies differ by more, %.",
+        ),
     ] = None,
 ) -> None:
     """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
@@ -445,18 +495,18 @@ def warmup(given: Given) -> None:
     compile_kernels(shown=not (given.quiet or given.json), as_json=given.json)
 
 
-_quantity = partial(typer.Option, metavar="QUANTITY")
+_of_pad = partial(typer.Option, metavar="QUANTITY")
 
 
 @partial(command, file=None, options=("json",))
 def pad(
     given: Given,
-    modulus: Annotated[str | None, _quantity("--modulus", help="Young's modulus of the pad, e.g. '5 MPa'.")] = None,
-    area: Annotated[str | None, _quantity("--area", help="Loaded area, e.g. '4 cm^2'.")] = None,
-    height: Annotated[str | None, _quantity("--height", help="Height, e.g. '6 mm'.")] = None,
+    modulus: Annotated[str | None, _of_pad("--modulus", help="Young's modulus of the pad, e.g. '5 MPa'.")] = None,
+    area: Annotated[str | None, _of_pad("--area", help="Loaded area, e.g. '4 cm^2'.")] = None,
+    height: Annotated[str | None, _of_pad("--height", help="Height, e.g. '6 mm'.")] = None,
     shape_factor: Annotated[
         str | None,
-        _quantity("--shape-factor", help="Loaded over free area of a pad whose faces are held; 0 by default."),
+        _of_pad("--shape-factor", help="Loaded over free area of a pad whose faces are held; 0 by default."),
     ] = None,
     curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
     segments: Annotated[
@@ -467,8 +517,8 @@ def pad(
         typer.Option("--column", help="Column of the curve that is meant, if several have its dimension; repeatable."),
     ] = None,
     decimal: DecimalOption = None,
-    loss_factor: Annotated[str | None, _quantity("--loss-factor", help="Loss factor at --frequency.")] = None,
-    frequency: Annotated[str | None, _quantity("--frequency", help="Frequency of the dashpot, e.g. '65 Hz'.")] = None,
+    loss_factor: Annotated[str | None, _of_pad("--loss-factor", help="Loss factor at --frequency.")] = None,
+    frequency: Annotated[str | None, _of_pad("--frequency", help="Frequency of the dashpot, e.g. '65 Hz'.")] = None,
 ) -> None:
     """Find stiffness and dashpot of a snubber's pad. From its material or a measured curve; prints YAML."""
     from beamsim.cli import pad as pads

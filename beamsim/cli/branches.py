@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Changes, Screen, limit_lines, modes, more_rows, rounded
+from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Changes, Screen, limit_lines, more_rows, rounded
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
@@ -34,7 +34,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         forces = [f"{changes.number(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
-    lines += [*_special_lines(result), *_several(result), *modes(result)]
+    lines += [*_special_lines(result), *_several(result)]
     lines += [
         f"peak of {name} {amount(of['value'], s['output_unit'][name])} at {_parameter(of['parameter'], result.unit)}"
         for name, of in list(s.get("peak_output", {}).items())[:SHOWN]
@@ -138,7 +138,7 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     rows += more_rows(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
-    lines += [*modes(result), *limit_lines(result)]
+    lines += limit_lines(result)
     said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
     return Screen(f"{said}, {changes.verdict()}", rows, [*lines, *changes.legend()])
 

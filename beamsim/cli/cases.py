@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
+from beamsim.cli.screens import WIDTH
 from beamsim.cli.session import Given, print_json, say, scenario_given, show
 from beamsim.errors import ScenarioError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind
+from beamsim.plots.style import shown_in
+from beamsim.plots.understood import understood
 from beamsim.scenario import Scenario, template
 from beamsim.scenario.jsonschema import json_schema
 from beamsim.structures.matrices import summaries_of_files
@@ -49,20 +53,24 @@ def validate(given: Given, *, sketch: bool) -> None:
         if given.json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
         raise
+    with shown_in(scenario.display_scales):
+        modes = None if system is None else system.modes
+        inputs = () if system is None else system.inputs
+        line = understood(scenario, modes, {each.path: vars(each) for each in inputs})
     for warning in warnings:
         say(f"beamsim: warning: {warning}")
     title = scenario.title
     if given.json:
         pictures = {"files": [str(file) for file in drawn]} if sketch else {}
         read = {"imported": {body.body: body.as_json for body in files}} if files else {}
-        print_json({"valid": True, "title": title, "warnings": warnings, **read, **pictures})
+        print_json({"valid": True, "title": title, "understood": line, "warnings": warnings, **read, **pictures})
     else:
         found = f"{case}: valid ({title})" if title else f"{case}: valid"
-        show(found, *(body.text for body in files), *drawn)
+        show(found, *textwrap.wrap(line, WIDTH), *(body.text for body in files), *drawn)
 
 
 def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
-    """What can be known without an analysis: summaries of bodies from files, warnings, and the system if it has a run.
+    """What can be known without an analysis: summaries of bodies from files, warnings, and the system of a motion.
 
     Raises
     ------
@@ -73,7 +81,7 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
         from beamsim.analyses.studies.plan import check_cases, plan_designs  # and with it every analysis
 
         check_cases(plan_designs(scenario))
-    if scenario.run is not None:
+    if scenario.run is not None or scenario.sweep is not None or scenario.nnm is not None:
         system = build_system(scenario)
         return system.files, [*scenario.warnings, *system.warnings], system
     files: Sequence[FileSummary] = ()

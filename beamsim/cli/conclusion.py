@@ -8,6 +8,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
+from beamsim.cli.screens import understood_of
 from beamsim.cli.session import (
     RESULTS,
     Given,
@@ -117,7 +118,7 @@ def conclude(
         for warning in () if first_screen else result.warnings:
             say(f"beamsim: warning: {warning}")
         if given.json:
-            about = {"status": result.status, "warnings": list(result.warnings)}
+            about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
             more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
             print_json({**about, **result.summary, **more})
         elif first_screen:

@@ -16,7 +16,6 @@ from beamsim.cli.screens import (
     limit_lines,
     limits_by_place,
     limits_in_test,
-    modes,
 )
 from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_text
@@ -34,15 +33,15 @@ def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
     s, changes = result.summary, Changes(result)
     limits = limits_by_place(result) if s.get("margins") else {}
-    facts, stress = list(modes(result)), s.get("largest_bending_stress_pa")
+    lines, stress = list[str](), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
         body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
         at = {"x": s["largest_bending_stress_position_m"]}
         if is_known(y := s.get("largest_bending_stress_across_m")):
             at["y"] = y
         where = ", ".join(f"{axis} = {amount(place, 'm') if place else '0'}" for axis, place in at.items())
-        facts.insert(0, f"bending stress {changes.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
-    lines, histories = ["; ".join(facts)] if facts else [], result["histories"]
+        lines.append(f"bending stress {changes.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
+    histories = result["histories"]
     names = list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
     for entry, lines_of in OF_SOME_RUNS.items():
         if s.get(entry):
@@ -189,7 +188,7 @@ def sweep_screen(result: SweepResult) -> Screen:
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
     lines = [
-        *modes(result), *contact_levels(result), *list(_output_lines(result))[:SHOWN],
+        *contact_levels(result), *list(_output_lines(result))[:SHOWN],
         *profile_jumps(result.scenario), *notches, *limit_lines(result), *changes.legend(),
     ]  # fmt: skip
     return Screen(changes.verdict(), rows, lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from beamsim.analyses.pad.analysis import KnownPad, PadNumbers, option
@@ -14,13 +13,12 @@ from beamsim.plots.style import amount
 from beamsim.scenario import units
 from beamsim.scenario.quantities import Quantity
 
-_RATIO = replace(units.NUMBER, name="ratio")
 _READ: dict[str, Quantity] = {
     "modulus": Quantity(units.PRESSURE, above=0.0),
-    "shape_factor": Quantity(_RATIO, minimum=0.0),
+    "shape_factor": Quantity(units.RATIO, minimum=0.0),
     "area": Quantity(units.AREA, above=0.0),
     "height": Quantity(units.LENGTH, above=0.0),
-    "loss_factor": Quantity(_RATIO, minimum=0.0),
+    "loss_factor": Quantity(units.RATIO, minimum=0.0),
     "frequency": Quantity(units.FREQUENCY, above=0.0),
     "stiffness": Quantity(units.STIFFNESS, above=0.0),
     "dashpot": Quantity(units.DASHPOT, minimum=0.0),

@@ -7,16 +7,21 @@ lines of what decides, and the files. What stands there is said by a function fo
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
+from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limit_label, limit_unit, longer_run
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
+from beamsim.scenario.ranges import ASKS
+from beamsim.scenario.scenario import USED
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import figure_in_words
 
@@ -46,8 +51,11 @@ class Screen:
         files : written by the command, the result file first.
         """
         verdict, *statements = self.status(result)
-        lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements, *self.body()]
-        notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
+        asked = [text for text in result.warnings if ASKS in text]
+        lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements]
+        lines += [*textwrap.wrap(understood_of(result), WIDTH), *(f"warning: {text}" for text in asked), *self.body()]
+        more = len(result.warnings) - len(asked)
+        notes = f"{counted(more, 'note')} (-v shows them); " if more else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]
         others = [name for name in files if name not in pictures]
         plots = [counted(len(pictures), "plot")] if pictures else []
@@ -212,24 +220,13 @@ def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
         yield from (f"{text}{f' at {at}' if at else ''}" for text in texts if at not in shown)
 
 
-def modes(result: Any) -> Iterator[str]:
-    """The first natural frequency of a result with modes, with its damping: contacts open, closed, and as at rest."""
-    table = result["modes"]
-    states = {"open": ("open_frequencies_hz", "damping_ratios")}
-    if result.scenario.located_snubbers:
-        states["closed"] = "closed_frequencies_hz", "closed_damping_ratios"
-        if "resting_frequencies_hz" in table:
-            states["at rest"] = "resting_frequencies_hz", "resting_damping_ratios"
-    texts: dict[str, str] = {}
-    for state, names in states.items():
-        frequencies, ratios = (table[name].values for name in names)
-        elastic = [k for k, hz in enumerate(frequencies[: table["kept_modes"].item()]) if hz > 0.0]
-        if elastic:
-            damping = f" ({percent(ratios[elastic[0]], 2)})" if is_known(ratios[elastic[0]]) else ""
-            texts[state] = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"
-    if texts:  # once where it is the same in several states
-        alike = {text: " and ".join(state for state, each in texts.items() if each == text) for text in texts.values()}
-        yield f"first mode {', '.join(text.format(states) for text, states in alike.items())}"
+def understood_of(result: Result) -> str:
+    """What was understood of the case of a result, in a line."""
+    command = KINDS[result.KIND].command
+    if command not in USED:
+        return ""  # it compares a result with measurements
+    inputs = result["inputs"].rows("number") if "inputs" in result.datasets else ()
+    return understood(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
 
 
 def contact_levels(result: Result) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from pkgutil import resolve_name
 
+from beamsim.cli.screens import understood_of
 from beamsim.cli.session import Given, print_files, print_json, progress_of, say
 from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
@@ -30,6 +31,7 @@ def info(given: Given) -> None:
         if given.json:
             about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
             made = {"created": result.created, "beamsim_version": result.beamsim_version}
+            about["understood"] = understood_of(result)
             print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
             return
         made_by = ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}")

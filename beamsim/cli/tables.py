@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
-from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned
+from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned, understood_of
 from beamsim.cli.session import show
 from beamsim.kinds import KINDS
 from beamsim.plots.style import amount, shown_in, value_text
@@ -41,6 +41,7 @@ def all_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: what its first screen shows, then the whole summary."""
     screen = resolve_name(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
+    yield from _labelled("understood", filter(None, [understood_of(result)]))
     yield from _labelled("result", screen.body())
     yield from table_rows(result)
 

@@ -109,6 +109,7 @@ def sampled_signal(
     statement = InputStatement(
         path="", quantity=excitation.quantity, unit=record.unit, rms=float(np.sqrt(np.mean(samples**2))),
         sample_rate_hz=(time.size - 1) / float(time[-1]), treatment="; ".join(record.scaling),
+        peak=float(np.max(np.abs(samples))),
     )  # fmt: skip
     cut = Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces])
     return cut, InputAccount(statement, record.warnings)

@@ -20,6 +20,10 @@ INPUTS = Layout(
             _NUMBER, "{unit}", "root mean square: of a random input that of its density, clipping included; of a "
             "record that of its samples as they are used",
         ),
+        "peak": Variable(
+            _NUMBER, "{unit}", "largest magnitude of a record's samples as they are used; NaN of a random input",
+            optional=True,
+        ),
         "sample_rate_hz": Variable(
             _NUMBER, "Hz", "samples per second; those between which the input is interpolated"
         ),
@@ -47,6 +51,7 @@ class InputStatement:
     from_hz: float = nan
     to_hz: float = nan
     line_spacing_hz: float = nan
+    peak: float = nan
 
 
 @dataclass(frozen=True)

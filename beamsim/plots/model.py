@@ -10,16 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from beamsim.outcomes import first_of
 from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
-from beamsim.plots.style import amount, extent, round_length
-from beamsim.scenario import Scenario
-from beamsim.scenario.body import MovedStop, MovedSupport
-from beamsim.scenario.excitation import RandomInput
-from beamsim.scenario.files import CurveFile
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
-from beamsim.scenario.sweep import LevelPath
+from beamsim.plots.style import amount, round_length
+from beamsim.plots.understood import amplitude_text, excitation_text
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
 from beamsim.system.parts import Acting
@@ -78,75 +72,6 @@ def model_figure(sketch: Sketch) -> Picture:
     """The sketch with its title, what excites the model, and the scale of the gaps."""
     size = (8.0, 2.4 + 1.6 * sketch.count)
     return Picture(sketch.scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
-
-
-def excitation_text(scenario: Scenario) -> str:
-    """What excites the model, in a line; of a case with both a run and a sweep a line for each."""
-    swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
-    parts = [part for _, part in scenario.excitation.items]
-    ways = {"run: ": "", "sweep: ": swept} if swept and scenario.run is not None else {"": swept}
-    texts = {
-        command: "; ".join(dict.fromkeys(_excitation_text(scenario, part, way) for part in parts))
-        for command, way in ways.items()
-    }
-    return "\n".join(command + text for command, text in texts.items() if text) or "no excitation"
-
-
-_SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
-
-
-def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
-    """Levels, range and rate of a sweep."""
-    sweep: Any = scenario.sweep
-    path = sweep.parameter.in_metres(scenario) if sweep.kind == "continuation" else sweep
-    points = [
-        f"{_level_text(point if point.quantity else part, point.level)} from {point.frequency:.6g} Hz"
-        for point in getattr(sweep, "profile", ())
-    ]
-    file = getattr(sweep, "profile_file", None)
-    if profile := first_of(points, 4) or (file and file.file):
-        yield f"profile of {profile}"
-    if sweep.levels and scenario.level_unit:
-        yield " and ".join(_level_text(part, level) for level in sweep.levels)
-    elif sweep.levels:  # they multiply a profile, or the levels of several forces
-        yield f"times {' and '.join(f'{level:g}' for level in sweep.levels)}"
-    unit = scenario.level_unit if path.kind == "level" else getattr(path, "unit", "Hz")
-    ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
-    yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
-    if rate := getattr(sweep, "rate", None):
-        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}"
-
-
-def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
-    sweep: Any = scenario.sweep
-    words = [swept or part.kind.replace("_", " ")]
-    levels = [level for _, level in part.levels()]
-    given = swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))
-    if levels and not (given if scenario.level_unit else swept and part is scenario.excitation):
-        words.append(_level_text(part, max(levels, key=abs)))
-    if swept:
-        words += _swept(scenario, part)
-    if isinstance(part, RandomInput):
-        psd = part.psd
-        ends = "" if isinstance(psd, CurveFile) else f"{psd[0].frequency:.6g} to {psd[-1].frequency:.6g} Hz"
-        words.append(psd.file if isinstance(psd, CurveFile) else ends)
-    tones = () if swept else part.frequencies_hz
-    if 0 < len(tones) <= 3:
-        words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
-    elif getattr(part, "duration", None):
-        words.append(amount(part.duration, "s"))
-    if part.on_base:
-        at = "the base" + (f" in {part.direction}" if part.direction else "")
-    elif isinstance(part.applied_to, MovedSupport | MovedStop):
-        at = part.applied_to.label
-    else:
-        at = load_site_in(scenario, part.applied_to).label
-    return f"{', '.join(words)}, at {at}"
-
-
-def _level_text(part: Any, level: float) -> str:
-    unit = LEVEL_DIMENSIONS[part.quantity].unit if part.quantity else ""
-    return amount(level, unit)
 
 
 def _depths(sketch: Sketch, ax: Axes) -> None:
@@ -228,7 +153,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
 
 def _said(part: Any) -> str:
     """The level of what has one alone, else its kind."""
-    levels = [_level_text(part, level) for _, level in part.levels()]
+    levels = [amplitude_text(part, level) for _, level in part.levels()]
     return levels[0] if len(levels) == 1 else str(part.kind).replace("_", " ")
 
 

@@ -11,9 +11,10 @@ from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture
-from beamsim.plots.model import excitation_text, model_figure
+from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
+from beamsim.plots.understood import excitation_text
 from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.results.result import MARGINS, Result

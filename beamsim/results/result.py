@@ -7,7 +7,7 @@ further than their tables of force and deflection go, and random inputs whose si
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -26,6 +26,7 @@ from beamsim.results.values import OUTPUT, judged, limit_unit
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.quantities import amplitude_unit, level_unit
+from beamsim.scenario.ranges import LARGEST_MARGIN
 from beamsim.scenario.scenario import Record
 from beamsim.summaries import (
     ByName,
@@ -196,7 +197,10 @@ class Result:
             If the summary does not declare a value.
         """
         status = {"status": self.status} if STATUS in self.SUMMARY else {}
-        return replace(self, summary=summary_of(self, **status | computed)).ended(self.outcome)
+        result = replace(self, summary=summary_of(self, **status | computed)).ended(self.outcome)
+        if not result.summary.get("margins"):
+            return result
+        return replace(result, warnings=tuple(dict.fromkeys((*self.warnings, *_far_limits(result)))))
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""
@@ -281,6 +285,18 @@ class Result:
     def _repr_html_(self) -> str:
         """Return the printed table as HTML, for notebooks."""
         return f"<pre>{escape(str(self))}</pre>"
+
+
+def _far_limits(result: Result) -> Iterator[str]:
+    """A question for each limit so far above what it limits that one of the two may be in another unit."""
+    for name, of in result.summary["margins"].items():
+        value, limit = of["value"], of["limit"]
+        if 0.0 < LARGEST_MARGIN * value < limit:
+            unit = limit_unit(result.scenario, name)
+            yield (
+                f"limits.{name} = {limit:.4g} {unit} is {limit / value:.3g} times the largest value, {value:.3g} "
+                f"{unit}; was another unit meant?"
+            )
 
 
 def dashpots_of(modes: Dataset) -> dict[str, dict[str, Any]]:

@@ -218,10 +218,6 @@ class Bent(Schema):
         yield from ()
 
 
-_MODULI = (1e5, 2e12)  # Pa, of solids
-_DENSITIES = (1.0, 25_000.0)  # kg/m^3, of solids
-
-
 class SolidBending(Bent):
     """A section of one material."""
 
@@ -269,15 +265,6 @@ class SolidBending(Bent):
         return Bending(
             self.youngs_modulus * second_moment, self.density * area, fibre / second_moment, 2.0 * fibre
         )  # fmt: skip
-
-    def material_doubts(self, where: Path) -> Iterator[str]:
-        """Moduli and densities of no solid."""
-        for key, unit, (lowest, highest), missing in (
-            ("youngs_modulus", "Pa", _MODULI, "GPa"), ("density", "kg/m^3", _DENSITIES, "g/cm^3")
-        ):  # fmt: skip
-            if not lowest <= (value := getattr(self, key)) <= highest:
-                what = f"{path_text((*where, key))} = {value:g} {unit} is outside the range of solids"
-                yield f"{what}: a unit such as {missing} may be missing"
 
 
 class SandwichBending(Bent):

@@ -840,9 +840,3 @@ class Body(Schema):
         if numbers:
             remedy = "start from rest, the static equilibrium, a mode, or a released force"
             yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
-
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """A body so large that a unit may be missing."""
-        for key, size in zip(("length", "width"), self.sides, strict=False):
-            if size > 100.0:  # m
-                yield f"{path_text((*at, key))} = {size:g} m: was {size:g} mm meant?"

@@ -486,6 +486,11 @@ class Shock(Driven):
     """It is one."""
 
     @property
+    def area(self) -> float:
+        """Area under the pulse, SI: of an acceleration the change of the velocity, of a force the impulse."""
+        raise NotImplementedError
+
+    @property
     def highest_frequency_hz(self) -> float:
         """Half the inverse of the duration, Hz, the frequency of the sine that a half-sine is half of; 0 of a step."""
         return 0.0 if self.duration is None else 0.5 / self.duration
@@ -526,6 +531,11 @@ class Step(Shock):
         """That of the cosine with which it rises, Hz."""
         return super().highest_frequency_hz if self.rise is None else 0.5 / self.rise
 
+    @property
+    def area(self) -> float:
+        """A (T - r) of a pulse with rise and fall r; infinite if the level stays."""
+        return math.inf if self.duration is None else self.level * (self.duration - (self.rise or 0.0))
+
     def check(self) -> None:
         """Reject rise and fall longer than the pulse."""
         super().check()
@@ -543,6 +553,11 @@ class HalfSine(Shock):
     """A half-sine pulse."""
     duration: q.Duration
     """Duration of the pulse."""
+
+    @property
+    def area(self) -> float:
+        """2 A T / pi."""
+        return 2.0 * self.level * self.duration / math.pi
 
 
 class Trapezoid(Shock):
@@ -569,6 +584,11 @@ class Trapezoid(Shock):
         """Duration of the fall, s."""
         return 0.1 * self.duration if self.fall_ is None else self.fall_
 
+    @property
+    def area(self) -> float:
+        """A (T - (rise + fall) / 2)."""
+        return self.level * (self.duration - 0.5 * (self.rise + self.fall))
+
     def check(self) -> None:
         """Reject rise and fall longer than the pulse."""
         super().check()
@@ -587,6 +607,11 @@ class Sawtooth(Shock):
     """A final-peak sawtooth pulse."""
     duration: q.Duration
     """Duration of the pulse."""
+
+    @property
+    def area(self) -> float:
+        """A T / 2."""
+        return 0.5 * self.level * self.duration
 
 
 class SweptSineInput(Driven, FrequencyRange):

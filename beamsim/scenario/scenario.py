@@ -57,6 +57,7 @@ from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
+from beamsim.scenario.ranges import SIZES, questions
 from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import Optimise, Vary
@@ -435,7 +436,12 @@ class Scenario(Schema):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
         doubts = (text for at, part in walk(self) for text in part.doubts(self, at))
-        return tuple(dict.fromkeys((*self._left_out, *doubts)))
+        return tuple(dict.fromkeys((*self._left_out, *doubts, *questions(self, SIZES))))
+
+    @property
+    def as_written(self) -> Any:
+        """The data that it was read from, with the units that were written; None where it comes from elsewhere."""
+        return None if self._solved is not None else self._text
 
     def to_yaml(self) -> str:
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""

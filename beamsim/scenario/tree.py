@@ -61,6 +61,7 @@ class WrittenList(list[Any]):
     """A list, and where each of its items was written."""
 
     marks: Mapping[Any, Mark] = MappingProxyType({})
+    of_python = False  # whether it is an array or a list of Python, not of a text
 
 
 def from_python(value: object) -> Any:
@@ -68,7 +69,9 @@ def from_python(value: object) -> Any:
     if isinstance(value, Mapping):
         return WrittenMapping({str(key): from_python(item) for key, item in value.items()})
     if isinstance(value, (list, tuple)):
-        return WrittenList(from_python(item) for item in value)
+        items = WrittenList(from_python(item) for item in value)
+        items.of_python = getattr(value, "of_python", True)
+        return items
     if isinstance(value, (bool, str)) or value is None:
         return value
     if isinstance(value, Integral):

@@ -342,6 +342,16 @@ def read_level(
     return number, dimension
 
 
+def number_and_unit(written: float | str) -> tuple[float, str]:
+    """The number of a valid quantity and its unit as it is written, empty without one.
+
+    >>> number_and_unit("2.7 g/cm^3"), number_and_unit(65)
+    ((2.7, 'g/cm^3'), (65.0, ''))
+    """
+    match = _NUMBER.fullmatch(written) if isinstance(written, str) else None
+    return (float(written), "") if match is None else (float(match[1]), match[2])
+
+
 def is_in_gravities(unit: str) -> bool:
     """Whether a unit of an acceleration or of its density is made of standard gravity."""
     return _GRAVITY.search(unit) is not None

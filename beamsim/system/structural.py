@@ -28,8 +28,10 @@ from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import Path, counted
 from beamsim.scenario.body import Located
+from beamsim.scenario.ranges import FARTHEST_MODE, RangeSizes, questions
+from beamsim.scenario.reporting import SWEPT
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place, Recovery, Stations, StressRows, stress_rows
@@ -236,7 +238,7 @@ class StructuralSystem:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Remarks, and doubts that follow from `modes`."""
-        return (*self.remarks, *doubts(self.scenario, self.modes))
+        return (*self.remarks, *doubts(self.scenario, self.modes), *questions(self.scenario, _sizes(self)))
 
     @cached_property
     def closed_frequencies_hz(self) -> Floats:
@@ -456,7 +458,36 @@ def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
             f"the error of its receptance at contacts and loads is bounded by {bound:.2g} of its size; "
             f"{scenario.more_modes(modes['kept_modes'].item())}"
         )
-    return warnings + damping_remarks(scenario.located_snubbers, modes)
+    return [*warnings, *_far_modes(scenario, modes), *damping_remarks(scenario.located_snubbers, modes)]
+
+
+def _sizes(system: StructuralSystem) -> RangeSizes:
+    """What ranges of numbers are multiplied by, as far as the model decides it."""
+    elastic = system.open_frequencies_hz[system.open_frequencies_hz > 0.0]
+    period = float(1.0 / elastic[0]) if elastic.size else None
+    stiffness: dict[Path, float] = {}
+    if elastic.size == system.open_frequencies_hz.size:
+        compliance = np.sum((system.stops.shape / system.parts.omega) ** 2, axis=1)
+        located = system.scenario.located_snubbers
+        stiffness = {at.path: 1.0 / c for at, c in zip(located, compliance.tolist(), strict=True) if c > 0.0}
+    return {"period": lambda *_: period, "structure": lambda _, path, __: stiffness.get(path)}
+
+
+def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
+    """That the first mode lies far beyond what goes on at known frequencies."""
+    first = next((f for f in modes["open_frequencies_hz"].values.tolist() if f > 0.0), 0.0)
+    if scenario.excitation.shock or (scenario.run is None and scenario.sweep is None):
+        return []
+    swept: Any = scenario.sweep
+    ends = [swept.from_, swept.to] if swept is not None and swept.kind in SWEPT else []
+    highest = max([scenario.excitation.highest_frequency_hz, *ends])
+    if not first > FARTHEST_MODE * highest > 0.0:
+        return []
+    return [
+        f"the first natural frequency, {first:.4g} Hz with open contacts, is {first / highest:.3g} times the highest "
+        f"frequency of the excitation, {highest:.4g} Hz; was another unit of a size, a modulus, a mass or a frequency "
+        "meant?"
+    ]
 
 
 def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:

@@ -9,8 +9,8 @@ import yaml
 from scipy.linalg import eig, eigh
 
 import beamsim
-from beamsim.cli.screens import modes
 from beamsim.cli.tables import table_rows
+from beamsim.plots.understood import first_modes
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system
@@ -172,7 +172,7 @@ def test_the_half_power_check_of_the_documents():
     assert (high - low) / (2 * hz[top]) == pytest.approx(ratio, rel=0.02)
     measured = f"{high - low:.2f} Hz, which is {100 * (high - low) / (2 * hz[top]):.1f} %"
     assert f"peaks at {hz[top]:.1f} Hz with a bandwidth of {measured}" in page.replace("\n", " ")
-    assert next(modes(result)) in page
+    assert next(first_modes(result.scenario, result["modes"])) in page
     for _, text in table_rows(result):
         if "it alone closed" in text:
             assert " ".join(text.split()) in " ".join(page.split())
@@ -202,7 +202,10 @@ def test_the_first_closed_mode_of_a_free_body_is_the_first_that_moves_elasticall
     result = beamsim.run(load_scenario(scenario))
     low, high = np.sqrt(eigh([[1000.0, -900.0], [-900.0, 900.0]], eigvals_only=True)) / (2 * np.pi)
     assert high > 6.75 > low
-    assert next(modes(result)) == f"first mode 6.75 Hz open (0 %), {low:.3g} Hz closed (0 %)"
+    assert (
+        next(first_modes(result.scenario, result["modes"]))
+        == f"first mode 6.75 Hz open (0 %), {low:.3g} Hz closed (0 %)"
+    )
 
 
 def test_result_files_keep_the_damping_of_all_states(tmp_path):
@@ -243,5 +246,6 @@ def test_the_first_screen_has_the_state_at_rest_where_that_is_a_third_one():
             "run": {"duration": 0.1, "convergence": "off"},
         }
     )  # fmt: skip
-    line = next(modes(beamsim.run(scenario)))
+    result = beamsim.run(scenario)
+    line = next(first_modes(result.scenario, result["modes"]))
     assert line == "first mode 2.52 Hz open (0 %), 3.73 Hz closed (8.5 %), 3.18 Hz at rest (5 %)"

@@ -129,7 +129,11 @@ def test_a_name_and_a_format_that_contradict_are_refused(here, stored):
 
 def test_validate():
     done = invoke("validate", "case.yaml")
-    assert (done.exit_code, done.stdout) == (0, "case.yaml: valid (Small case)\n")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        "case.yaml: valid (Small case)\nharmonic, 2 g, 65 Hz, at the base; "
+        "first mode 56 Hz open and at rest (0 %), 205 Hz closed (0 %)\n",
+    )
     assert json.loads(invoke("validate", "case.yaml", "--json").stdout)["valid"] is True
 
 

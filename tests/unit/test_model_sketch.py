@@ -10,8 +10,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from beamsim.plots.model import excitation_text, model_figure, stop_text
+from beamsim.plots.model import model_figure, stop_text
 from beamsim.plots.sketch import Sketch
+from beamsim.plots.understood import excitation_text
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke

@@ -183,9 +183,10 @@ def test_bare_levels_follow_quantity_and_place():
     [
         ("beam.thickness=40 mm", "Euler-Bernoulli theory (no shear) is doubtful"),
         ("beam.elements=1", "elements a bending wavelength at 65 Hz"),
-        ("beam.youngs_modulus=69", "a unit such as GPa may be missing"),
-        ("beam.density=2.7", ""),
-        ("beam.density=0.5", "a unit such as g/cm^3 may be missing"),
+        ("beam.youngs_modulus=69", "= 69 Pa is outside the range of structural materials; was 69 GPa meant?"),
+        ("beam.density=2.7", "= 2.7 kg/m^3 is outside the range of solids; was 2.7 g/cm^3 meant?"),
+        ("beam.density=27", ""),
+        ("beam.density=0.5", "was 0.5 g/cm^3 meant?"),
         ("beam.damping.ratio=5", "was 5 % meant?"),
         ("run={duration: 10 ms, spectrum: null}", "shorter than one period of the excitation"),
         ("run.sample_rate=200 Hz", "superharmonics fold back"),

@@ -1,0 +1,196 @@
+"""What was understood of a case, in a line with units: excitation, filter, and the first modes open and closed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from beamsim.inputs.density import SpectralDensity
+from beamsim.labelled import Dataset
+from beamsim.outcomes import first_of
+from beamsim.plots.style import amount, extent, is_known, percent
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
+from beamsim.scenario.body import MovedStop, MovedSupport
+from beamsim.scenario.files import CurveFile
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, amplitude_unit
+from beamsim.scenario.sweep import LevelPath
+from beamsim.structures.assembly import load_site_in
+
+Inputs = Mapping[str, Mapping[str, Any]]
+"""By path of the excitation what is known of a random input or record: rms, peak and unit."""
+AREAS = {
+    "acceleration": ("velocity change", "m/s"), "angular_acceleration": ("velocity change", "rad/s"),
+    "force": ("impulse", "N s"),
+}  # fmt: skip
+"""What the area under a pulse is, and its unit, by the quantity of the pulse."""
+
+
+def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, command: str = "") -> str:
+    """What was understood of a case: excitation, filter against it, and first modes.
+
+    Parameters
+    ----------
+    scenario : of the case.
+    modes : of its structure; None where they are not known.
+    inputs : random inputs and records, as far as they are known.
+    command : run, or another one, of a case for several.
+
+    Returns
+    -------
+    One line, empty where there is nothing to say.
+    """
+    excited = command != "nnm" and bool(scenario.excitation.items)
+    parts = excitation_text(scenario, inputs, command).split("\n") if excited else []
+    low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
+    if low_pass is not None:
+        highest = max([scenario.excitation.highest_frequency_hz, *(of["to_hz"] for of in inputs.values())])
+        against = f", {low_pass / highest:.3g} times the excitation's {highest:.4g} Hz" if highest > 0.0 else ""
+        parts.append(f"low-pass filter {low_pass:.6g} Hz{against}")
+    return "; ".join([*parts, *(() if modes is None else first_modes(scenario, modes))])
+
+
+def first_modes(scenario: Scenario, table: Dataset) -> Iterator[str]:
+    """The first natural frequency with its damping: contacts open, closed, and as at rest."""
+    states = {"open": ("open_frequencies_hz", "damping_ratios")}
+    if scenario.located_snubbers:
+        states["closed"] = "closed_frequencies_hz", "closed_damping_ratios"
+        if "resting_frequencies_hz" in table:
+            states["at rest"] = "resting_frequencies_hz", "resting_damping_ratios"
+    texts: dict[str, str] = {}
+    for state, names in states.items():
+        frequencies, ratios = (table[name].values for name in names)
+        elastic = [k for k, hz in enumerate(frequencies[: table["kept_modes"].item()]) if hz > 0.0]
+        if elastic:
+            damping = f" ({percent(ratios[elastic[0]], 2)})" if is_known(ratios[elastic[0]]) else ""
+            hz = frequencies[elastic[0]]
+            texts[state] = f"{hz:{'.3g' if hz < 999.5 else '.0f'}} Hz {{}}{damping}"
+    if texts:  # once where it is the same in several states
+        alike = {text: " and ".join(state for state, each in texts.items() if each == text) for text in texts.values()}
+        yield f"first mode {', '.join(text.format(states) for text, states in alike.items())}"
+
+
+def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: str = "") -> str:
+    """What excites the model, in a line; of a case with both a run and a sweep a line for each.
+
+    Parameters
+    ----------
+    scenario, inputs : as of `understood`.
+    command : run or sweep, to say only what that does.
+    """
+    swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
+    ways = {"run: ": "", "sweep: ": swept} if swept and scenario.run is not None else {"": swept}
+    if command and len(ways) > 1:
+        ways = {"": "" if command == "run" else swept}
+    texts = {
+        label: "; ".join(
+            dict.fromkeys(
+                _excitation_text(scenario, part, way, (inputs or {}).get(path_text(("excitation", *at)), {}))
+                for at, part in scenario.excitation.items
+            )
+        )
+        for label, way in ways.items()
+    }
+    return "\n".join(label + text for label, text in texts.items() if text) or "no excitation"
+
+
+_SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
+
+
+def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
+    """Levels, range and rate of a sweep."""
+    sweep: Any = scenario.sweep
+    path = sweep.parameter.in_metres(scenario) if sweep.kind == "continuation" else sweep
+    points = [
+        f"{amplitude_text(point if point.quantity else part, point.level)} from {point.frequency:.6g} Hz"
+        for point in getattr(sweep, "profile", ())
+    ]
+    file = getattr(sweep, "profile_file", None)
+    if profile := first_of(points, 4) or (file and file.file):
+        yield f"profile of {profile}"
+    if sweep.levels and scenario.level_unit:
+        yield " and ".join(amplitude_text(part, level) for level in sweep.levels)
+    elif sweep.levels:  # they multiply a profile, or the levels of several forces
+        yield f"times {' and '.join(f'{level:g}' for level in sweep.levels)}"
+    unit = scenario.level_unit if path.kind == "level" else getattr(path, "unit", "Hz")
+    ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
+    yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
+    if rate := getattr(sweep, "rate", None):
+        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}"
+
+
+def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[str, Any]) -> str:
+    """One motion or force: its kind, size, frequencies, duration and place."""
+    sweep: Any = scenario.sweep
+    words = [swept or part.kind.replace("_", " ")]
+    levels = [level for _, level in part.levels()]
+    given = swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))
+    if levels and not (given if scenario.level_unit else swept and part is scenario.excitation):
+        words.append(amplitude_text(part, max(levels, key=abs)))
+    if swept:
+        words += _swept(scenario, part)
+    tones = () if swept else part.frequencies_hz
+    if part.kind in _INPUTS:
+        words += _INPUTS[part.kind](part, known)
+    elif 0 < len(tones) <= 3:
+        words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
+    if part.on_base:
+        at = "the base" + (f" in {part.direction}" if part.direction else "")
+    elif isinstance(part.applied_to, MovedSupport | MovedStop):
+        at = part.applied_to.label
+    else:
+        at = load_site_in(scenario, part.applied_to).label
+    return f"{', '.join(words)}, at {at}"
+
+
+def _random(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+    """Root mean square and band of a random input."""
+    psd, unit = part.psd, amplitude_unit(part.quantity)
+    if part.table or known:
+        yield f"rms {amount(known['rms'] if known else SpectralDensity.through(part.table).rms, unit)}"
+    yield psd.file if isinstance(psd, CurveFile) else f"{psd[0].frequency:.6g} to {psd[-1].frequency:.6g} Hz"
+
+
+def _record(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+    """Peak and root mean square of a record, where it has been read."""
+    sizes = ((name, known.get(name)) for name in ("peak", "rms"))
+    yield from (f"{name} {amount(size, known['unit'])}" for name, size in sizes if is_known(size))
+    yield part.file
+
+
+def _pulse(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+    """Duration of a pulse, and what it leaves."""
+    if part.duration is not None:
+        yield amount(part.duration, "s")
+        if part.quantity in AREAS:
+            of, unit = AREAS[part.quantity]
+            yield f"{of} {amount(part.area, unit)}"
+
+
+def _matched(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+    """Largest level of the spectrum, and duration of the record."""
+    if isinstance(part.srs, CurveFile):
+        yield part.srs.file
+    else:
+        highest_hz, level = max(part.srs, key=lambda point: point[1])
+        yield f"spectrum up to {amount(level, 'm/s^2')} at {highest_hz:.6g} Hz"
+    yield amount(part.duration, "s")
+
+
+def _swept_input(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+    """Range and rate of a swept sine."""
+    yield f"{part.from_:.6g} to {part.to:.6g} Hz"
+    yield f"{60.0 * part.rate.value:.4g} {part.rate.unit.replace('/s', '/min')}"
+
+
+_INPUTS = {
+    "random": _random, "sampled": _record, "matched": _matched, "swept_sine": _swept_input,
+    **dict.fromkeys(("step", "half_sine", "trapezoid", "sawtooth"), _pulse),
+}  # fmt: skip
+"""What is said of an input beside its level, by its kind."""
+
+
+def amplitude_text(part: Any, level: float) -> str:
+    """A level in the unit of its quantity."""
+    unit = LEVEL_DIMENSIONS[part.quantity].unit if part.quantity else ""
+    return amount(level, unit)
