@@ -132,6 +132,7 @@ class OutcomeKind(StrEnum):
     COMPLETE = "complete"  # everything requested was computed
     NOTED = "noted"  # complete; says something about what was found
     DOUBTFUL = "doubtful"  # complete; values change by more than is allowed with a finer model
+    NOT_HELD = "not held"  # computed in full and right; the motion does not keep what it was to be kept to
     INCOMPLETE = "incomplete"  # something requested was not computed
     STOPPED = "stopped"  # before the end; the results up to there are valid
     FAILED = "failed"  # no result
@@ -164,6 +165,7 @@ STANDINGS = {
     OutcomeKind.COMPLETE: Standing(ExitCode.SUCCESS),
     OutcomeKind.NOTED: Standing(ExitCode.SUCCESS),
     OutcomeKind.DOUBTFUL: Standing(ExitCode.SUCCESS, "NOT CONVERGED"),
+    OutcomeKind.NOT_HELD: Standing(ExitCode.NOT_CONVERGED, "LIMITS EXCEEDED"),
     OutcomeKind.INCOMPLETE: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
     OutcomeKind.STOPPED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
     OutcomeKind.FAILED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.measurements.conditioning import conditioned, evenly_timed
-from beamsim.measurements.functions import RATIOS, FunctionType
+from beamsim.measurements.functions import RATIOS, FunctionType, is_unit_of
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario import Scenario, Source, scenario_of
@@ -57,6 +57,7 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
             required = test.channel is not None
             signal = channel_named(channels, name, test.quantity, path, required=required, at=f"{at}.channel")
             signal = _usable_in(test, signal, scenario, f"{at}.level")
+            _check_quantity(test, signal, at)
             signal = in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit")
             filtered_later = isinstance(test, TransientTest)  # with the motion, in the part that is compared
             how = RecordPreparation(factor=test.factor) if filtered_later else test
@@ -73,6 +74,24 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
 
 
 NEAR = 0.05  # of the frequency: lines further away are other vibrations, and no noise of this one
+
+
+def _check_quantity(test: SteadyTest | TransientTest, signal: MeasuredSignal, at: str) -> None:
+    """Refuse a record of another quantity than the test states: another unit would make it that in name alone.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    own = motion_dimension(test.quantity)
+    for unit in filter(None, (signal.unit, test.unit)):
+        fits = [each for each in _MEASURED if is_unit_of(unit, motion_dimension(each))]
+        if fits and motion_dimension(fits[0]) != own:
+            message = f"= {test.quantity} does not fit {split_heading(signal.name)[0]}, which is in {unit}"
+            raise ScenarioError.at(f"{at}.quantity", message, f"write quantity: {fits[0]}")
+
+
+_MEASURED = ("absolute_acceleration", "displacement", "velocity")
 
 
 def _usable_in(

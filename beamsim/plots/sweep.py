@@ -172,7 +172,11 @@ def transmissibility(result: SweepResult, level_index: int) -> Chart:
     for curve in _of_level(result, level_index):
         for name in curve.places("absolute_acceleration"):
             peak = curve.resonance(name)
-            known = f": Q {peak.quality:.3g} at {peak.frequency_hz:.4g} Hz" if peak and isfinite(peak.quality) else ""
+            known = ""
+            if peak and isfinite(peak.quality):
+                known = f": Q {peak.quality:.3g} at {peak.frequency_hz:.4g} Hz"
+            elif peak and peak.too_fast:
+                known = f": swept too fast to show Q at {peak.frequency_hz:.4g} Hz"
             drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, curve.transmissibility(name)))
     return _chart(result, ("Transmissibility", Scale(1.0, "g per g")), drawn)
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import wofz
 
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, track
 from beamsim.analyses.sweep.analysis import sweep
@@ -68,6 +69,27 @@ def test_q_of_an_oscillator_is_that_of_its_damping():
     assert peak[0] == pytest.approx(10 * np.sqrt(1 - 2 * zeta**2), rel=1e-5)
     assert peak[1] == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-5)
     assert peak[2] == pytest.approx(1 / (2 * zeta), rel=2e-3)
+
+
+@pytest.mark.parametrize("rate_of_bandwidth", [0.05, 0.3, 1.0, 14.0, 300.0])
+def test_q_of_a_sweep_is_within_five_percent_or_not_given(rate_of_bandwidth):
+    """The envelope of an oscillator that is swept through, by the Faddeeva function; Q is 50."""
+    q, natural = 50.0, 65.0
+    rate = rate_of_bandwidth * natural**2 / q**2  # Hz/s
+    sigma, widths = np.pi * natural / q, 6.0 * (1.0 + np.sqrt(rate_of_bandwidth))
+    f = natural + np.linspace(-widths, widths, 20001) * natural / (2 * q)
+    mu = np.pi * rate / sigma**2
+    s = sigma * (f - natural) / rate
+    root = np.sqrt(-1j * mu)
+    envelope = np.abs(wofz(1j * (1 + 2j * mu * s) / (2 * root)) / root)
+    peak = max(peaks_of(f, envelope, np.full(f.size, rate)), key=lambda each: each.level)
+    assert peak.too_fast == (rate_of_bandwidth > 0.35)
+    if peak.too_fast:
+        assert np.isnan(peak.quality)
+    else:
+        assert peak.quality == pytest.approx(q, rel=0.05)
+    unknown = max(peaks_of(f, envelope), key=lambda each: each.level)
+    assert (abs(unknown.quality / q - 1) > 0.05) == peak.too_fast
 
 
 def test_a_peak_at_a_jump_has_no_q():

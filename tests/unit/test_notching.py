@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
+from beamsim.analyses.sweep.swept_sine import of_levels
 from beamsim.cli.motions import in_gravities, notch_texts
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
@@ -141,6 +143,24 @@ def test_limits_that_impacts_exceed_are_an_outcome():
     assert missed.numbers["percent"] > 5
     assert not result.outcome.complete
     assert result.outcome.trusted
+    assert not result.outcome.cut_short  # every cycle was computed
+
+
+def test_the_largest_excess_of_all_levels_comes_first_and_each_is_named():
+    over = [
+        Outcome.of(
+            OutcomeKind.NOT_HELD, "notch_not_held", "notching: first is exceeded", remedy="sweep more slowly",
+            limit="first", percent=percent, frequency=20.0,
+        )
+        for percent in (6.29, 6.94)
+    ]  # fmt: skip
+    outcome = of_levels([over[0], COMPLETE, over[1]], [Where(level, "g", "level") for level in (0.5, 1.0, 2.0)])
+    assert outcome.text == (
+        "level 2 g: notching: first is exceeded; sweep more slowly; "
+        "level 0.5 g: first is exceeded by up to 6.29 % at 20 Hz"
+    )
+    assert [each.numbers["percent"] for each in outcome.all_of("notch_not_held")] == [6.94, 6.29]
+    assert of_levels([COMPLETE, COMPLETE], [Where(1.0, "g", "level")] * 2) is COMPLETE
 
 
 def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):

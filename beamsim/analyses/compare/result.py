@@ -143,8 +143,10 @@ SWEEP_PEAKS = _rows(
         "predicted_hz": ("Hz", "frequency of the computed peak"),
         "measured_level": ("", "level of the measured peak, in the unit of the channel"),
         "predicted_level": ("", "level of the computed peak, in the unit of the channel"),
-        "measured_q": ("1", "measured frequency over the half-power band; NaN where that has no end"),
-        "predicted_q": ("1", "computed frequency over the half-power band; NaN where that has no end"),
+        "measured_q": ("1", "measured frequency over the half-power band; NaN where that has no end or "
+            "the sweep is too fast to show it"),
+        "predicted_q": ("1", "computed frequency over the half-power band; NaN where that has no end or "
+            "the sweep is too fast to show it"),
         "frequency_difference": ("1", "computed frequency over the measured one, less 1"),
         "difference_db": ("dB", "20 log10(computed / measured level)"),
     },

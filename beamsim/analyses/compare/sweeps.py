@@ -231,7 +231,7 @@ def _channel(
         predicted=predicted,
         measured=measured,
         frac=float(assurance(predicted[:, None], measured[:, None])[0, 0]),
-        peaks=tuple(_peak_pairs(frequency, np.abs(values), x, np.abs(measured))),
+        peaks=tuple(_peak_pairs(curve, (frequency, np.abs(values)), (x, np.abs(measured)))),
         begin_s=tracking.begin if followed else None,
         bandwidth=1.0 / tracking.cycles if followed and detector == "fundamental" else None,
     )
@@ -293,9 +293,12 @@ def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
 SAME_PEAK = 0.15  # relative difference of the frequencies of two peaks that may be the same
 
 
-def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair]:
-    """Peaks of the measured response, each with a computed one: the nearest pairs first, and in the same order."""
-    computed, measured = peaks_of(f_p, p), peaks_of(f_m, m)
+def _peak_pairs(curve: SweepCurve, predicted: tuple[Floats, Floats], recorded: tuple[Floats, Floats]) -> list[PeakPair]:
+    """Peaks of the measured response, each with a computed one: the nearest pairs first, and in the same order.
+
+    Both were swept at the rate of the computed curve.
+    """
+    computed, measured = (peaks_of(*each, curve.rate_at(each[0])) for each in (predicted, recorded))
     nearness = sorted(
         (abs(np.log(c[0] / of[0])), i, j) for i, of in enumerate(measured) for j, c in enumerate(computed)
     )
@@ -306,7 +309,7 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
             partner[i] = j
     pairs = []
     nan = float("nan")
-    for i, (f, level, quality) in enumerate(measured):
+    for i, (f, level, quality, _) in enumerate(measured):
         of = computed[partner[i]] if i in partner else (nan, nan, nan)
         pairs.append(PeakPair(f, of[0], level, of[1], quality, of[2]))
     return pairs

@@ -15,12 +15,12 @@ from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import OF_PEAKS, ResponsePeak, SweepCurve, SweepResult, contact_levels_of, tables_of
 from beamsim.analyses.sweep.stepped import step_level
-from beamsim.analyses.sweep.swept_sine import sweep_level, with_held_limits, with_limited_outputs
+from beamsim.analyses.sweep.swept_sine import of_levels, sweep_level, with_held_limits, with_limited_outputs
 from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
 from beamsim.labelled import Dataset, joined
-from beamsim.outcomes import Outcome, Progress, asked_to_stop, combined, interruption, part_of
+from beamsim.outcomes import Outcome, Progress, Where, asked_to_stop, interruption, part_of
 from beamsim.responses.gapping import (
     contact_levels,
     first_changes,
@@ -191,7 +191,8 @@ def _result(
     """The result of the levels computed so far, of ``count`` in all."""
     curves = [curve for run in runs.values() for curve in run.curves]
     levels = joined([run.level for run in runs.values()], level_index=list(runs))
-    outcome = combined(outcomes_of(levels))
+    unit = levels["level"].unit
+    outcome = of_levels(outcomes_of(levels), [Where(value, unit, "level") for value in levels["level"].values.tolist()])
     if len(runs) < count:
         doubts = () if outcome.trusted else (outcome,)
         outcome = interruption(f"after {len(runs)} of {count} levels of the sweep", *doubts)

@@ -184,6 +184,13 @@ class SweepCurve:
         rising = np.argsort(self.frequency_hz, kind="stable")
         return np.interp(frequency_hz, self.frequency_hz[rising], np.abs(self.excitation_amplitude[rising]))
 
+    def rate_at(self, frequency_hz: Floats) -> Floats | None:
+        """(n,) Hz/s, rate at which the frequency passes others, that of the ends beyond them; None if stepped."""
+        if self.kind == "stepped" or self.time.size < 2:
+            return None
+        rising, rate = np.argsort(self.frequency_hz, kind="stable"), np.abs(np.gradient(self.frequency_hz, self.time))
+        return np.interp(frequency_hz, self.frequency_hz[rising], rate[rising])
+
     @property
     def notching(self) -> Notching | None:
         """The lowered level, with its limits and where each governs; None where the sweep does not ask for it."""
@@ -211,7 +218,9 @@ class SweepCurve:
     def resonance(self, probe: str) -> QualityPeak | None:
         """Highest peak of the transmissibility, whose Q is known where its half-power band is; None without peaks."""
         order = np.argsort(self.frequency_hz)
-        peaks = peaks_of(self.frequency_hz[order], self.transmissibility(probe)[order])
+        peaks = peaks_of(
+            self.frequency_hz[order], self.transmissibility(probe)[order], self.rate_at(self.frequency_hz[order])
+        )
         return max(peaks, key=lambda peak: peak.level, default=None)
 
     @property

@@ -23,7 +23,7 @@ from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, part_of
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, combined, part_of
 from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
 from beamsim.results.values import Margins, judged
 from beamsim.results.values import limited as limited_value
@@ -202,6 +202,7 @@ def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: Cy
 
 
 ALLOWED_EXCESS = 0.05  # of a limit
+NOTCH_NOT_HELD = "notch_not_held"
 LEVEL_KNOWN = 1e-3  # relative, to which the table is the level that was followed
 LOWERED = 0.995  # of the specification; a higher level is none that is notched
 NARROW = 0.01  # relative width below which a range between others is not told from them
@@ -376,13 +377,37 @@ def _not_held(curve: SweepCurve, limited: Sequence[Limited], shares: Floats) -> 
     )  # fmt: skip
     percent = float(100 * (shares[row, at] - 1))
     return Outcome.of(
-        OutcomeKind.INCOMPLETE, "notch_not_held",
+        OutcomeKind.NOT_HELD, NOTCH_NOT_HELD,
         f"notching: {limited[row].name} is exceeded by up to {percent:.3g} % at {curve.frequency_hz[at]:.4g} Hz, where "
         f"{reason}; limits are exceeded",
         at=Where([(float(part[0]), float(part[-1])) for part in parts], "Hz"),
         remedy="sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
         limit=limited[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
     )  # fmt: skip
+
+
+def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
+    """The outcome of a sweep from those of its levels, each with the name of its level.
+
+    The first that is incomplete stands for all, but of limits that are exceeded the largest excess does, and every
+    other level that has an excess is named beside it.
+    """
+    over = [(each, name) for each, name in zip(outcomes, names, strict=True) if each.code == NOTCH_NOT_HELD]
+    if len(outcomes) == 1 or not over:
+        return combined(outcomes)
+    over.sort(key=lambda item: -_number(item[0], "percent"))
+    (largest, name), *rest = over
+    parts = []
+    for each, at in rest:
+        percent, frequency = _number(each, "percent"), _number(each, "frequency")
+        sentence = f"{each.numbers['limit']} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz"
+        parts.append(each.but(sentence=sentence, place=None, remedy="", within=at))
+    others = combined([each for each in outcomes if each.code != NOTCH_NOT_HELD])
+    return largest.but(*parts, *others.unless_complete, within=name)
+
+
+def _number(outcome: Outcome, name: str) -> float:
+    return of_kind(float, outcome.numbers[name])
 
 
 def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, share: Floats) -> Sequence[NotchedRange]:
