@@ -17,7 +17,7 @@ from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_CHANGE, Result
-from beamsim.results.values import limit_label, limit_unit, longer_run
+from beamsim.results.values import limit_label, limit_unit, longer_run, read_first
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.ranges import ASKS
@@ -63,7 +63,8 @@ class Screen:
 
     def status(self, result: Result) -> list[str]:
         """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
-        outcome, doubtful = result.outcome, result.summary.get("doubtful")
+        outcome = result.outcome
+        doubtful = [key for key in result.summary.get("doubtful", ()) if read_first(result.scenario, key)]
         worth = STANDINGS[outcome.gravest].first_line
         if worth and doubtful and outcome.usable:
             worth = f"{worth}: {counted(len(doubtful), 'value')}"
@@ -110,6 +111,7 @@ class Changes:
             {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name, ()))}
             for name in ("doubtful", "after_parting")
         )
+        self._jumping = {("peak_acceleration_g", place) for place in result.summary.get("acceleration_jump_g") or ()}
         self._printed: set[tuple[str, str]] = set()
 
     def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
@@ -132,7 +134,7 @@ class Changes:
         self._printed.add(key)
         change = self._known.get(key)
         digits = min(max(math.ceil(-math.log10(change)), 1), DIGITS) if change else DIGITS
-        mark = " *" if key in self._doubtful else " ~" if key in self._after else ""
+        mark = " *" if key in self._doubtful else " ~" if key in self._after else " ^" if key in self._jumping else ""
         return rounded(value, unit, digits, size) + mark
 
     def legend(self) -> Iterator[str]:
@@ -141,12 +143,20 @@ class Changes:
             yield "* changes by more than 2 % with a finer model"
         if self._printed & (self._after - self._doubtful):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
+        if self._printed & (self._jumping - self._doubtful - self._after):
+            largest = amount(max(self._result.summary["acceleration_jump_g"].values()), "g", DIGITS)
+            yield (
+                f"^ jumps by up to {largest} where a dashpot meets the structure, and by more with more modes: give "
+                "run.low_pass"
+            )
 
     def verdict(self) -> str:
         """Whether the numbers of a result that is complete can be trusted, in a few words."""
         summary = self._result.summary
         model = summary.get("convergence_model") or {"reason": "not known"}
-        change = percent(max((self._known.get(key, 0.0) for key in self._printed), default=0.0), 2)
+        first = [key for key in self._printed - self._jumping if read_first(self._result.scenario, ".".join(key))]
+        change = percent(max((self._known.get(key, 0.0) for key in first), default=0.0), 2)
+        apart = ", but for what is marked ^" if self._printed & self._jumping else ""
         if STANDINGS[self._result.outcome.gravest].first_line:
             verdict = ""  # the title says it
         elif model["reason"]:
@@ -156,7 +166,7 @@ class Changes:
         elif summary.get("after_parting"):
             verdict = f"one of many motions, means within {change}"
         else:
-            verdict = f"converged within {change}"
+            verdict = f"converged within {change}{apart}"
         error = summary.get("energy_error")
         return ", ".join(filter(None, (verdict, f"energy error {error:.0e}" if is_known(error) else "")))
 

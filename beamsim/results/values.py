@@ -236,6 +236,38 @@ OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 
+READ_FIRST = frozenset(
+    value.entry
+    for value in VALUES
+    if value.of is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
+) | {"frequency_hz", "peak_frequency_hz"}  # of modes and of peaks, which analyses of frequencies are asked for
+"""Entries of displacements, accelerations, forces and outputs."""
+FIRST_MODE = frozenset({"open_frequencies_hz.1", "closed_frequencies_hz.1"})
+
+
+def read_first(scenario: Scenario, key: str) -> bool:
+    """Whether a value is one that a user reads first, so that a doubt about it is one about the result.
+
+    Those are displacements, accelerations, forces, what has a limit, and the first natural frequency, open and closed.
+    Others are marked where they are printed.
+
+    Parameters
+    ----------
+    scenario : with its limits.
+    key : ``entry.place`` of a summary, as in ``doubtful``.
+    """
+    entry, _, place = key.partition(".")
+    if entry in READ_FIRST or key in FIRST_MODE:
+        return True
+    for name in () if scenario.limits is None else scenario.limits.given:
+        value, of = limited(name)
+        named = entry.removesuffix("_m").removesuffix("_g").removesuffix("_n")  # of root mean squares
+        rms = value.entry == named or (entry == "random" and place.endswith(f" {value.quantity} rms"))
+        if (entry == value.entry or rms) and (not of or of in place):
+            return True
+    return False
+
+
 def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:
     """The values that have limits, and outputs, each with the largest of every point of a table by name."""
     for value in LIMITED.values():

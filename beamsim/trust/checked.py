@@ -6,7 +6,6 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -21,12 +20,12 @@ from beamsim.results.values import largest_in
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.trust.convergence import (
     COMPARISON,
-    MORE_MODES,
     NOT_ASKED,
     Convergence,
     Values,
     compared,
     doubtful,
+    finer_modes,
     keeps_all,
     relative_changes,
     unchanged,
@@ -230,7 +229,7 @@ def _convergence(
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
     try:
-        second = solve(result.scenario.refined(math.ceil(MORE_MODES * modes)))
+        second = solve(result.scenario.refined(finer_modes(result.scenario, modes)))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:

@@ -1,6 +1,7 @@
 """How much every value changes when the case is solved again with a finer model.
 
-The finer model has 1.5 times the modes and, where a body has a mesh, twice the elements. A value that changes by more
+The finer model has 1.5 times the modes, or all of a model that has few, and, where a body has a mesh, twice the
+elements. A value that changes by more
 than `ALLOWED_CHANGE` is doubtful: it belongs to the model and not to the structure. Values are numbers by entry of a
 summary, or by entry and place: a probe, a snubber, a curve with one of them.
 
@@ -24,7 +25,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import ALLOWED_CHANGE, Result
-from beamsim.results.values import limited
+from beamsim.results.values import limited, read_first
 from beamsim.scenario import Scenario
 from beamsim.summaries import figure_in_words
 from beamsim.typing import Floats, Ints, not_none
@@ -43,6 +44,7 @@ MUST_HOLD = (
     "peak_friction_moment_n_m",
 )  # fmt: skip
 MORE_MODES = 1.5
+FEW_MODES = 60  # of a model without a mesh, all of which the finer one keeps: a march of them takes no longer than ten
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
 
@@ -268,6 +270,14 @@ def keeps_all(scenario: Scenario, modes: int) -> bool:
     return None not in counts and modes >= sum(count for count in counts if count is not None)
 
 
+def finer_modes(scenario: Scenario, kept: int) -> int:
+    """How many modes the finer model of a case keeps: 1.5 times as many, or all of bodies that have few."""
+    counts = [body.mode_count for body in scenario.all_bodies.values()]
+    known = [count for count in counts if count is not None]
+    more = math.ceil(MORE_MODES * kept)
+    return max(more, sum(known)) if len(known) == len(counts) and sum(known) <= FEW_MODES else more
+
+
 def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
     """A result whose summary and outcome say which of its values do not converge.
 
@@ -290,7 +300,7 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
         }
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
-    if checked.doubtful:
+    if any(read_first(result.scenario, key) for key in checked.doubtful):
         doubts = [_doubtful(result, checked, doubts)]
     if not doubts or not outcome.usable:
         return result.ended(outcome.but(*doubts))
@@ -332,9 +342,11 @@ def _range(
 
 def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) -> Outcome:
     """Which values do not converge, the worst first, and what helps."""
-    sizes = {key: change for key, change in named(checked.changes) if key in checked.doubtful}
+    first = {key for key in checked.doubtful if read_first(result.scenario, key)}
+    sizes = {key: change for key, change in named(checked.changes) if key in first}
     worst = sorted(sizes, key=lambda key: -sizes[key])
-    finer = "with 1.5 times the modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
+    modes = "all" if keeps_all(result.scenario, checked.modes) else f"{MORE_MODES:g} times the"
+    finer = f"with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, checked)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"

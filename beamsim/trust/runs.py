@@ -19,7 +19,6 @@ more than other records of the same length would change them, too.
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -63,7 +62,6 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
     COMPARISON,
     LONGER,
-    MORE_MODES,
     NOT_ASKED,
     Changes,
     ContactEvents,
@@ -73,6 +71,7 @@ from beamsim.trust.convergence import (
     compared,
     divergence,
     doubtful,
+    finer_modes,
     keeps_all,
     larger,
     named,
@@ -242,7 +241,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
-            case = scenario.refined(math.ceil(MORE_MODES * modes))
+            case = scenario.refined(finer_modes(scenario, modes))
             motion = motion_of(build_system(case, shared), again, output_times(case), None, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
@@ -175,9 +176,11 @@ def solved(
         unknown = dict[str, float]()
         aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
         summary["aliased_in_histories"] = aliased or None
-    warnings += evaluation.computed(
-        "warnings of jumps", lambda: jump_warnings(motion, summary["peak_acceleration_g"]), list[str](), minor=True
+    jumps = evaluation.computed(
+        "jumps", lambda: list(acceleration_jumps(motion, summary["peak_acceleration_g"])), list[Jump](), minor=True
     )
+    warnings += [jump.warning for jump in jumps]
+    summary["acceleration_jump_g"] = {of.probe: of.size_g for of in sorted(jumps, key=attrgetter("size_g"))} or None
     fields, notes = _asked_for(result, motion, summary, needed, evaluation)
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
@@ -296,26 +299,39 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
     ]
 
 
-def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
-    """A warning for each probe at a dashpot whose acceleration jumps at touch-down by what grows with the modes.
+class Jump(NamedTuple):
+    """A jump of the acceleration of a probe where the dashpot of a snubber meets the structure."""
+
+    probe: str
+    snubber: str
+    size_g: float
+
+    @property
+    def warning(self) -> str:
+        """One sentence, with a remedy."""
+        return (
+            f"probes.{self.probe}: its acceleration jumps by up to {self.size_g:.3g} g where the dashpot of "
+            f"{self.snubber} meets the structure, and by more in a model of more modes, since the point has little or "
+            "no mass of its own: give the band of the accelerometer (run.low_pass: 2 kHz) or the whole mass at the "
+            "contact as a point mass"
+        )
+
+
+def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterator[Jump]:
+    """The jumps of probes at dashpots, at touch-down, that grow with the modes and count beside the peak.
 
     Parameters
     ----------
     motion : of the run.
     peak_g : peak acceleration of every probe, g.
-
-    Returns
-    -------
-    One sentence a probe and snubber.
     """
     system, scenario = motion.system, motion.system.scenario
     trajectory, largest = motion.trajectory, None
     if trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
-        return []
+        return
     order = np.argsort(system.dynamics.stiffness, kind="stable")
     damped = [(j, snubber) for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
     shapes = np.array([snubber.shape for _, snubber in damped]).reshape(len(damped), order.size)
-    warnings = []
     for probe in system.probes:
         apart = np.minimum(np.abs(probe.shape - shapes).max(axis=1), np.abs(probe.shape + shapes).max(axis=1))
         for row in np.flatnonzero(apart <= 1e-9 * np.abs(probe.shape).max()):  # of a shape
@@ -331,13 +347,7 @@ def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
                 np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
             jump = largest[j] * reached[-1] / STANDARD_GRAVITY
             if jump > NOTED * peak_g[probe.name]:
-                warnings.append(
-                    f"probes.{probe.name}: its acceleration jumps by up to {jump:.3g} g where the dashpot of "
-                    f"{snubber.name} meets the structure, and by more in a model of more modes, since the point has "
-                    "little or no mass of its own: give the band of the accelerometer (run.low_pass: 2 kHz) or the "
-                    "whole mass at the contact as a point mass"
-                )
-    return warnings
+                yield Jump(probe.name, snubber.name, jump)
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice

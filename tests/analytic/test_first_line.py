@@ -1,0 +1,88 @@
+"""What the first line says of a result: doubts about what is read first, with all modes of models that have few."""
+
+from pathlib import Path
+
+import pytest
+
+import beamsim
+from beamsim.cli.motions import run_screen
+from beamsim.outcomes import OutcomeKind
+from beamsim.results.values import read_first
+from beamsim.scenario import load_scenario
+
+ROOT = Path(__file__).parents[2]
+BEAM = {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa",
+        "density": "2700 kg/m^3", "damping": {"kind": "modal", "ratio": "1 %"}}  # fmt: skip
+
+
+def beam(modes, limit=None, **run):
+    stops = [{"name": name, "position": at, "side": "below", "stiffness": k, "gap": "0 mm"}
+             for name, at, k in (("left", "100 mm", "500 kN/m"), ("tip", "270 mm", "151 kN/m"))]  # fmt: skip
+    excitation = {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "65 Hz"}
+    case = {"beam": BEAM, "snubbers": stops, "excitation": excitation, "reduction": {"modes": modes},
+            "run": {"duration": 0.2, **run}}  # fmt: skip
+    return load_scenario(case | ({"limits": limit} if limit else {}))
+
+
+@pytest.mark.parametrize(
+    ("key", "limits", "first"),
+    [
+        ("peak_force_n.tip", None, True),
+        ("peak_acceleration_g.tip", None, True),
+        ("up 2 g peak_displacement_m", None, False),
+        ("open_frequencies_hz.1", None, True),
+        ("closed_frequencies_hz.1", None, True),
+        ("open_frequencies_hz.4", None, False),
+        ("largest_bending_stress_pa", None, False),
+        ("largest_bending_stress_pa", {"bending_stress": "80 MPa"}, True),
+        ("rms_displacement_m.tip", None, False),
+        ("rms_displacement_m.tip", {"rms_displacement": {"tip": "1 mm"}}, True),
+        ("rms_displacement_m.middle", {"rms_displacement": {"tip": "1 mm"}}, False),
+        ("fatigue.beam", None, False),
+        ("spectral_lines.tip displacement", None, False),
+    ],
+)
+def test_what_is_read_first(key, limits, first):
+    assert read_first(beam(3, limits), key) is first
+
+
+def test_modes_that_are_hardly_kept_do_not_put_a_case_in_doubt():
+    """Frequencies of modes 4 and 5 change by 17 %: they are vectors beside three modes, and no one's result."""
+    result = beamsim.run(beam(3))
+    assert {"open_frequencies_hz.4", "closed_frequencies_hz.5"} <= set(result.summary["doubtful"])
+    assert result.outcome.gravest is OutcomeKind.COMPLETE
+    first, *_ = run_screen(result).text(result, ["case.h5"]).splitlines()
+    assert "NOT CONVERGED" not in first
+    assert "converged within" in first
+
+
+def test_a_value_that_jumps_is_marked_where_it_is_printed():
+    """The dashpot meets a point without mass: the jump grows with the modes, whatever 1.5 times as many change."""
+    case = load_scenario(ROOT / "configs/one_sided_65hz.yaml")
+    result = beamsim.run(case)
+    jump = result.summary["acceleration_jump_g"]
+    assert list(jump) == ["tip"]
+    text = run_screen(result).text(result, ["case.h5"])
+    assert ", but for what is marked ^" in text.splitlines()[0]
+    assert f"{result.summary['peak_acceleration_g']['tip']:.3g} g ^" in text
+    assert f"^ jumps by up to {jump['tip']:.3g} g" in text
+    filtered = beamsim.run(load_scenario(case.to_yaml(), {"run.low_pass": "2 kHz"}))
+    assert "acceleration_jump_g" not in filtered.summary
+    assert "^" not in run_screen(filtered).text(filtered, ["case.h5"])
+
+
+def test_the_finer_model_keeps_all_modes_where_there_are_few():
+    """A chain of 25 masses: 5 of its modes, and 8 of them, miss what all of them give."""
+    chain = {"masses": [1.0] * 25, "springs": [4e5] * 25, "damping": {"kind": "modal", "ratio": 0.02}}
+    stop = {"name": "stop", "mass": 25, "side": "above", "stiffness": 2e4, "gap": 1e-4}
+    case = {
+        "chain": chain | {"snubbers": [stop]}, "reduction": {"modes": 5}, "run": {"duration": 0.2},
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "6 Hz"},
+    }  # fmt: skip
+    few, every = (beamsim.run(load_scenario(case | {"reduction": {"modes": modes}})).summary for modes in (5, "all"))
+    assert few["convergence_model"]["modes"] == 25
+    for entry in ("peak_force_n", "peak_displacement_m", "peak_acceleration_g"):
+        for place, value in few[entry].items():
+            other = every[entry][place]
+            change = abs(value - other) / max(abs(value), abs(other))
+            assert few["convergence"][entry][place] == pytest.approx(change, rel=1e-6)
