@@ -148,7 +148,8 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         *((part, at) for part in driven for name, at in stops.items() if part.moves_stop(name)),
     ]:
         ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
-        yield _said(part), (x, y - 0.3)
+        mover: Any = part.applied_to  # a support or a stop
+        yield f"{mover.label}: {_said(part)}", (x, y - 0.3)
 
 
 def _said(part: Any) -> str:
