@@ -6,8 +6,10 @@ import yaml
 from scipy.integrate import solve_ivp
 
 import beamsim
+from beamsim.analyses.pad.analysis import KnownPad, pad
 from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from tests.helpers.tables import variables
 
@@ -155,3 +157,23 @@ def test_intervals_are_unknown_where_nothing_tells_the_scatter():
     pad = variables(result["pad"])
     assert np.isnan(pad.stiffness_interval).all()
     assert np.isnan(pad.time_interval).all()
+
+
+@pytest.mark.parametrize(
+    ("shift", "preload", "says"),
+    [
+        (0.3, 0.0, "its force begins at 0.3 mm"), (-0.2, 0.0, "its force is 12.8 N at zero deflection"),
+        (0.0, 8.0, "its force is 8 N at zero deflection"), (0.0, -8.0, "its force is -8 N at zero deflection"),
+        (0.0, 0.0, ""),
+    ],
+)  # fmt: skip
+def test_a_curve_with_an_offset_is_refused(tmp_path, shift, preload, says):
+    """A pad of 64.1 kN/m; a curve through zero would have 38 to 96 kN/m."""
+    file = tmp_path / "curve.csv"
+    rows = [f"{x + shift:.6g},{64.1 * x + preload:.6g}\n" for x in np.linspace(0, 1, 41)]
+    file.write_text("deflection (mm),force (N)\n" + "".join(rows))
+    if not says:
+        assert pad(KnownPad(curve=file)).stiffness == pytest.approx(64100.0)
+        return
+    with pytest.raises(ScenarioError, match=f"has an offset: {says}; subtract from the column"):
+        pad(KnownPad(curve=file))

@@ -175,6 +175,7 @@ def _measured(
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
         raise ScenarioError.at("--curve", f"= {file} cannot be used: {error}", remedy) from None
+    _check_zero(file, deflection, force)
     turns = turning_points(deflection)
     work = [_work(deflection[i : j + 1], force[i : j + 1]) for i, j in pairwise(turns)]
     given, back = sum(work[::2]), -sum(work[1::2])
@@ -185,6 +186,29 @@ def _measured(
     timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
     record = Record(time, deflection, force) if timed and time is not None else None
     return curve, 0.0 if exact else misfit, loss_factor, record
+
+
+LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
+
+
+def _check_zero(file: Path, deflection: Floats, force: Floats) -> None:
+    """Refuse a curve with an offset, of which a curve through zero has another stiffness.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    order = np.argsort(deflection, kind="stable")
+    x, y = deflection[order], force[order]
+    at_zero = float(np.interp(0.0, x, y))
+    if x[0] > LARGEST_OFFSET * x[-1] and abs(y[0]) < LARGEST_OFFSET * y.max():
+        what, column = f"its force begins at {1e3 * x[0]:.3g} mm", "deflection"
+    elif x[0] <= LARGEST_OFFSET * x[-1] and abs(at_zero) > LARGEST_OFFSET * y.max():
+        what, column = f"its force is {at_zero:.3g} N at zero deflection", "force or deflection"
+    else:
+        return
+    remedy = f"subtract from the column of {column} what it reads where contact begins"
+    raise ScenarioError.at("--curve", f"= {file} has an offset: {what}", remedy)
 
 
 def _work(deflection: Floats, force: Floats) -> float:
