@@ -290,8 +290,11 @@ def limits_in_test(result: Result) -> Iterator[str]:
             alike.setdefault(item["statistic"], []).append(limit_label(name))
     yield from (f"compared with limits: {first_of(names, SHOWN)} by the {of}" for of, names in alike.items())
     for name, item in result.summary.get("margins", {}).items():
+        unit = limit_unit(result.scenario, name)
+        if item["verdict"] == OnLimit.MET and item.get("reached", 0.0) > item["limit"]:
+            yield f"{limit_label(name)} is met by that value alone: the run reached {amount(item['reached'], unit, 4)}"
         if item["verdict"] == OnLimit.UNDECIDED:
-            unit, longer = limit_unit(result.scenario, name), item["decided_after_s"]
+            longer = item["decided_after_s"]
             low, high, limit = (amount(item[key], unit, 4) for key in ("interval_low", "interval_high", "limit"))
             after = longer_run(amount(longer, "s", 2) if is_known(longer) else "")
             yield f"{limit_label(name)} undecided: {low} to {high} at 95 %, the limit {limit} between them; {after}"

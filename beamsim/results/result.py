@@ -55,7 +55,9 @@ MARGIN = record(
     {
         "exceeded": Flag,
         "statistic": Text,
-        **dict.fromkeys(("lowest", "highest", "margin_db", "interval_low", "interval_high", "decided_after_s"), Number),
+        **dict.fromkeys(
+            ("lowest", "highest", "margin_db", "interval_low", "interval_high", "decided_after_s", "reached"), Number
+        ),
     },
 )
 CONTACT_CHANGE = record(
@@ -249,6 +251,7 @@ class Result:
             "highest",
             "interval_low",
             "interval_high",
+            "reached",
         ):
             return limit_unit(self.scenario, place[0])
         if entry.section == OUTPUT.section and place:

@@ -537,6 +537,7 @@ def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> di
         said = "mean and three standard deviations"
     limit = item["limit"]
     of_place = {"value": size, "lowest": low, "highest": high, "margin": margin_of(limit, size), "statistic": said}
+    of_place["reached"] = item["value"]
     of_place |= {"at": str(signal["name"])} if item["at"] and signal["section"] != STRESS[0] else {}
     if run.test_peak == "interval":
         of_place |= {"interval_low": low, "interval_high": high}

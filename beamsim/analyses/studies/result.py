@@ -56,7 +56,7 @@ RANGE = record(
 WORST = record(
     dict.fromkeys(("limit", "value"), Number) | {"at": Text, "verdict": Text},
     {**dict.fromkeys(("margin", "margin_db", "lowest", "highest", "case", "cases_exceeding", "cases_not_reliable",
-                      "cases_undecided", "interval_low", "interval_high", "decided_after_s"), Number),
+                      "cases_undecided", "interval_low", "interval_high", "decided_after_s", "reached"), Number),
      "exceeded": Flag, "statistic": Text, "parameters": Plain, "probability": PROBABILITY},
 )  # fmt: skip
 _SUMMARY = (
