@@ -16,6 +16,7 @@ import os
 import signal
 import sys
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 from beamsim.errors import CacheWarning
@@ -40,13 +41,14 @@ def main() -> None:
         sys.exit(2)
 
     heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
-    ending = False
+    ending: BaseException | None = None
 
     def stop(number: int, _frame: object) -> None:
         nonlocal ending
-        if not ending:  # a second signal would end the clean-up, and with another exit code
-            ending = True
-            raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+        if ending is not None and ending in _being_handled():
+            return  # a second signal would end the clean-up, and with another exit code
+        ending = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
+        raise ending  # again, if a library has dropped the one before
 
     for number in heeded:
         signal.signal(number, stop)
@@ -62,6 +64,14 @@ def main() -> None:
             gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _being_handled() -> Iterator[BaseException]:
+    """The exception that is being handled, if any, and those during whose handling it was raised."""
+    error = sys.exception()
+    while error is not None:
+        yield error
+        error = error.__context__
 
 
 def show_warning(

@@ -415,6 +415,31 @@ def test_signals_that_follow_while_a_command_loads_or_ends_keep_its_exit_code(nu
     assert (done.returncode, done.stderr) == (code, b"")
 
 
+DROPPED = """
+import signal, sys, types
+
+import beamsim.cli as cli
+
+def app(prog_name):
+    try:
+        signal.raise_signal({number})
+    except BaseException:
+        pass  # as a library does while it is loaded
+    signal.raise_signal({number})
+    print("goes on")
+
+sys.modules["beamsim.cli.app"] = types.SimpleNamespace(app=app)
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_after_one_that_a_library_dropped_ends_the_command(number, code):
+    done = subprocess.run([sys.executable, "-c", DROPPED.format(number=int(number))], check=False, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (code, b"", b"")
+
+
 # --- while a motion is evaluated --------------------------------------------------------------------------------------
 
 EVALUATED = """
