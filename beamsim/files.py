@@ -372,13 +372,8 @@ def destination(
     target, access, found, there = _resolved(path), _ACCESS.get(), Content.OUTPUT, None
     with suppress(OSError):  # nothing is there, or not any more
         there = target.stat()
-    if there is not None and not target.is_file():
-        kind = "a folder" if target.is_dir() else "not a regular file"
-        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
-    for file in () if there is None else access.read:
-        with suppress(OSError):
-            if target.samefile(file):
-                raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
+    if there is not None:
+        _refuse_to_replace(path, target)
     if there is not None and there.st_size:
         own = access.written.get(target)
         if own == state_of(there):
@@ -388,6 +383,17 @@ def destination(
         if new is Content.PARTIAL and (found is Content.RESULT or (own is not None and found is Content.PARTIAL)):
             return destination(partial_file(Path(path)), new, examine)
     return Placement(Path(path), target, found, moves_aside=found in _MOVED_ASIDE)
+
+
+def _refuse_to_replace(path: Path | str, target: Path) -> None:
+    """Refuse what is no regular file, and files that the command reads."""
+    if not target.is_file():
+        kind = "a folder" if target.is_dir() else "not a regular file"
+        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
+    for file in _ACCESS.get().read:
+        with suppress(OSError):
+            if target.samefile(file):
+                raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
 
 
 def partial_file(path: Path) -> Path:
@@ -516,14 +522,7 @@ def put_in_place(temporary: Path, place: Placement) -> None:
         os.fsync(written.fileno())
     aside = _with_second_name(place.target) if place.moves_aside else None
     try:
-        for k, pause in enumerate((0.0, *PAUSES_S)):  # Windows refuses it while another program reads what is there
-            time.sleep(pause)
-            try:
-                os.replace(temporary, place.target)
-                break
-            except PermissionError:
-                if sys.platform != "win32" or k == len(PAUSES_S):
-                    raise
+        _replace(temporary, place.target)
     except BaseException:
         if aside is not None:
             _put_back(aside, place.target)
@@ -532,6 +531,16 @@ def put_in_place(temporary: Path, place: Placement) -> None:
     if aside is not None:
         kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
         _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
+
+
+def _replace(temporary: Path, target: Path) -> None:
+    """Rename a file to that of another, which Windows refuses for a while where another program reads what is there."""
+    for pause in PAUSES_S if sys.platform == "win32" else ():
+        with suppress(PermissionError):
+            os.replace(temporary, target)
+            return
+        time.sleep(pause)
+    os.replace(temporary, target)
 
 
 def _put_back(aside: Path, target: Path) -> None:
@@ -679,14 +688,19 @@ def _named_folder(output: Path | None, suffixes: Sequence[str]) -> Path:
     """The folder that ``-o`` names, which does not end as files do unless there is one of that name."""
     folder = output or Path()
     if _ENDING.fullmatch(folder.suffix) and not folder.is_dir():
-        remedy = "give a folder after -o"
-        if suffixes:
-            remedy = f"give a name that ends with {' or '.join(suffixes)}, or a folder"
-        raise ResultFileError(
-            f"cannot write {folder}: files that end with {folder.suffix} are not written here; {remedy} (one whose name"
-            " has an ending must exist)"
-        )
+        raise _no_folder(folder, suffixes)
     return folder
+
+
+def _no_folder(folder: Path, suffixes: Sequence[str]) -> ResultFileError:
+    """That a name after ``-o`` ends as files do that are not written there."""
+    remedy = (
+        f"give a name that ends with {' or '.join(suffixes)}, or a folder" if suffixes else "give a folder after -o"
+    )
+    return ResultFileError(
+        f"cannot write {folder}: files that end with {folder.suffix} are not written here; {remedy} (one whose name "
+        "has an ending must exist)"
+    )
 
 
 # --- Files as they were written ---------------------------------------------------------------------------------------

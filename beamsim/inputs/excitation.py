@@ -315,26 +315,29 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
     ScenarioError
         If a swept or measured input ends before the run, or its file cannot be read.
     """
-    account = InputAccount()
     if excitation.kind == "harmonic":
         signal = Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
-    elif excitation.kind == "multi_tone":
+        return PrescribedInput(signal, InputAccount())
+    if excitation.kind == "multi_tone":
         level, frequency, phase = np.array([(tone.level, tone.frequency, tone.phase) for tone in excitation.tones]).T
-        signal = Signal.harmonic(level, 2 * np.pi * frequency, phase)
-    elif excitation.kind == "swept_sine":
-        signal = swept_signals(sweep_windows(excitation, duration)[0])[0]
-    elif excitation.kind == "sampled":
-        signal, account = sampled_signal(excitation, duration, folder)
-    elif excitation.kind == "random":
-        signal = random_signals(excitation, duration, folder)[0]
+        return PrescribedInput(Signal.harmonic(level, 2 * np.pi * frequency, phase), InputAccount())
+    return _level_in_time(excitation, duration, folder)
+
+
+def _level_in_time(excitation: Any, duration: float | None, folder: Path | None) -> PrescribedInput:
+    """The prescribed quantity of what is no sum of sines: a sweep, a record, a step or a shock."""
+    if excitation.kind == "swept_sine":
+        return PrescribedInput(swept_signals(sweep_windows(excitation, duration)[0])[0], InputAccount())
+    if excitation.kind == "sampled":
+        return PrescribedInput(*sampled_signal(excitation, duration, folder))
+    if excitation.kind == "random":
         account = InputAccount(_statement(excitation, duration, folder))
-    elif excitation.kind == "matched":
+        return PrescribedInput(random_signals(excitation, duration, folder)[0], account)
+    if excitation.kind == "matched":
         from beamsim.inputs.matched import matched_signal
 
-        signal = matched_signal(excitation, folder)
-    else:
-        signal = _pulse(excitation)
-    return PrescribedInput(signal, account)
+        return PrescribedInput(matched_signal(excitation, folder), InputAccount())
+    return PrescribedInput(_pulse(excitation), InputAccount())
 
 
 def _pulse(excitation: Any) -> Signal:

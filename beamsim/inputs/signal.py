@@ -313,12 +313,17 @@ def refuse_many_pieces(signals: Iterable[Signal]) -> None:
     """
     for record in (s.record for s in signals if isinstance(s, StreamedSignal)):
         if record.pieces > MOST_PIECES:
-            raise ScenarioError.at(
-                "excitation",
-                f"has {record.pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
-                "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random excitation "
-                "and method: exact takes any number",
-            )
+            raise _many_pieces(record.pieces)
+
+
+def _many_pieces(pieces: int) -> ScenarioError:
+    """That a record has too many pieces to be made as a whole."""
+    return ScenarioError.at(
+        "excitation",
+        f"has {pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
+        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random excitation "
+        "and method: exact takes any number",
+    )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -656,6 +656,7 @@ def stress_cycles(result: RunResult) -> Picture:
 
 
 SHOWN = ("peak_force", "peak_moment", "peak_displacement", "contact_share")  # values with a tornado
+MOST_TORNADOS = 4  # in one picture; more cannot be read
 
 
 def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
@@ -683,6 +684,12 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
     legend(ax)
 
 
+def _tornados(result: RunResult, told: Iterable[str]) -> list[Callable[[Axes], None]]:
+    """Charts of the sensitivities of the values that matter most."""
+    names = [name for q in SHOWN for name in told if name.rpartition("/")[2] == q][:MOST_TORNADOS]
+    return [partial(plot_tornado, result, response=name) for name in names]
+
+
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     (random, srs), of_run = (result.datasets.get(name) for name in ("random", "srs")), result["histories"]
@@ -703,11 +710,8 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if (matched := result.datasets.get("matched")) is not None:
         panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
-    if told := result.summary.get("sensitivities"):
-        names = [name for q in SHOWN for name in told if name.rpartition("/")[2] == q][:4]
-        tornados = [partial(plot_tornado, result, response=name) for name in names]
-        if tornados:
-            figures["sensitivities"] = Picture(result.title, tornados)
+    if (told := result.summary.get("sensitivities")) and (tornados := _tornados(result, told)):
+        figures["sensitivities"] = Picture(result.title, tornados)
     places = [("snubber", name) for name in of_run.labels("snubber")[:MOST_CURVES]]
     places = places or [("probe", name) for name in of_run.labels("probe")[:1]]
     portraits = [

@@ -15,7 +15,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import NOT_FINITE, Trajectory, not_finite
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 PowerFactors = tuple[RowsOf, RowsOf, Floats]  # left and right factors of powers, and weights of their products
 LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
@@ -89,8 +89,11 @@ class EnergyBalance:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
         allowed = min(LARGEST_ERROR * self.energy, np.finfo(float).max)
         lost_at = next((when for size, when in self._worst if when is not None and not size <= allowed), None)
-        if lost_at is None or self.energy == 0.0 or outcome.code == NOT_FINITE:
-            return outcome
+        kept = lost_at is None or self.energy == 0.0 or outcome.code == NOT_FINITE
+        return outcome if kept else self._lost(outcome, remedy, not_none(lost_at))
+
+    def _lost(self, outcome: Outcome, remedy: str, lost_at: float) -> Outcome:
+        """The outcome of a motion whose balance is lost from a time, s, on."""
         if not np.isfinite(self.error):
             return not_finite(lost_at)
         return Outcome.of(

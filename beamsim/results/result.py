@@ -324,9 +324,13 @@ def reduction_checked(outcome: Outcome, scenario: Scenario, modes: Dataset) -> O
     -------
     Outcome
     """
+    worthless = modes["reduction_bound"].item() > WORTHLESS_REDUCTION
+    return _untrusted_reduction(outcome, scenario, modes) if worthless else outcome
+
+
+def _untrusted_reduction(outcome: Outcome, scenario: Scenario, modes: Dataset) -> Outcome:
+    """The outcome of a reduced model whose receptance has no useful bound of its error."""
     bound = modes["reduction_bound"].item()
-    if not bound > WORTHLESS_REDUCTION:
-        return outcome
     return Outcome.of(
         OutcomeKind.UNTRUSTED, "reduction_not_accurate",
         "the error of the reduced model's receptance at contacts and loads up to "

@@ -747,10 +747,14 @@ class Body(Schema):
         for axis, x in enumerate(along):
             yield from self.beyond(where, (*at, axis) if len(along) > 1 else at, x, axis)
         if what and (held := self.held(position)):
-            point = self.point(position)
-            shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
-            message = f"= {shown} m is {held}, which cannot deflect: {what} has no effect there"
-            yield problem(at, message, f"move it, or change {path_text((*where, 'supports'))}")
+            yield self._without_effect(where, at, position, f"{held}, which cannot deflect: {what}")
+
+    def _without_effect(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Problem:
+        """That something sits where the body is held."""
+        point = self.point(position)
+        shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
+        remedy = f"move it, or change {path_text((*where, 'supports'))}"
+        return problem(at, f"= {shown} m is {what} has no effect there", remedy)
 
     def _unlike(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
         """That a position has as many numbers as on bodies of another kind."""
@@ -774,13 +778,16 @@ class Body(Schema):
         """
         x, side = self.metres(position, axis), self.sides[axis]
         if x > side:
-            given, last = distinct(x, side)
-            key, begins = (("length", "left"), ("width", "bottom"))[axis]
-            yield problem(
-                at,
-                f"= {given} m lies beyond {path_text((*where, key))} = {last} m",
-                f"positions run from 0 to {last} m, from the {begins} {'end' if len(self.sides) == 1 else 'edge'}",
-            )
+            yield self._too_far(where, at, distinct(x, side), axis)
+
+    def _too_far(self, where: Path, at: Path, told: tuple[str, str], axis: int) -> Problem:
+        """That a position is beyond the last one of a side, both in words."""
+        (given, last), (key, begins) = told, (("length", "left"), ("width", "bottom"))[axis]
+        return problem(
+            at,
+            f"= {given} m lies beyond {path_text((*where, key))} = {last} m",
+            f"positions run from 0 to {last} m, from the {begins} {'end' if len(self.sides) == 1 else 'edge'}",
+        )
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
         """What is wrong with the number of a mass of the body.

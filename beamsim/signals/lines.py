@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.signals.records import LOBE, Levels, Remainder, SpectrumRecord, Window, parabola_top, refined
-from beamsim.typing import Complexes, not_none
+from beamsim.typing import Complexes, Floats, not_none
 
 # The rule for a line, see `lines_of`.
 WORTH_LISTING = 1e-3  # of the largest line: 60 dB
@@ -191,8 +191,15 @@ def _promising_pairs(
         nearest = int(distance.argmin())
         both = distance[nearest] <= LOBE and (lines[k].order is None or lines[nearest].order is None)
         choices += [[k, nearest], [k]] if both else [[k]]
-    if not choices:
-        return
+    if choices:
+        yield from _promising(choices, fit, tried, place)
+
+
+def _promising(
+    choices: list[list[int]], fit: LineFit, tried: set[float], place: Floats
+) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
+    """The choices of lines that a pair may replace, with the best pair of each, that explain much; see above."""
+    lines, remainder = fit.lines, not_none(fit.remainder)
     orders = [next((k for k in replaced if lines[k].order is not None), None) for replaced in choices]
     pairs, ratios = remainder.best_pairs(choices, [np.nan if k is None else float(place[k]) for k in orders])
     for replaced, pair, ratio in zip(choices, pairs.tolist(), ratios.tolist(), strict=True):

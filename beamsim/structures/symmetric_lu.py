@@ -169,10 +169,15 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     try:
         return replace(symmetric_lu(stiffness, order), pinned=pinned)
     except RuntimeError:
-        raise ScenarioError.at(
-            "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
-            "matrix singular", "bring very large and very small stiffnesses closer together",
-        ) from None  # fmt: skip
+        raise _singular() from None
+
+
+def _singular() -> ScenarioError:
+    """That round-off makes a stiffness matrix singular."""
+    return ScenarioError.at(
+        "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
+        "matrix singular", "bring very large and very small stiffnesses closer together",
+    )  # fmt: skip
 
 
 def _pinned(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:

@@ -429,6 +429,11 @@ def _loads(parts: Parts) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
+# Relative change of every natural frequency, below which closed stops are said to have no effect: no test shows less.
+SMALLEST_EFFECT = 1e-3
+DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, over its size, of which a warning tells
+
+
 def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
     """Warnings that follow from the modes.
 
@@ -438,7 +443,7 @@ def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
     opened, closed = modes["open_frequencies_hz"].values, modes["closed_frequencies_hz"].values
     stops, warnings, bound = scenario.all_snubbers, [], modes["reduction_bound"].item()
     stiff = [stop.name for stop in stops if stop.stiffness is not None]
-    if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
+    if stops and len(stiff) == len(stops) and np.all(closed - opened <= SMALLEST_EFFECT * opened):
         warnings.append(
             f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
             "has no effect; was kN/m meant?"
@@ -451,13 +456,8 @@ def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
             "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
             "damping, for example {kind: modal, ratio: 1 %}"
         )
-    if bound > 0.01:
-        highest = modes["highest_frequency_hz"].item()
-        warnings.append(
-            f"the reduced model may not be accurate: up to {highest:.4g} Hz and at the frequencies of the excitation "
-            f"the error of its receptance at contacts and loads is bounded by {bound:.2g} of its size; "
-            f"{scenario.more_modes(modes['kept_modes'].item())}"
-        )
+    if bound > DOUBTFUL_REDUCTION:
+        warnings.append(_inaccurate_reduction(scenario, modes))
     return [*warnings, *_far_modes(scenario, modes), *damping_remarks(scenario.located_snubbers, modes)]
 
 
@@ -488,6 +488,15 @@ def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
         f"frequency of the excitation, {highest:.4g} Hz; was another unit of a size, a modulus, a mass or a frequency "
         "meant?"
     ]
+
+
+def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:
+    """A warning of a reduced model whose receptance has a large bound of its error."""
+    return (
+        f"the reduced model may not be accurate: up to {modes['highest_frequency_hz'].item():.4g} Hz and at the "
+        "frequencies of the excitation the error of its receptance at contacts and loads is bounded by "
+        f"{modes['reduction_bound'].item():.2g} of its size; {scenario.more_modes(modes['kept_modes'].item())}"
+    )
 
 
 def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:

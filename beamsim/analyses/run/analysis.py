@@ -9,13 +9,14 @@ import math
 import time as clock
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
+from beamsim.analyses.run.fatigue import StressObserver, fatigue_of, fatigue_warnings
 from beamsim.analyses.run.histories import (
     aliased_in_histories,
     bodies_of_run,
@@ -56,7 +57,7 @@ from beamsim.results.values import DISPLACEMENT, FORCE, NO_EXTREMES, PENETRATION
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic, MatchedInput
 from beamsim.scenario.parameters import replaced
-from beamsim.scenario.run import OrbitStart, Reduction, Run
+from beamsim.scenario.run import OrbitStart, Reduction, Run, StressLife
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
@@ -245,33 +246,68 @@ def _asked_for(
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
         datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())
-    if settings.fatigue is not None and (stresses := motion.stresses) is not None:
-        end, extremes = motion.marched.end, motion.extremes[STRESS]
-        damage = evaluation.computed("the damage of stress", lambda: fatigue_of(system, stresses, end, extremes), None)
-        if damage is not None:
-            datasets["fatigue"] = damage
-            notes += fatigue_warnings(damage, settings.fatigue)
+    if settings.fatigue is not None and motion.stresses is not None:
+        notes += _fatigue(motion, settings.fatigue, motion.stresses, evaluation, datasets)
     if settings.srs is not None:
-        if needed.has("srs_over_limit"):
-            srs = evaluation.computed("shock response spectra", lambda: shock_response(system, motion.known), None)
-            datasets |= {} if srs is None else {"srs": srs}
-        notes += _coarse_samples(motion, settings.srs) + _coarse_records(system.inputs, settings.srs)
+        notes += _shock_response(motion, settings.srs, needed, evaluation, datasets)
     if settings.sensitivities:
-        from beamsim.analyses.run.sensitivities import sensitivities_of
-
-        unknown: tuple[Dataset | None, list[str]] = None, []
-        found, remarks = evaluation.computed("sensitivities", lambda: sensitivities_of(scenario, motion), unknown)
-        datasets |= {} if found is None else {"sensitivities": found}
-        notes += remarks
+        notes += _sensitivities(motion, evaluation, datasets)
     if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
         datasets["matched"] = matched_spectrum(system, matched[0], matched[1])
-        if (worst := float(np.abs(datasets["matched"]["misfit_db"]).max())) > MISFIT_DB:
-            notes.append(
-                f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another "
-                "duration, or a curve without steep sides and with levels that its Q allows"
-            )
+        notes += _misfit(datasets["matched"])
     fields["datasets"] = result.datasets | datasets
     return fields, notes
+
+
+def _fatigue(
+    motion: RunMotion,
+    settings: StressLife,
+    stresses: StressObserver,
+    evaluation: Evaluation,
+    datasets: dict[str, Dataset],
+) -> list[str]:
+    """Add the damage of stress to the datasets; warnings of it."""
+    end, extremes = motion.marched.end, motion.extremes[STRESS]
+    compute = partial(fatigue_of, motion.system, stresses, end, extremes)
+    damage = evaluation.computed("the damage of stress", compute, None)
+    if damage is None:
+        return []
+    datasets["fatigue"] = damage
+    return [*fatigue_warnings(damage, settings)]
+
+
+def _shock_response(
+    motion: RunMotion, settings: ShockSpectrumSettings, needed: Needed, evaluation: Evaluation,
+    datasets: dict[str, Dataset],
+) -> list[str]:  # fmt: skip
+    """Add shock response spectra to the datasets where they are needed; notes on samples that are too coarse."""
+    if needed.has("srs_over_limit"):
+        compute = partial(shock_response, motion.system, motion.known)
+        srs = evaluation.computed("shock response spectra", compute, None)
+        datasets |= {} if srs is None else {"srs": srs}
+    return _coarse_samples(motion, settings) + _coarse_records(motion.system.inputs, settings)
+
+
+def _sensitivities(motion: RunMotion, evaluation: Evaluation, datasets: dict[str, Dataset]) -> list[str]:
+    """Add the sensitivities to the datasets; notes on them."""
+    from beamsim.analyses.run.sensitivities import sensitivities_of
+
+    unknown: tuple[Dataset | None, list[str]] = None, []
+    compute = partial(sensitivities_of, motion.system.scenario, motion)
+    found, notes = evaluation.computed("sensitivities", compute, unknown)
+    datasets |= {} if found is None else {"sensitivities": found}
+    return notes
+
+
+def _misfit(matched: Dataset) -> list[str]:
+    """A note where a record made for a shock response spectrum is far from it."""
+    worst = float(np.abs(matched["misfit_db"]).max())
+    if worst <= MISFIT_DB:
+        return []
+    return [
+        f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another "
+        "duration, or a curve without steep sides and with levels that its Q allows"
+    ]
 
 
 def _coarse_samples(motion: RunMotion, settings: ShockSpectrumSettings) -> list[str]:

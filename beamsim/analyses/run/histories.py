@@ -65,13 +65,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     if system.snubbers:
         values |= _of_snubbers(motion, histories)
     if springs := [spring for spring in system.springs if spring.kind != FRICTION]:
-        values |= {
-            "spring": [spring.name for spring in springs],
-            "spring_kind": [spring.kind for spring in springs],
-            "spring_masses": [json.dumps(spring.masses) for spring in springs],
-            "spring_stretch": histories.of(("springs", "stretch")).T,
-            "spring_force": histories.of(("springs", "force")).T,
-        }
+        values |= _of_springs(springs, histories)
     if friction:
         values |= _of_friction(motion, histories, sliding)
     if system.outputs:
@@ -82,12 +76,22 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         "output": [{"unit": each.unit, "quantity": each.quantity} for each in system.outputs],
     }
     datasets = {"histories": HISTORIES.dataset(values, of_members, base_unit="rad" if turning else "m")}
-    rows = [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]
-    if rows:
+    if rows := [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]:
         columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
         numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
         datasets["friction_intervals"] = FRICTION_INTERVALS.dataset(numbers | columns)
     return datasets
+
+
+def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
+    """What the nonlinear springs are and do."""
+    return {
+        "spring": [spring.name for spring in springs],
+        "spring_kind": [spring.kind for spring in springs],
+        "spring_masses": [json.dumps(spring.masses) for spring in springs],
+        "spring_stretch": histories.of(("springs", "stretch")).T,
+        "spring_force": histories.of(("springs", "force")).T,
+    }
 
 
 def _known(values: Sequence[float | None]) -> Floats | None:

@@ -520,11 +520,15 @@ class ChunkValues:
         for k in np.flatnonzero(times != self._extreme_times[: times.size]).tolist():
             self._extreme_times[k], self.extreme_states[k] = times[k], chunk.states_at(times[[k]])[0]
         if len(self.system.bodies) > 1 and self.system.snubbers:
-            largest = largest_contact(self.system, self.extremes)
-            if largest is not None and (self.contact is None or largest.time != self.contact.time):
-                at, flow = np.array([largest.time]), chunk.flow
-                opening = chunk.sample(at, lambda phases: flow.at(phases).openings)[0]
-                self.contact = largest._replace(state=chunk.states_at(at)[0], opening=opening)
+            self._include_contact(chunk)
+
+    def _include_contact(self, chunk: Trajectory) -> None:
+        """Look up the openings of several bodies in the next chunk, where the largest contact force is in it."""
+        largest = largest_contact(self.system, self.extremes)
+        if largest is not None and (self.contact is None or largest.time != self.contact.time):
+            at, flow = np.array([largest.time]), chunk.flow
+            opening = chunk.sample(at, lambda phases: flow.at(phases).openings)[0]
+            self.contact = largest._replace(state=chunk.states_at(at)[0], opening=opening)
 
 
 class LargestContact(NamedTuple):

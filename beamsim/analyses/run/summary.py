@@ -356,18 +356,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
     unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
     if not system.snubbers or unknown or motion.outcome.interrupted:
         return {}
-    scenario, excitation = system.scenario, system.scenario.excitation
-    if system.sine is not None:
-        of_snubber = gapping_of_sine(system)
-    elif isinstance(excitation, RandomInput):
-        of_snubber = gapping_of_random(system)
-    else:
-        settings = not_none(scenario.run)
-        moved = settings.start != "static_equilibrium" or scenario.just_mounted
-        if moved or excitation.kind == "none" or motion.trajectory is None:
-            return {}
-        level = float(excitation.level) if isinstance(excitation, Shock) else None
-        of_snubber = gapping_of_motion(settings, motion, level)
+    of_snubber = gapping_of_sine(system) if system.sine is not None else _gapping_of_other(motion)
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
         times = motion.events["time"].values[motion.events["snubber"].values == names.index(name)]
@@ -375,6 +364,19 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
         of["largest_gap_m"] = {**summary["largest_gap_m"], **summary.get("largest_gap_rad", {})}[name]
     units = {snubber.name: snubber.gap_unit for snubber in system.snubbers}
     return in_their_units(of_snubber, units) if "rad" in units.values() else of_snubber
+
+
+def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
+    """The same of a motion under an excitation that is no sine; empty where it does not start at equilibrium."""
+    scenario, excitation = motion.system.scenario, motion.system.scenario.excitation
+    if isinstance(excitation, RandomInput):
+        return gapping_of_random(motion.system)
+    settings = not_none(scenario.run)
+    moved = settings.start != "static_equilibrium" or scenario.just_mounted
+    if moved or excitation.kind == "none" or motion.trajectory is None:
+        return {}
+    level = float(excitation.level) if isinstance(excitation, Shock) else None
+    return gapping_of_motion(settings, motion, level)
 
 
 def _without_round_off(
