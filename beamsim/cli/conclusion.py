@@ -21,13 +21,14 @@ from beamsim.cli.session import (
     scenario_given,
     show,
     stem_given,
+    used_processor_time,
 )
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS
 from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
-from beamsim.plots.style import scale_for, shown_in
+from beamsim.plots.style import amount, scale_for, shown_in
 from beamsim.results.result import Result
 from beamsim.results.values import limits_not_met
 from beamsim.scenario import Scenario
@@ -119,15 +120,17 @@ def conclude(
             say(f"beamsim: warning: {warning}")
         if given.json:
             about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
-            more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
+            times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": used_processor_time()}
+            more = {**times, "files": [str(path) for path in files]}
             print_json({**about, **result.summary, **more})
         elif first_screen:
             show(resolve_name(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
         elif not given.quiet:
             from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
 
+            used = ("processor time", f"{amount(used_processor_time(), 's')}, of the whole command with its workers")
             written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-            print_table(result.title, [*all_rows(kind, result), *written])
+            print_table(result.title, [*all_rows(kind, result), used, *written])
         left_out = not given.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
         checked = result.summary.get("margins", {}) if given.check else {}

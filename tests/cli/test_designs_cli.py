@@ -62,9 +62,22 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
     assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
     for text in ("grid of 2 x 3 = 6 cases, each a run", "snubbers.tip.gap", "EXCEEDED", "of 6 cases: ",
                  ", tip stiffness 200 kN/m",
-                 "tip peak force", "case_maps.png"):  # fmt: skip
+                 "tip peak force", "case_maps.png", ", of the whole command with its workers"):  # fmt: skip
         assert text in done.stdout, text
     assert load("case.h5").outcome.usable
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="processes that have ended are not counted there")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_processor_time_of_a_command_is_what_the_system_counts_for_it(workers, here):
+    """Nearly all: what is used after it is printed, and by helpers of Python's that end later, is little."""
+    before = sum(os.times()[2:4])
+    command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", str(workers), "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    used, values = sum(os.times()[2:4]) - before, json.loads(done.stdout)
+    assert 0.8 * used < values["command_processor_time_s"] <= used + 0.05  # ticks of a clock
+    assert values["processor_time_s"] < values["command_processor_time_s"]
 
 
 def test_the_best_of_the_cases_that_meet_every_limit(here):
