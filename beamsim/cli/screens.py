@@ -154,8 +154,9 @@ class Changes:
         """Whether the numbers of a result that is complete can be trusted, in a few words."""
         summary = self._result.summary
         model = summary.get("convergence_model") or {"reason": "not known"}
-        first = [key for key in self._printed - self._jumping if read_first(self._result.scenario, ".".join(key))]
-        change = percent(max((self._known.get(key, 0.0) for key in first), default=0.0), 2)
+        first = {key for key in self._printed - self._jumping if read_first(self._result.scenario, ".".join(key))}
+        means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_CHANGE}  # within their standard error
+        change = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
         apart = ", but for what is marked ^" if self._printed & self._jumping else ""
         if STANDINGS[self._result.outcome.gravest].first_line:
             verdict = ""  # the title says it
@@ -166,7 +167,8 @@ class Changes:
         elif summary.get("after_parting"):
             verdict = f"one of many motions, means within {change}"
         else:
-            verdict = f"converged within {change}{apart}"
+            scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
+            verdict = f"converged within {change}{scatter}{apart}"
         error = summary.get("energy_error")
         return ", ".join(filter(None, (verdict, f"energy error {error:.0e}" if is_known(error) else "")))
 

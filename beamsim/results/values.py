@@ -263,7 +263,7 @@ def read_first(scenario: Scenario, key: str) -> bool:
         value, of = limited(name)
         named = entry.removesuffix("_m").removesuffix("_g").removesuffix("_n")  # of root mean squares
         rms = value.entry == named or (entry == "random" and place.endswith(f" {value.quantity} rms"))
-        if (entry == value.entry or rms) and (not of or of in place):
+        if (entry == value.entry or rms) and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}")):
             return True
     return False
 

@@ -132,6 +132,10 @@ MODES = Layout(
         ),
         "resting_damping_ratios": Variable(_MODE, "1", "modal damping ratios there", optional=True),
         "kept_modes": Variable((), "1", "number of modes kept by the reduction", int),
+        "coordinates": Variable(
+            (), "1", "number of coordinates of a structure without a mesh of its own, imported or of masses", int,
+            optional=True,
+        ),
         "static_vectors": Variable((), "1", "number of static vectors kept by the reduction", int),
         "highest_frequency_hz": Variable((), "Hz", "the highest frequency that the reduction was made for"),
         "reduction_bound": Variable(  # see docs/theory.md
@@ -388,6 +392,7 @@ def modes_of(
         "resting_frequencies_hz": None if resting is None else resting / (2 * np.pi),
         "resting_damping_ratios": of_resting,
         "kept_modes": basis.modes,
+        "coordinates": None if parts.scenario.has_mesh else structure.size,
         "static_vectors": basis.size - basis.modes,
         "highest_frequency_hz": basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         "reduction_bound": bound.loads,

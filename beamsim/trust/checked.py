@@ -229,7 +229,7 @@ def _convergence(
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
     try:
-        second = solve(result.scenario.refined(finer_modes(result.scenario, modes)))
+        second = solve(result.scenario.refined(finer_modes(result["modes"])))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:

@@ -23,6 +23,7 @@ from beamsim.analyses.run.stepped_motion import relative_tolerance
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limited, read_first
@@ -270,12 +271,21 @@ def keeps_all(scenario: Scenario, modes: int) -> bool:
     return None not in counts and modes >= sum(count for count in counts if count is not None)
 
 
-def finer_modes(scenario: Scenario, kept: int) -> int:
-    """How many modes the finer model of a case keeps: 1.5 times as many, or all of bodies that have few."""
-    counts = [body.mode_count for body in scenario.all_bodies.values()]
-    known = [count for count in counts if count is not None]
-    more = math.ceil(MORE_MODES * kept)
-    return max(more, sum(known)) if len(known) == len(counts) and sum(known) <= FEW_MODES else more
+def finer_modes(modes: Dataset) -> int:
+    """How many modes the finer model of a case keeps: 1.5 times as many, or all of a structure that has few.
+
+    Parameters
+    ----------
+    modes : of the first model.
+    """
+    more = math.ceil(MORE_MODES * modes["kept_modes"].item())
+    every = _coordinates(modes)
+    return int(max(more, every)) if every <= FEW_MODES else more
+
+
+def _coordinates(modes: Dataset) -> float:
+    """How many coordinates a structure has; infinite where a mesh can have more."""
+    return float(modes["coordinates"].item()) if "coordinates" in modes else math.inf
 
 
 def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
@@ -345,7 +355,7 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     first = {key for key in checked.doubtful if read_first(result.scenario, key)}
     sizes = {key: change for key, change in named(checked.changes) if key in first}
     worst = sorted(sizes, key=lambda key: -sizes[key])
-    modes = "all" if keeps_all(result.scenario, checked.modes) else f"{MORE_MODES:g} times the"
+    modes = "all" if checked.modes >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, checked)

@@ -241,7 +241,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
-            case = scenario.refined(finer_modes(scenario, modes))
+            case = scenario.refined(finer_modes(first.motion.system.modes))
             motion = motion_of(build_system(case, shared), again, output_times(case), None, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))

@@ -109,7 +109,7 @@ def test_the_result_opens_whatever_it_is(name, files):
     result = beamsim.load(files(name))
     assert result.complete
     with h5py.File(files(name)) as file:
-        assert result.scenario.to_yaml() == file.attrs["scenario"]
+        assert result.scenario == beamsim.load_scenario(file.attrs["scenario"])
         assert result.title == file.attrs["title"]
 
 
