@@ -202,7 +202,7 @@ def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
     going = {"mode": 2, "continue_in": {"kind": "energy", "from": 0.05, "to": 1.0}}
     result = nnm(chain([M1, M2], [0, 0], {"springs_between": [spring]}, nnm=going))
     backbone = result.branches[0]
-    assert backbone["status"].item().startswith("complete")
+    assert backbone["status"].item().startswith("reached")
     for index in (0, backbone["energy"].values.size // 2, -1):
         energy = backbone["energy"].values[index]
         from scipy.optimize import brentq

@@ -21,10 +21,12 @@ pytestmark = pytest.mark.quick
 CODES = {
     OutcomeKind.COMPLETE: 0, OutcomeKind.NOTED: 0, OutcomeKind.DOUBTFUL: 0, OutcomeKind.INCOMPLETE: 3,
     OutcomeKind.STOPPED: 3, OutcomeKind.FAILED: 3, OutcomeKind.UNTRUSTED: 3, OutcomeKind.INTERRUPTED: 130,
+    OutcomeKind.NOT_HELD: 3,
 }  # fmt: skip
 FIRST_LINES = {
     OutcomeKind.DOUBTFUL: "NOT CONVERGED", OutcomeKind.UNTRUSTED: "NOT RELIABLE", OutcomeKind.INCOMPLETE: "INCOMPLETE",
     OutcomeKind.STOPPED: "INCOMPLETE", OutcomeKind.FAILED: "INCOMPLETE", OutcomeKind.INTERRUPTED: "INCOMPLETE",
+    OutcomeKind.NOT_HELD: "LIMITS EXCEEDED",
 }  # fmt: skip
 
 
@@ -76,7 +78,7 @@ def test_a_limit_is_met_or_exceeded_only_with_the_change_of_its_value(lowest, hi
 def test_a_limit_is_judged_by_what_was_computed_reliably(kind):
     """What is missing may exceed a limit that is met so far; what is not reliable says nothing."""
     met, beyond = (on_limit(x, x, 50.0, of_kind(kind)) for x in (40.0, 60.0))
-    assert met == ("ok" if CODES[kind] == 0 else "not reliable")
+    assert met == ("ok" if CODES[kind] == 0 or kind is OutcomeKind.NOT_HELD else "not reliable")  # all is computed
     assert beyond == ("not reliable" if kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED) else "exceeded")
 
 
@@ -85,7 +87,7 @@ def test_a_limit_is_judged_by_what_was_computed_reliably(kind):
 )
 def test_limits_that_are_checked_have_their_codes(kind, verdicts):
     """Exceeded 4, else not reliable 3; an interruption stays one."""
-    of_limits = 4 if OnLimit.EXCEEDED in verdicts else 3 if OnLimit.NOT_RELIABLE in verdicts else 0
+    of_limits = 4 if OnLimit.EXCEEDED in verdicts else 3 if {*verdicts} - {OnLimit.MET} else 0
     interrupted = kind is OutcomeKind.INTERRUPTED
     assert exit_code(of_kind(kind), verdicts) == (130 if interrupted else max(CODES[kind], of_limits))
     assert exit_code(of_kind(kind), verdicts, signal=15) == 143

@@ -153,7 +153,7 @@ def test_the_shipped_resonance_is_that_of_the_energies(level):
     (branch,) = beamsim.continuation(load_scenario(CONFIGS / "continuation_friction.yaml", sweep)).branches
     omega, dashpot = np.sqrt(2000.0 / 2.0), 2 * 0.02 * np.sqrt(2.0 * 2000.0)
     expected = (level - 4.0 * 3.0 / np.pi) / (dashpot * omega)
-    assert branch["status"].item().startswith("complete")
+    assert branch["status"].item().startswith("reached")
     assert peaks_of(branch, "mass_1").max() == pytest.approx(expected, rel=2e-3)
 
 

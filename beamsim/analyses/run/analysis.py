@@ -178,7 +178,10 @@ def solved(
         aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
         summary["aliased_in_histories"] = aliased or None
     jumps = evaluation.computed(
-        "jumps", lambda: list(acceleration_jumps(motion, summary["peak_acceleration_g"])), list[Jump](), minor=True
+        "jumps",
+        lambda: list(acceleration_jumps(motion, summary["peak_acceleration_g"])),
+        list[AccelerationJump](),
+        minor=True,
     )
     warnings += [jump.warning for jump in jumps]
     summary["acceleration_jump_g"] = {of.probe: of.size_g for of in sorted(jumps, key=attrgetter("size_g"))} or None
@@ -335,7 +338,7 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
     ]
 
 
-class Jump(NamedTuple):
+class AccelerationJump(NamedTuple):
     """A jump of the acceleration of a probe where the dashpot of a snubber meets the structure."""
 
     probe: str
@@ -353,7 +356,7 @@ class Jump(NamedTuple):
         )
 
 
-def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterator[Jump]:
+def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterator[AccelerationJump]:
     """The jumps of probes at dashpots, at touch-down, that grow with the modes and count beside the peak.
 
     Parameters
@@ -383,7 +386,7 @@ def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterat
                 np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
             jump = largest[j] * reached[-1] / STANDARD_GRAVITY
             if jump > NOTED * peak_g[probe.name]:
-                yield Jump(probe.name, snubber.name, jump)
+                yield AccelerationJump(probe.name, snubber.name, jump)
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice
