@@ -14,11 +14,12 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, amplitude_unit
-from beamsim.scenario.sweep import LevelPath
+from beamsim.scenario.sweep import LevelPath, swept_cycles
 from beamsim.structures.assembly import load_site_in
 
 Inputs = Mapping[str, Mapping[str, Any]]
 """By path of the excitation what is known of a random input or record: rms, peak and unit."""
+UNEXCITED = ("nnm", "identify-stiffness")  # commands that use no excitation of the case
 AREAS = {
     "acceleration": ("velocity change", "m/s"), "angular_acceleration": ("velocity change", "rad/s"),
     "force": ("impulse", "N s"),
@@ -40,7 +41,7 @@ def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, comman
     -------
     One line, empty where there is nothing to say.
     """
-    excited = command != "nnm" and bool(scenario.excitation.items)
+    excited = command not in UNEXCITED and bool(scenario.excitation.items)
     parts = excitation_text(scenario, inputs, command).split("\n") if excited else []
     low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
     if low_pass is not None:
@@ -116,7 +117,7 @@ def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
     ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
     yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
     if rate := getattr(sweep, "rate", None):
-        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}"
+        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}, {sweep.cycles:.0f} cycles"
 
 
 def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[str, Any]) -> str:
@@ -180,7 +181,9 @@ def _matched(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
 def _swept_input(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
     """Range and rate of a swept sine."""
     yield f"{part.from_:.6g} to {part.to:.6g} Hz"
-    yield f"{60.0 * part.rate.value:.4g} {part.rate.unit.replace('/s', '/min')}"
+    low, high = sorted((part.from_, part.to))
+    cycles = swept_cycles(low, high, part.rate, "")
+    yield f"{60.0 * part.rate.value:.4g} {part.rate.unit.replace('/s', '/min')}, {cycles:.0f} cycles"
 
 
 _INPUTS = {

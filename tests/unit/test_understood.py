@@ -143,3 +143,12 @@ def test_a_limit_far_above_its_value_is_asked_for():
     assert result.complete
     result = beamsim.run(load_scenario(CASE, ["limits={peak_displacement: 10 mm}"]))
     assert not any("meant?" in text for text in result.warnings)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(10, 40), (40, 10)])
+def test_a_swept_sine_tells_its_cycles(begin, end):
+    """The integral of the frequency: (f2 - f1) / ln 2 over the rate in octaves, as many upwards as downwards."""
+    cycles = 30.0 / math.log(2.0) / (4.0 / 60.0)
+    swept = f"{{kind: swept_sine, applied_to: base, level: 1 g, from: {begin} Hz, to: {end} Hz, rate: 4 oct/min}}"
+    said = f"{begin} to {end} Hz, 4 oct/min, {cycles:.0f} cycles, at the base"
+    assert line(f"excitation={swept}").endswith(said)
