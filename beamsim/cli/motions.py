@@ -62,9 +62,9 @@ def _output_peaks(result: RunResult, changes: Changes) -> Iterator[str]:
 
 
 def _inputs(result: RunResult, _: Changes) -> Iterator[str]:
-    """Random inputs, and records that were changed."""
+    """Inputs that were changed before they act: clipped, filtered, corrected."""
     rows = result["inputs"].rows("number")
-    stated = {row["path"] for row in rows if is_known(row["from_hz"]) or row["treatment"]}
+    stated = {row["path"] for row in rows if row["treatment"]}  # sizes are in the line of what was understood
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
