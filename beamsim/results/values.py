@@ -497,11 +497,9 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
         if item["verdict"] == OnLimit.MET:
             continue
         unit, changes = f" {limit_unit(scenario, name)}".removesuffix(" 1"), item["lowest"] < item["highest"]
-        of_test = (
-            f" ({item.get('interval_low', 0.0):.5g} to {item.get('interval_high', 0.0):.5g}{unit} at 95 % of tests)"
-        )
         between = f" ({item['lowest']:.5g} to {item['highest']:.5g}{unit} with its change)" if changes else ""
-        between = of_test if "interval_low" in item else between
+        if "interval_low" in item:
+            between = f" ({item['interval_low']:.5g} to {item['interval_high']:.5g}{unit} at 95 % of tests)"
         verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
         if item["verdict"] == OnLimit.UNDECIDED:
             interval = f"{item['interval_low']:.5g} to {item['interval_high']:.5g}{unit}"

@@ -108,7 +108,7 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
     beyond = _beyond_record(result, system, first, tested * rate)
 
     def statistics(section: str, name: str, quantity: str, unit: str, whole: Floats) -> dict[str, Any]:
-        x = whole[first:]
+        x, of = whole[first:], {"section": section, "name": name, "quantity": quantity, "unit": unit}
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
         of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
         others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
@@ -121,21 +121,21 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
         mean = float(seen.mean())
         figures["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
         if EXPECTED[0] in figures:
-            limit = _limit_on_peak(scenario, section, name, quantity, unit)
+            limit = _limit_on_peak(scenario, of)
             if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
                 figures["decided_after_s"] = float(times[-1]) * deciding_share(measured, *of_test, limit)
             if tested >= settings.duration:  # the test is as long as what was seen, its beginning included
-                reached = _reached(found, section, name, quantity, unit)
+                reached = _reached(found, of)
                 figures |= {each: max(figures[each], reached) for each in EXPECTED}
         return {
-            "signal": f"{name} {quantity}", "section": section, "name": name, "quantity": quantity, "unit": unit,
+            "signal": f"{name} {quantity}", **of,
             "density": cross_density(x, x, rate, length).real,
             "limit": limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
             "crossings_hz": crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         }  # fmt: skip
 
     quantity, given = _input_of(system, histories)
-    shaken, alone, given = system.base_acceleration is not None, len(scenario.excitation.items) == 1, given
+    shaken, alone = system.base_acceleration is not None, len(scenario.excitation.items) == 1
     entered = statistics("excitation", "input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], dict[str, Complexes](), dict[str, Floats]()
     for section, name, quantity, unit, values in _responses(result, motion):
@@ -454,25 +454,18 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
     return math.inf
 
 
-def _limit_on_peak(scenario: Scenario, section: str, name: str, quantity: str, unit: str) -> float:
+def _limit_on_peak(scenario: Scenario, signal: Mapping[str, Any]) -> float:
     """The lowest limit on the peaks of a signal, SI; nan without any."""
     limits = {} if scenario.limits is None else scenario.limits.given
-    on_signal = [
-        limit for of, limit in limits.items()
-        if _on_peak(of, {"section": section, "name": name, "quantity": quantity, "unit": unit})
-    ]  # fmt: skip
-    return min(on_signal, default=math.nan)
+    return min((limit for name, limit in limits.items() if _on_peak(name, signal)), default=math.nan)
 
 
-def _reached(found: Mapping[str, Any], section: str, name: str, quantity: str, unit: str) -> float:
+def _reached(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
     """The largest magnitude of a signal in the run, between samples, too; 0 of the input, which is known anyway."""
-    for value in LIMITED.values():
-        if value.of is not None and (value.section, value.quantity) in ((section, quantity), (section, "")):
-            of_places = found.get(value.entry, {})
-            if value.single and value.entry in found:
-                return float(of_places)
-            if value.unit in ("", unit) and isinstance(of_places, Mapping) and name in of_places:
-                return float(of_places[name]) * value.scale
+    for name, value in LIMITED.items():
+        if _on_peak(name, signal) and value.entry in found:
+            of_places = found[value.entry]
+            return float(of_places if value.single else of_places.get(signal["name"], 0.0) * value.scale)
     return 0.0
 
 
