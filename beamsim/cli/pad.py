@@ -8,10 +8,12 @@ from typing import Any
 from beamsim.analyses.pad.analysis import KnownPad, PadNumbers, option
 from beamsim.analyses.pad.analysis import pad as designed
 from beamsim.cli.session import print_json, show
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError, VerdictError
+from beamsim.outcomes import STANDINGS, exit_code
 from beamsim.plots.style import amount
 from beamsim.scenario import units
 from beamsim.scenario.quantities import Quantity
+from beamsim.system.force_tables import free_travel_remark
 
 _READ: dict[str, Quantity] = {
     "modulus": Quantity(units.PRESSURE, above=0.0),
@@ -44,6 +46,8 @@ def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: b
     ------
     ScenarioError
         With every text that is no such quantity, or if a scenario does not take what was found.
+    VerdictError
+        If what was found is not reliable.
     """
     numbers = _read_numbers({name: text for name, text in texts.items() if text is not None})
     known: dict[str, Any] = {**curve, **numbers}
@@ -51,11 +55,13 @@ def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: b
     _check_found(found)
     lines = list(_snubber(found))
     if as_json:
-        print_json(
-            {**vars(found), "maxwell": [vars(branch) for branch in found.maxwell], "snubber": "\n".join(lines) + "\n"}
-        )
-        return
-    show(*(f"# {line}" for line in _comments(found)), *lines)
+        numbers = {name: value for name, value in vars(found).items() if name != "outcome"}
+        maxwell = [vars(branch) for branch in found.maxwell]
+        print_json({"status": found.outcome.text, **numbers, "maxwell": maxwell, "snubber": "\n".join(lines) + "\n"})
+    else:
+        show(*(f"# {line}" for line in _comments(found)), *lines)
+    if code := exit_code(found.outcome):
+        raise VerdictError(found.outcome.text, code)
 
 
 def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
@@ -115,7 +121,9 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
 
 
 def _comments(found: PadNumbers) -> Iterator[str]:
-    """What is known of the pad, a line each."""
+    """How reliable it is and what is known of the pad, a line each."""
+    if verdict := STANDINGS[found.outcome.gravest].first_line:
+        yield verdict
     for label, name, unit in _SHOWN:
         value = getattr(found, name)
         if value is not None:
@@ -126,5 +134,7 @@ def _comments(found: PadNumbers) -> Iterator[str]:
             yield f"  {amount(frequency, 'Hz')}: stiffness {amount(stiffness, 'N/m')}, loss factor {loss:.2g}"
         fast = found.stiffness + sum(branch.stiffness for branch in found.maxwell)
         yield f"and in an impact {amount(fast, 'N/m')}; the loop tells no more than ten times its own frequency"
-    elif found.loss_factor and not found.dashpot:
+    if found.free_travel:
+        yield free_travel_remark(found.free_travel)
+    if found.loss_factor and not found.dashpot and not found.maxwell:
         yield "no dashpot: give --frequency, at which it shall have this loss factor"

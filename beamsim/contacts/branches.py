@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fitted_numbers, hinges, relaxed_part
+from beamsim.outcomes import COMPLETE, MOST_LISTED, Outcome, OutcomeKind, first_of
 from beamsim.typing import Complexes, Floats, Ints
 
+NO_STIFFNESS = 1e-6  # of the branches, below which a spring has ended at zero
 REACH = 10.0  # beyond the measured range, over which times are sought
 
 
@@ -22,6 +24,20 @@ class BranchFit:
     misfit: float  # root mean square of the relative errors
     least_misfit: float  # the same with as many branches as there could be
     at_limit: tuple[float, ...]  # s, times that are not determined: at the limit of what was measured
+
+    @property
+    def outcome(self) -> Outcome:
+        """Not reliable where the fit ended at its bounds: times beyond the measurements, or no stiffness at rest."""
+        ended = []
+        if self.at_limit:
+            times = first_of([f"{time:.3g} s" for time in self.at_limit], MOST_LISTED)
+            ended.append(f"relaxation times at the limit of what was measured on the pad: {times}")
+        if self.springs.max() <= NO_STIFFNESS * sum(branch.stiffness for branch in self.branches):
+            ended.append("the pad has no stiffness left after a long rest in these measurements")
+        if not ended:
+            return COMPLETE
+        remedy = "measure longer, slower or faster, or allow fewer branches"
+        return Outcome.of(OutcomeKind.UNTRUSTED, "at_bound", "; ".join(ended), remedy=remedy, times=self.at_limit)
 
     @property
     def stiffness(self) -> float:

@@ -71,6 +71,9 @@ class ForceCurve:
         return np.asarray(np.interp(deflection, self.deflection, self.force) + beyond)
 
 
+FLAT = 1e-9  # of the steepest slope, below which a slope is round-off
+
+
 def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
     """The rising curve through zero that is closest to points in the mean square.
 
@@ -97,6 +100,7 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCu
         raise ValueError("no point has a positive deflection and a positive force")
     knots = _best_knots(x, y, segments)
     slopes, square = _slopes(x, y, knots)
+    slopes[slopes < FLAT * slopes.max()] = 0.0
     edges = np.append(knots, x[-1])
     curve = ForceCurve(edges, np.concatenate([[0.0], np.cumsum(slopes * np.diff(edges))]))
     if curve.force[-1] <= 0.0:

@@ -124,9 +124,69 @@ def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableO
     if table.fit is None:
         check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
         return TableOfStop(ForceCurve(deflection, force), 0.0)
-    curve, misfit = fit_curve(deflection, force, table.fit.segments)
-    remark = _remark(loop_width(deflection, force), file, time, table.fit.segments)
-    return TableOfStop(curve, misfit, remark)
+    curve, misfit = fit_from_zero(deflection, force, table.fit.segments)
+    free = free_travel(curve)
+    remarks = [free_travel_remark(free)] if free else []
+    remarks += _remarks(loop_width(deflection, force), file, time, table.fit.segments)
+    return TableOfStop(curve, misfit, "; ".join(remarks))
+
+
+LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
+NO_FORCE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
+REMEDY_OF_OFFSET = "subtract from the column of {} what it reads where contact begins; a real free travel is the gap"
+
+
+def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
+    """`fit_curve` to measured points without an offset, with which a curve through zero has another stiffness.
+
+    Parameters
+    ----------
+    deflection, force : (p,) points, m and N.
+    segments : largest number of them.
+
+    Returns
+    -------
+    ForceCurve, float
+        The curve, and the root mean square of the points' distances from it, N.
+
+    Raises
+    ------
+    InputFileError
+        Where the force begins at a deflection of more than 5 % of the largest one, or is more than 5 % of the largest
+        one at zero deflection.
+    ValueError
+        As `fit_curve`.
+    """
+    fitted = fit_curve(deflection, force, segments)
+    order = np.argsort(deflection, kind="stable")
+    x, y = deflection[order], force[order]
+    at_zero = float(np.interp(0.0, x, y))
+    if x[0] > LARGEST_OFFSET * x[-1] and abs(y[0]) < LARGEST_OFFSET * y.max():
+        what, column = f"its force begins at {1e3 * x[0]:.3g} mm", "deflection"
+    elif x[0] <= LARGEST_OFFSET * x[-1] and abs(at_zero) > LARGEST_OFFSET * y.max():
+        what, column = f"its force is {at_zero:.3g} N at zero deflection", "force or deflection"
+    else:
+        return fitted
+    raise InputFileError(f"has an offset: {what}", REMEDY_OF_OFFSET.format(column))
+
+
+def free_travel(curve: ForceCurve) -> float:
+    """Deflection, m, at the beginning of a fitted curve over which it has no force; zero below 5 % of the largest one.
+
+    >>> free_travel(ForceCurve(np.array([0.0, 3e-4, 1e-3]), np.array([0.0, 0.0, 45.0])))
+    0.0003
+    """
+    slopes, free = curve.slopes, float(curve.deflection[1])
+    flat = slopes.size > 1 and slopes[0] < NO_FORCE * slopes.max() and free > LARGEST_OFFSET * curve.deflection[-1]
+    return free if flat else 0.0
+
+
+def free_travel_remark(free: float) -> str:
+    """What to say about a curve that begins without a force, over so many metres."""
+    return (
+        f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
+        f"{REMEDY_OF_OFFSET.format('deflection')}"
+    )
 
 
 def read_forces(
@@ -174,12 +234,13 @@ def read_forces(
     return found["length"], found["force"], found.get("time")
 
 
-def _remark(width: float, file: FilePath | None, time: Floats | None, segments: int) -> str:
+def _remarks(width: float, file: FilePath | None, time: Floats | None, segments: int) -> list[str]:
     """What to say about a loop of this width: the curve goes through its middle."""
     if width <= LOOP:
-        return ""
+        return []
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
     if file is None or time is None or np.any(np.diff(time) <= 0):
-        return f"{remark}; Maxwell branches would lose that work: give a file with increasing times to have them fitted"
+        lost = "Maxwell branches would lose that work: give a file with increasing times to have them fitted"
+        return [f"{remark}; {lost}"]
     command = f"beamsim pad --curve {shlex.quote(str(file))} --segments {segments}"
-    return f"{remark}; `{command}` prints the softer curve with the Maxwell branches that lose that work"
+    return [f"{remark}; `{command}` prints the softer curve with the Maxwell branches that lose that work"]

@@ -6,8 +6,11 @@ import yaml
 
 import beamsim
 from beamsim.analyses.identify.analysis import identify_stiffness, mode_shapes
+from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.analyses.identify.update import free_frequencies
+from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import exit_code
 from beamsim.scenario import load_scenario
 from beamsim.signals.assurance import assurance
 from tests.helpers.tables import estimates, modes, profiles, variables
@@ -48,8 +51,6 @@ def test_parameters_come_back_from_their_own_frequencies():
 
 def test_the_snubber_is_identified_with_the_updated_beam():
     true = load_scenario(BASE, {"beam.youngs_modulus": 75e9})
-    from beamsim.analyses.identify.stiffness import snubber_point
-
     contact = snubber_point(true, "tip").frequencies(2e5, 1) / (2 * np.pi)
     section = {"measured_with": contact.tolist()}
     blind = identify_stiffness(case(free_frequencies(true, "tip", 3), [], **section))
@@ -115,7 +116,24 @@ def test_bounds_are_kept_and_reported():
     (modulus,) = estimates(result, "update")
     assert modulus.value == pytest.approx(72e9, rel=1e-5)
     assert modulus.at_bound
-    assert any("on its bound" in w for w in result.warnings)
+    assert exit_code(result.outcome) == 3
+    assert result.status == (
+        "not reliable: beam.youngs_modulus ended on its bound, 7.2e+10 Pa; widen the bounds, or check what was "
+        "measured and the rest of the model"
+    )
+    assert identification_screen(result).text(result, ["case.h5"]).splitlines()[0].count("NOT RELIABLE") == 1
+    wide = case(measured, [{"parameter": "beam.youngs_modulus", "bounds": ["60 GPa", "90 GPa"]}])
+    assert exit_code(identify_stiffness(wide).outcome) == 0
+
+
+def test_modes_that_a_rigid_stop_fits_best_are_not_reliable():
+    """The first mode hardly lifted but uncertain; the second, of more weight, above that of the pinned point."""
+    point = snubber_point(load_scenario(BASE), "tip", 2)
+    measured = [point.reach(1)[0] * 1.001 / (2 * np.pi), point.reach(2)[1] * 1.01 / (2 * np.pi)]
+    section = {"snubber": "tip", "measured_with": measured, "fit_to": [1, 2], "uncertainty": ["9 %", "0.01 %"]}
+    result = identify_stiffness(load_scenario({**BASE, "identify_stiffness": section}))
+    assert exit_code(result.outcome) == 3
+    assert "a rigid stop fits these frequencies best" in result.status
 
 
 def test_supports_are_chosen_by_trying_them(tmp_path):

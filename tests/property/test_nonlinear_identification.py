@@ -13,6 +13,7 @@ from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.errors import ScenarioError
 from beamsim.flow.channels import channel_values
 from beamsim.measurements.signal import MeasuredSignal
+from beamsim.outcomes import exit_code
 from beamsim.scenario import load_scenario
 from beamsim.signals.harmonics import harmonics_of
 from benchmarks import identification_coverage as coverage
@@ -219,6 +220,8 @@ def test_a_prior_and_bounds_hold_a_parameter(vibrations):
     assert values["beam.youngs_modulus"].value == pytest.approx(69e9, rel=1e-4)
     assert values["snubbers.tip.gap"].value <= 1.8e-5 * (1 + 1e-9)
     assert values["snubbers.tip.gap"].at_bound
+    assert found.status.startswith("not reliable: snubbers.tip.gap ended on its bound, 1.8e-05 m; widen the bounds")
+    assert exit_code(found.outcome) == 3
 
 
 def test_a_prestress_is_found_as_a_negative_gap():

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 import yaml
 from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.pad.analysis import KnownPad, pad
-from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.cli.app import app
+from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.system.force_tables import curves_of
 from tests.helpers.tables import variables
 
 BRANCHES = (MaxwellBranch(40e3, 1e-3), MaxwellBranch(25e3, 2e-2), MaxwellBranch(10e3, 0.5))
@@ -159,21 +162,84 @@ def test_intervals_are_unknown_where_nothing_tells_the_scatter():
     assert np.isnan(pad.time_interval).all()
 
 
-@pytest.mark.parametrize(
-    ("shift", "preload", "says"),
-    [
-        (0.3, 0.0, "its force begins at 0.3 mm"), (-0.2, 0.0, "its force is 12.8 N at zero deflection"),
-        (0.0, 8.0, "its force is 8 N at zero deflection"), (0.0, -8.0, "its force is -8 N at zero deflection"),
-        (0.0, 0.0, ""),
-    ],
-)  # fmt: skip
+OFFSETS = [
+    (0.3, 0.0, "its force begins at 0.3 mm"), (-0.2, 0.0, "its force is 12.8 N at zero deflection"),
+    (0.0, 8.0, "its force is 8 N at zero deflection"), (0.0, -8.0, "its force is -8 N at zero deflection"),
+    (0.0, 0.0, ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("shift", "preload", "says"), OFFSETS)
 def test_a_curve_with_an_offset_is_refused(tmp_path, shift, preload, says):
-    """A pad of 64.1 kN/m; a curve through zero would have 38 to 96 kN/m."""
+    """A pad of 64.1 kN/m; a curve through zero would have 38 to 96 kN/m: by the pad's command, of a stop, in a fit."""
     file = tmp_path / "curve.csv"
-    rows = [f"{x + shift:.6g},{64.1 * x + preload:.6g}\n" for x in np.linspace(0, 1, 41)]
-    file.write_text("deflection (mm),force (N)\n" + "".join(rows))
+    points = [(x + shift, 64.1 * x + preload) for x in np.linspace(0, 1, 41).tolist()]
+    file.write_text("deflection (mm),force (N)\n" + "".join(f"{x:.6g},{force:.6g}\n" for x, force in points))
+    written = [[f"{x:.6g} mm", f"{force:.6g} N"] for x, force in points]
+    stops = [
+        with_table({"file": str(file), "fit": {"segments": 3}}),
+        with_table({"points": written, "fit": {"segments": 3}}),
+    ]
     if not says:
         assert pad(KnownPad(curve=file)).stiffness == pytest.approx(64100.0)
+        assert [curves_of(stop)[0].stiffness for stop in stops] == pytest.approx([64100.0, 64100.0])
         return
-    with pytest.raises(ScenarioError, match=f"has an offset: {says}; subtract from the column"):
+    refused = f"has an offset: {says}; subtract from the column .* a real free travel is the gap"
+    with pytest.raises(ScenarioError, match=f"--curve = .*curve.csv {refused}"):
         pad(KnownPad(curve=file))
+    for stop in stops:
+        for command in (beamsim.run, beamsim.identify_stiffness):
+            with pytest.raises(ScenarioError, match=f"force_deflection.* {refused}"):
+                command(stop)
+
+
+def with_table(table):
+    """A beam that rests on a stop with a table, and a frequency to identify its slope from."""
+    beam = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0}
+    stop = {"name": "tip", "position": 0.27, "side": "below", "force_deflection": table, "preload": "1 N"}
+    case = {
+        "beam": beam, "snubbers": [stop], "excitation": {"kind": "none"}, "run": {"duration": 0.01},
+        "identify_stiffness": {"snubber": "tip", "measured_with": [190.0]},
+    }  # fmt: skip
+    return load_scenario(case)
+
+
+def test_free_travel_of_a_curve_is_named(tmp_path):
+    """Its sensor reads zero force up to 0.3 mm: a gap, or where the sensor's zero is."""
+    file = tmp_path / "curve.csv"
+    rows = [f"{x:.6g},{max(64.1 * (x - 0.3), 0.0):.6g}\n" for x in np.linspace(0, 1.3, 53)]
+    file.write_text("deflection (mm),force (N)\n" + "".join(rows))
+    assert pad(KnownPad(curve=file)).free_travel == pytest.approx(3e-4, rel=1e-6)
+    stop = with_table({"file": str(file), "fit": {"segments": 3}})
+    assert curves_of(stop)[0].stiffness == pytest.approx(64100.0)
+    (said,) = (each for each in beamsim.run(stop).warnings if "free travel" in each)
+    assert "the force begins at 0.3 mm, and the curve has that free travel; if it is none, subtract" in said
+
+
+def test_branches_at_the_limit_of_what_was_measured_are_not_reliable(tmp_path):
+    """A pad that relaxes within 0.1 ms, tested up to 100 Hz, and one that relaxes to nothing."""
+    fast, omega = (MaxwellBranch(20e3, 1e-4),), 2 * np.pi * np.geomspace(1.0, 100.0, 20)
+    fit = fit_dynamic(omega, *measured(omega, fast))
+    assert fit.outcome.text == (
+        "not reliable: relaxation times at the limit of what was measured on the pad: 0.000159 s; measure longer, "
+        "slower or faster, or allow fewer branches"
+    )
+    time = np.geomspace(1e-3, 10.0, 30)
+    assert "no stiffness left" in fit_relaxation(time, relaxation(0.0, BRANCHES, time)).outcome.text
+    time = np.geomspace(1e-4, 5.0, 40)
+    assert fit_relaxation(time, relaxation(STIFFNESS, BRANCHES, time)).outcome.complete
+
+
+def test_a_loop_that_does_not_tell_the_branches_is_not_reliable(tmp_path):
+    """Loops of 1 Hz over 3 s of a pad that relaxes within 5 s."""
+    time = np.linspace(0.0, 3.0, 600)
+    deflection = 2e-4 * (1.0 - np.cos(2 * np.pi * time))
+    curve = ForceCurve(np.array([0.0, 4e-4]), np.array([0.0, 56.0]))
+    force = driven_force(curve, (MaxwellBranch(80e3, 5.0),), time, deflection)
+    file = tmp_path / "loop.csv"
+    rows = zip(time, 1e3 * deflection, force, strict=True)
+    file.write_text("time (s),way (mm),force (N)\n" + "".join(f"{t:.6g},{x:.6g},{f:.6g}\n" for t, x, f in rows))
+    ended = CliRunner().invoke(app, ["pad", "--curve", str(file), "--segments", "1"])
+    assert ended.exit_code == 3
+    assert ended.stdout.splitlines()[0] == "# NOT RELIABLE"
+    assert "not reliable: relaxation times at the limit of what was measured on the pad: 3 s" in ended.stderr

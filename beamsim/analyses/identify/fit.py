@@ -20,7 +20,7 @@ from beamsim.analyses.identify.layouts import ENDS
 from beamsim.analyses.identify.result import ProfileLikelihood
 from beamsim.errors import ScenarioError
 from beamsim.labelled import Dataset, Layout
-from beamsim.outcomes import Interrupted, asked_by, asked_to_stop
+from beamsim.outcomes import MOST_LISTED, Interrupted, Outcome, OutcomeKind, asked_by, asked_to_stop, first_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import SoughtParameter, bounds_of
@@ -315,7 +315,7 @@ class Fit:
 
         Returns
         -------
-        the parameters, their (p, p) covariance, and warnings about those that are on a bound or not determined.
+        the parameters, their (p, p) covariance, and warnings about those that are not determined.
         """
         covariance = inverse_information(jacobian) * scale
         z, estimates = NormalDist().inv_cdf(0.5 + coverage / 2), []
@@ -335,14 +335,9 @@ class Fit:
                     at_bound=bool(min(abs(x - low), abs(high - x)) < ON_BOUND),
                 )
             )
-        on_bound = [f"{p.parameter} ended on its bound, {p.value:g}" for p in estimates if p.at_bound]
         told = [i for i in range(len(self.numbers)) if i not in without]
         sought = [self.numbers[i] for i in told]
-        return (
-            tuple(estimates),
-            covariance,
-            (_confounded(sought, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
-        )
+        return tuple(estimates), covariance, _confounded(sought, jacobian[:, told], covariance[np.ix_(told, told)])
 
     def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
         r"""How far :math:`\chi^2` is above its minimum over each parameter, the others fitted again.
@@ -379,6 +374,35 @@ class Fit:
                 misfit.append(max(again.misfit - best.misfit, 0.0) / scale)
             profiles.append(ProfileLikelihood(number.parameter, np.array(value), np.array(misfit)))
         return tuple(profiles)
+
+
+def at_bounds(scenario: Scenario, parameters: Sequence[ParameterEstimate]) -> tuple[Outcome, ...]:
+    """What is not reliable of a fit that ended on bounds: values beyond them may fit better, and intervals do not hold.
+
+    Parameters
+    ----------
+    scenario : that the parameters are numbers of.
+    parameters : the estimates.
+
+    Returns
+    -------
+    tuple of Outcome
+        One, or none where every parameter lies inside its bounds.
+    """
+    ended = [
+        f"{p.parameter} ended on its bound, {p.value:g} {unit_of(scenario, p.parameter)}".removesuffix(" 1")
+        for p in parameters
+        if p.at_bound
+    ]
+    if not ended:
+        return ()
+    return (
+        Outcome.of(
+            OutcomeKind.UNTRUSTED, "at_bound", first_of(ended, MOST_LISTED),
+            remedy="widen the bounds, or check what was measured and the rest of the model",
+            parameters=tuple(p.parameter for p in parameters if p.at_bound),
+        ),
+    )  # fmt: skip
 
 
 UNLIKELY = 1e-3  # probability of chi squared that noise as given hardly explains

@@ -89,7 +89,8 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Fin
         "curve_loss_factor": curve.imag / curve.real,
     }
     summary = {"pad_yaml": _yaml(fit)}
-    return Findings([PAD.dataset(values, unit="Hz" if dynamic else "s")], summary, list(_warnings(fit)))
+    dataset = PAD.dataset(values, unit="Hz" if dynamic else "s")
+    return Findings([dataset], summary, list(_warnings(fit)), outcome=fit.outcome)
 
 
 def _yaml(fit: BranchFit) -> str:
@@ -112,11 +113,6 @@ def _warnings(fit: BranchFit) -> Iterator[str]:
         more = fit.misfit > WORTH_BRANCHES * fit.least_misfit
         remedy = "allow more branches" if more else "no branches fit these measurements"
         yield f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}"
-    if fit.at_limit:
-        times = ", ".join(f"{time:.3g} s" for time in fit.at_limit)
-        yield f"relaxation times far outside what was measured on the pad: {times}; measure further"
-    if fit.stiffness == 0.0:
-        yield "the pad has no stiffness left after a long rest in these measurements: measure longer or slower"
 
 
 STEP_OF_LOGARITHM = 1e-5  # for differences

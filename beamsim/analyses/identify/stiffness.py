@@ -37,6 +37,7 @@ from beamsim.typing import Floats, not_none
 _HZ = 2 * np.pi
 _NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
 POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
+AT_END = 1.01  # ratio to the end of a range within which a stiffness ended there
 Interval = tuple[float, float]
 _UNKNOWN = (np.nan, np.nan)
 _PATH = "identify_stiffness.measured_with"
@@ -86,6 +87,12 @@ class FittedModes:
         """(m,) stiffness from each mode alone, N/m; see `reached`."""
         return np.array([float(self.reached(number, omega)) for number, omega in enumerate(self.omega)])
 
+    @cached_property
+    def range(self) -> Interval:
+        """Stiffnesses, N/m, beyond which a spring is as good as none, or as a rigid stop."""
+        unit = 1.0 / float(np.sum(self.point.shape**2 / np.maximum(self.point.omega, self.omega[0]) ** 2))
+        return unit / _WIDEST, unit * _WIDEST
+
     def intervals(self, coverage: float) -> Floats:
         """(m, 2) confidence intervals of the stiffness from each mode alone, N/m: those of its frequency; 0 or infinite
         beyond its range, nan where no uncertainty is known."""
@@ -105,10 +112,9 @@ def fit_stiffness(modes: FittedModes) -> float:
 def _fit_between(modes: FittedModes, low: float, high: float) -> float:
     """The same of several modes that ask for stiffnesses between two, N/m."""
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
-    point = modes.point
-    unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, modes.omega[0]) ** 2))
+    lowest, highest = modes.range
     # The margin keeps a minimum at a bound inside the bracket: there the other modes have a node at the spring.
-    low, high = max(low * (1 - 1e-6), unit / _WIDEST), min(high * (1 + 1e-6), unit * _WIDEST)
+    low, high = max(low * (1 - 1e-6), lowest), min(high * (1 + 1e-6), highest)
     if low >= high:
         return low
     from scipy.optimize import least_squares
@@ -534,6 +540,7 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
         k, outcome, solutions = thesis_loop(measured, section.tolerance, section.most_solutions)
     else:
         k = fit_stiffness(measured)
+        outcome = _at_end_of_range(measured, k)
     predicted = measured.predicted(k)
     relative = (predicted - measured.omega) / measured.omega
     source = "given" if measured.sigma.all() else ""
@@ -542,6 +549,9 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
         scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
         weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
         source = "scatter" if scatter > 0 else ""
+    if not outcome.trusted:  # there is no interval about the end of a range
+        source = ""
+        weighted = replace(measured, sigma=np.zeros(measured.omega.size))
     first_order, first_order_interval, interval = spread_of(weighted, k, section.coverage)
     deviation, sampled, unreachable = np.nan, _UNKNOWN, 0.0
     if source:
@@ -569,6 +579,21 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
         "eigenvalue_solutions": solutions,
     }
     return outcome, source, values
+
+
+def _at_end_of_range(modes: FittedModes, stiffness: float) -> Outcome:
+    """Not reliable where modes contradict each other so much that no spring, or a rigid stop, fits them best."""
+    low, high = modes.range
+    if low * AT_END < stiffness < high / AT_END:
+        return COMPLETE
+    none = stiffness <= low * AT_END
+    return Outcome.of(
+        OutcomeKind.UNTRUSTED, "at_bound",
+        f"the stiffness ended at the end of its range, {stiffness:.4g} N/m: "
+        f"{'no spring' if none else 'a rigid stop'} fits these frequencies best",
+        remedy="check the order of the modes and the model, or leave out the modes that contradict the others (fit_to)",
+        stiffness=stiffness,
+    )  # fmt: skip
 
 
 def _total(deviation: float, stiffness: float, sensitive: list[Sensitivity], update: Dataset | None) -> float:

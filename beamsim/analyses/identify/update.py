@@ -6,10 +6,19 @@ from itertools import product
 
 import numpy as np
 
-from beamsim.analyses.identify.fit import Fit, Sought, UnpredictableError, estimates_dataset, sought_numbers, varied
+from beamsim.analyses.identify.fit import (
+    Fit,
+    Sought,
+    UnpredictableError,
+    at_bounds,
+    estimates_dataset,
+    sought_numbers,
+    varied,
+)
 from beamsim.analyses.identify.layouts import BEFORE, UPDATE
 from beamsim.analyses.identify.result import ComparedModes, Findings
 from beamsim.errors import Problem, ScenarioError
+from beamsim.outcomes import together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.identification import IdentifyStiffness
@@ -106,7 +115,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     }
     predicted = free_frequencies(scenario, section.snubber, len(section.measured_without))
     before = ComparedModes.of(predicted, section.measured_without, int(np.sum(predicted == 0)))
-    return Findings([dataset], summary, warnings, profiles, {BEFORE: before}), updated
+    outcome = together(at_bounds(scenario, parameters))
+    return Findings([dataset], summary, warnings, profiles, {BEFORE: before}, outcome), updated
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:

@@ -27,6 +27,7 @@ from beamsim.analyses.identify.fit import (
     Fit,
     Sought,
     UnpredictableError,
+    at_bounds,
     estimates_dataset,
     sought_numbers,
     varied,
@@ -218,16 +219,19 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
         "test_delays_s": {name: each for name, each in delays.items() if np.isfinite(each).all()},
         "starts_agreeing": [search.agreeing, search.tried],
     }
-    outcome = _outcome(interrupted, best, without if complete else ())
+    at_bound = at_bounds(vibrations.scenario, parameters)
+    outcome = _outcome(interrupted, best, without if complete else (), at_bound)
     warnings += search.warnings
     return Findings([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
-def _outcome(interrupted: str, best: Best, without_derivative: Sequence[str]) -> Outcome:
-    """How the fit ended: where it was interrupted, and the parameters without a derivative."""
+def _outcome(
+    interrupted: str, best: Best, without_derivative: Sequence[str], at_bound: Sequence[Outcome]
+) -> Outcome:  # fmt: skip
+    """How the fit ended: where it was interrupted, the parameters without a derivative, and those on their bounds."""
     if interrupted:
         return interruption(interrupted)
-    outcomes = []
+    outcomes = list(at_bound)
     if not best.converged:
         outcomes.append(
             Outcome.of(

@@ -27,10 +27,11 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop, loop_frequency, turning_points
-from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_width
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, loop_width
 from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.files import DecimalMark
-from beamsim.system.force_tables import LOOP, read_forces
+from beamsim.system.force_tables import LOOP, fit_from_zero, free_travel, read_forces
 from beamsim.typing import Floats, not_none
 
 
@@ -45,6 +46,8 @@ class PadNumbers:
     maxwell: tuple[MaxwellBranch, ...] = ()
     dynamic: tuple[tuple[float, float, float], ...] = ()  # Hz, N/m, loss factor: curve and branches, about the loop's
     loss_factor: float | None = None  # as given, or of the measured loop
+    free_travel: float = 0.0  # m, at the beginning of the curve, without a force
+    outcome: Outcome = COMPLETE  # not reliable where the fit of branches ended at its bounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +83,7 @@ def pad(data: KnownPad) -> PadNumbers:
         Where too little or too much is known.
     """
     _check(data)
-    points, misfit, loss_factor = None, None, data.loss_factor
+    points, misfit, loss_factor, free = None, None, data.loss_factor, 0.0
     if data.curve is not None:
         fitted, misfit, of_loop, record = _measured(data.curve, data.segments, data.columns, data.decimal)
         if record is not None and data.loss_factor is None and data.frequency is None:
@@ -88,6 +91,7 @@ def pad(data: KnownPad) -> PadNumbers:
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
         if fitted.slopes.size > 1:
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
+        free = free_travel(fitted)
         loss_factor = of_loop if loss_factor is None else loss_factor
     else:
         area, height = not_none(data.area), not_none(data.height)
@@ -95,7 +99,9 @@ def pad(data: KnownPad) -> PadNumbers:
     dashpot = 0.0
     if loss_factor is not None and data.frequency is not None:
         dashpot = loss_factor * stiffness / (2.0 * math.pi * data.frequency)
-    return PadNumbers(stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor)
+    return PadNumbers(
+        stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor, free_travel=free
+    )
 
 
 def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
@@ -114,6 +120,8 @@ def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) ->
         misfit=float(np.sqrt(np.mean(missed**2))),
         loss_factor=loss_factor,
         maxwell=fit.branches,
+        free_travel=free_travel(curve),
+        outcome=fit.outcome,
         dynamic=tuple(zip(at.tolist(), k.real.tolist(), (k.imag / k.real).tolist(), strict=True)),
     )
 
@@ -169,13 +177,12 @@ def _measured(
     """
     try:
         deflection, force, time = read_forces(file, columns, decimal)
-        curve, misfit = fit_curve(deflection, force, segments)
+        curve, misfit = fit_from_zero(deflection, force, segments)
     except InputFileError as fault:
         raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
         raise ScenarioError.at("--curve", f"= {file} cannot be used: {error}", remedy) from None
-    _check_zero(file, deflection, force)
     turns = turning_points(deflection)
     work = [_work(deflection[i : j + 1], force[i : j + 1]) for i, j in pairwise(turns)]
     given, back = sum(work[::2]), -sum(work[1::2])
@@ -186,29 +193,6 @@ def _measured(
     timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
     record = Record(time, deflection, force) if timed and time is not None else None
     return curve, 0.0 if exact else misfit, loss_factor, record
-
-
-LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
-
-
-def _check_zero(file: Path, deflection: Floats, force: Floats) -> None:
-    """Refuse a curve with an offset, of which a curve through zero has another stiffness.
-
-    Raises
-    ------
-    ScenarioError
-    """
-    order = np.argsort(deflection, kind="stable")
-    x, y = deflection[order], force[order]
-    at_zero = float(np.interp(0.0, x, y))
-    if x[0] > LARGEST_OFFSET * x[-1] and abs(y[0]) < LARGEST_OFFSET * y.max():
-        what, column = f"its force begins at {1e3 * x[0]:.3g} mm", "deflection"
-    elif x[0] <= LARGEST_OFFSET * x[-1] and abs(at_zero) > LARGEST_OFFSET * y.max():
-        what, column = f"its force is {at_zero:.3g} N at zero deflection", "force or deflection"
-    else:
-        return
-    remedy = f"subtract from the column of {column} what it reads where contact begins"
-    raise ScenarioError.at("--curve", f"= {file} has an offset: {what}", remedy)
 
 
 def _work(deflection: Floats, force: Floats) -> float:
