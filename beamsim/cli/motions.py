@@ -20,6 +20,7 @@ from beamsim.cli.screens import (
 from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_text
 from beamsim.plots.style import amount, is_known, percent, scale_for
+from beamsim.results.competition import ALIKE
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -127,13 +128,25 @@ def input_texts(result: RunResult) -> dict[str, str]:
 
 
 def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
-    """By value how it changes with the tolerance of each number, the largest change first."""
+    """By value how it changes with the tolerance of each number, the largest change first.
+
+    Where another extreme takes over, it changes otherwise where the number is smaller.
+    """
     texts: dict[str, list[str]] = {}
-    for row in sorted(result["sensitivities"].rows("row"), key=lambda row: -abs(row["change"])):
+
+    def size(row: Mapping[str, Any]) -> float:
+        return float(max(abs(row["change"]), abs(row["change_below"])))
+
+    def change(value: float, unit: str) -> str:
+        return f"{'-' if value < 0.0 else '+'}{amount(abs(value), unit, 3)}"
+
+    for row in sorted(result["sensitivities"].rows("row"), key=size, reverse=True):
         _, *place, quantity = ("", *row["response"].split("/"))[-3:]
-        change = f"{'-' if row['change'] < 0.0 else '+'}{amount(abs(row['change']), row['value_unit'], 3)}"
-        of_value = texts.setdefault(" of ".join([words(quantity), *place]), [])
-        of_value.append(f"{row['path']} +{amount(row['tolerance'], row['number_unit'], 3)}: {change}")
+        tolerance, unit = amount(row["tolerance"], row["number_unit"], 3), row["value_unit"]
+        text = f"{row['path']} +{tolerance}: {change(row['change'], unit)}"
+        if abs(row["change"] + row["change_below"]) > ALIKE * size(row):
+            text += f", -{tolerance}: {change(row['change_below'], unit)}"
+        texts.setdefault(" of ".join([words(quantity), *place]), []).append(text)
     return texts
 
 

@@ -669,18 +669,21 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
     response : the value, as studies name it.
     """
     every = (row for row in result["sensitivities"].rows("row") if row["response"] == response)
-    told = sorted(every, key=lambda row: -abs(row["change"]))
+    told = sorted(every, key=lambda row: -max(abs(row["change"]), abs(row["change_below"])))
     value, rows = told[0]["value"], np.arange(len(told))
-    change = np.array([row["change"] for row in told])
-    scale = scale_for(told[0]["value_unit"], [value, *change])
-    for sign, label, colour in ((1.0, "number + tolerance", DARK), (-1.0, "number - tolerance", PALE)):
-        ax.barh(rows, sign * change * scale.factor, 0.6, value * scale.factor, label=label, color=colour)
+    changes = [[row[name] for row in told] for name in ("change", "change_below")]
+    scale = scale_for(told[0]["value_unit"], [value, *changes[0], *changes[1]])
+    ax.use_sticky_edges = False  # where both ends lie on one side of the value, its line is within the picture
+    for change, label, colour in zip(changes, ("number + tolerance", "number - tolerance"), (DARK, PALE), strict=True):
+        bars = ax.barh(rows, np.multiply(change, scale.factor), 0.6, value * scale.factor, label=label, color=colour)
+        for bar, *both in zip(bars, change, *changes, strict=True):
+            bar.set_zorder(2.0 if abs(both[0]) < np.abs(both).max() else 1.5)  # the shorter one is in front
     ax.axvline(value * scale.factor, color="black", linewidth=0.9)
     labels = [f"{row['path']} ± {amount(row['tolerance'], row['number_unit'], 3)}" for row in told]
     ax.set_yticks(rows, labels, fontsize="x-small")
     ax.invert_yaxis()
-    _, *place, quantity = response.split("/")
-    finish(ax, with_unit(f"{quantity.replace('_', ' ').capitalize()}, {'/'.join(place)}", scale), "")
+    _, *place, quantity = ("", *response.split("/"))[-3:]
+    finish(ax, with_unit(", ".join([quantity.replace("_", " ").capitalize(), *place]), scale), "")
     legend(ax)
 
 

@@ -542,15 +542,27 @@ SENSITIVITIES = Layout(
         "derivative": Variable(
             _ROW, "({value_unit})/({number_unit})", "derivative of the value by the number"
         ),
+        "derivative_below": Variable(
+            _ROW, "({value_unit})/({number_unit})",
+            "derivative for smaller numbers: another one where another extreme decides at the lower end of the "
+            "tolerance, or is within 1 % and would take over first",
+        ),
+        "derivative_above": Variable(
+            _ROW, "({value_unit})/({number_unit})", "derivative for larger numbers, at the upper end of the tolerance"
+        ),
         "path": Variable(_ROW, "", "path of the number", str),
         "number_unit": Variable(_ROW, "", "SI unit of the number", str),
         "number": Variable(_ROW, "{number_unit}", "the number"),
         "tolerance": Variable(_ROW, "{number_unit}", "tolerance of the number"),
         "holds_within": Variable(
-            _ROW, "{number_unit}", "smallest change of the number that makes or takes away a contact"
+            _ROW, "{number_unit}", "smallest change of the number that makes or takes away a contact, or with which "
+            "another extreme decides",
         ),
         "change": Variable(
-            _ROW, "{value_unit}", "change of the value with the tolerance, derivative times tolerance"
+            _ROW, "{value_unit}", "change of the value where the number is larger by its tolerance, by derivatives"
+        ),
+        "change_below": Variable(
+            _ROW, "{value_unit}", "change of the value where the number is smaller by its tolerance, by derivatives"
         ),
     },
     optional=True,

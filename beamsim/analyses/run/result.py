@@ -185,8 +185,11 @@ _SUMMARY = (
     *OF_MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),
-    Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
-             "change of the value with it, and the change of the number within which it holds, in SI units",
+    Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, those for "
+             "smaller and larger numbers where another extreme takes over (derivative_below, derivative_above), "
+             "tolerance, "
+             "change of the value where the number is larger and where it is smaller by it (change, change_below), and "
+             "the change of the number within which the derivative holds, in SI units",
              form=dict[str, dict[str, Plain]]),
     Entry("method", "", "exact, or reference with its integrator", "solver", form=Text),
     Entry("samples", "1", "samples of the histories", "solver"),
@@ -243,6 +246,8 @@ class RunResult(Result):
         if entry.name == "sensitivities":
             rows = self["sensitivities"].rows("row")
             of = next(row for row in rows if (row["response"], row["path"]) == place)
-            units = {"change": of["value_unit"], "tolerance": of["number_unit"], "holds_within": of["number_unit"]}
+            units = dict.fromkeys(("change", "change_below"), of["value_unit"]) | {
+                "tolerance": of["number_unit"], "holds_within": of["number_unit"]
+            }  # fmt: skip
             return str(units.get(keys[0], "1"))
         return super().unit_of(entry, place, keys, record)

@@ -11,27 +11,29 @@ where its time moves with an event, or :math:`\dot x = 0`; a time in contact cha
 
 A contact at whose event the guard has the rate g' and the second derivative g'' is only grazed after a change of the
 number by about :math:`|g' / (2 g''\, \partial_p t)|`, and one that stays open at a distance is touched after about
-that over the distance's derivative. Beyond, the motion has other contacts, of which no derivative tells.
+that over the distance's derivative. Beyond, the motion has other contacts, of which no derivative tells. A peak is the
+largest of many extremes, which all have their derivatives: where they cross, another one takes over
+(:mod:`beamsim.results.competition`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.extremes import Contenders, LocalExtremes, Varied
 from beamsim.analyses.run.layouts import SENSITIVITIES
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow, exact_flow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
 from beamsim.labelled import Dataset
-from beamsim.results.values import ACCELERATION, OPENING, VALUES, Value, searched
+from beamsim.results.competition import NEGLIGIBLE, Competition
+from beamsim.results.values import ACCELERATION, VALUES, Value, limited, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter
@@ -39,7 +41,7 @@ from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet
 from beamsim.system.parts import Parts, SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints, not_none
+from beamsim.typing import Floats, not_none
 
 STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
 SIDES = (1, -1, 2, -2)  # steps to systems that are built beside that of the run
@@ -53,13 +55,8 @@ BOTH = (
 AHEAD = (-1.5, 2.0, 0.0, -0.5, 0.0)
 APART = 1.5  # ratio of frequencies from which on modes have coordinates of their own
 GRAZING = 1e-9  # of a number: a contact that so small a change takes away is only grazed
-AT_END = 1e-9  # of a segment: what is nearer to its end is there
-ROUND_OFF = 1e-12  # of a peak
-STILL = 1e-9  # of its size, within which a channel is constant
-MISSED = 2
-MISSES = 8  # of each snubber, the nearest ones, that are looked at
 BEND = 0.01  # of a derivative, by which that on one side may differ from it
-NEGLIGIBLE = 1e-6  # of a value: changes that are smaller are not looked at
+LISTED = 3  # values in a note whose derivatives are given
 
 
 class Derivative(NamedTuple):
@@ -69,35 +66,15 @@ class Derivative(NamedTuple):
     value: float
     value_unit: str
     derivative: float
+    derivative_below: float
+    derivative_above: float
     path: str
     number_unit: str
     number: float
     tolerance: float
     holds_within: float
-
-    @property
-    def change(self) -> float:
-        """In the unit of the value."""
-        return self.derivative * self.tolerance
-
-
-class Varied(NamedTuple):
-    """What a number of the scenario changes."""
-
-    number: VariedParameter
-    rates: Differences
-    rows: dict[FlowOutputs, Floats]  # of the channels, of the systems on both sides
-    start: Floats  # (N,) change of the state at the start
-
-
-class Peak(NamedTuple):
-    """An extreme of a channel, and when it is reached."""
-
-    row: int  # of the channel
-    high: int  # 1 the highest, 0 the lowest; `MISSED` what does not touch
-    segment: int
-    time: float  # s
-    later: int  # 0 where the segment ends, 1 where it begins or between
+    change: float  # in the unit of the value
+    change_below: float
 
 
 def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
@@ -128,35 +105,97 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     # a peak behind a filter is none of the motion
     chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
-    along = _Along(trajectory, _linear(system, chosen))
+    along = LocalExtremes(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
     pairs = [_varied(plain, system, along, chosen, number) for number in numbers]
     varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
-    told = along.told(chosen)
-    peaks = [along.peak(*key) for key in {key for *_, factors in told.values() for key in factors}]
-    peaks = sorted(peaks + along.misses(), key=lambda peak: (peak.segment, peak.time))
+    everywhere = [of for of, place in map(limited, scenario.limits.given if scenario.limits else ()) if not place]
+    contests, misses = along.contests(chosen, everywhere), along.misses()
+    peaks = sorted({*misses, *(peak for of in contests for peak in of.peaks)}, key=lambda p: (p.segment, p.time, p[4]))
     log, instants = along.cut(peaks)
     start = np.stack([each.start for each in varied], axis=1)
     found = sensitivity(trajectory.flow, along.outputs, log, [each.rates for each in varied], start, instants)
-    slopes = [along.slope(peak, k, varied, found) for k, peak in enumerate(peaks)]
-    by = {peak[:2]: slope for peak, slope in zip(peaks, slopes, strict=True)}
-    values = {
-        name: (value, unit, sum((w * by[key] for key, w in factors.items()), np.zeros(len(varied))))
-        for name, (value, unit, factors) in told.items()
-    } | _shares(system, trajectory, log, found)
-    rows, warnings = list[Derivative](), along.still(told)
-    missed = [k for k, peak in enumerate(peaks) if peak.high == MISSED]
-    near = [(peaks[k].time, along.distance(peaks[k]), slopes[k]) for k in missed]
+    by = dict(zip(peaks, along.slopes(peaks, varied, found), strict=True))
+    near = [(miss.time, along.distance(miss), by[miss]) for miss in misses]
+    every = [*(of.contenders(by) for of in contests), *_shares(system, trajectory, log, found)]
+    rows, warnings = list[Derivative](), along.still(contests)
     for p, number in enumerate(numbers):
         holds, time = min(_reaches(found, log, near, p))
-        tolerance, ahead = 0.5 * (number.high - number.low), p + len(numbers)
-        about = number.path, number.unit, float(number.nominal), tolerance, holds
-        rows += [Derivative(name, value, unit, float(of[p]), *about) for name, (value, unit, of) in values.items()]
-        size = {name: max(abs(of[p]), NEGLIGIBLE * abs(value) / tolerance) for name, (value, _, of) in values.items()}
-        bends = [(abs(of[ahead] - of[p]) / size[name], name) for name, (_, _, of) in values.items() if size[name]]
-        warnings += _doubts(number, bends, holds, time)
+        decided = [of.decided(p, _tolerance(number)) for of in every]
+        rows += [_derivative(number, of, each, holds) for of, each in zip(every, decided, strict=True)]
+        warnings += _doubts(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds, time)
+        warnings += _competing(number, [pair for pair in zip(every, decided, strict=True) if pair[1].noted])
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
     return (SENSITIVITIES.table(rows, units) if rows else None), warnings
+
+
+def _tolerance(number: VariedParameter) -> float:
+    """To either side, in the unit of the number."""
+    return 0.5 * (number.high - number.low)
+
+
+def _derivative(number: VariedParameter, of: Contenders, each: Competition, holds: float) -> Derivative:
+    """The row of a value and a number.
+
+    Parameters
+    ----------
+    number, of : the number and the value.
+    each : how the value changes with the number.
+    holds : the smallest change of the number that makes or takes away a contact.
+    """
+    return Derivative(
+        of.name, float(of.values[0]), of.unit, each.derivative, each.below, each.above, number.path, number.unit,
+        float(number.nominal), _tolerance(number), min(holds, abs(each.takes_over)), each.change, each.change_below,
+    )  # fmt: skip
+
+
+def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) -> Iterator[tuple[float, str]]:
+    """Shares of derivatives by which those from one side of the number differ, with the names of the values.
+
+    Parameters
+    ----------
+    every : the values.
+    p, ahead : columns of the derivatives from both sides and from one.
+    tolerance : of the number.
+    """
+    for of in every:
+        both, one = float(of.slopes[0, p]), float(of.slopes[0, ahead])
+        if size := max(abs(both), NEGLIGIBLE * abs(float(of.values[0])) / tolerance):
+            yield abs(one - both) / size, of.name
+
+
+def _competing(number: VariedParameter, noted: Sequence[tuple[Contenders, Competition]]) -> Iterator[str]:
+    """A note on the values for which extremes compete, the first of them with both derivatives.
+
+    Parameters
+    ----------
+    number : from the scenario.
+    noted : these values, and how they change with the number.
+    """
+    if not noted:
+        return
+    nearest, texts = sorted(noted, key=lambda item: abs(item[1].takes_over)), list[str]()
+    for of, each in nearest[:LISTED]:
+        unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
+        texts.append(
+            f"{of.name} has the derivative {each.below:.4g}{per} for smaller and {each.above:.4g}{per} for larger "
+            f"values (the extreme at {of.times[each.rival]:.6g} s takes over where it changes by "
+            f"{each.takes_over + 0.0:+.3g}{unit})"
+        )
+    more = ", ".join(of.name for of, _ in nearest[LISTED:])
+    others = f"; and {more}" if more else ""
+    yield f"run.sensitivities: {number.path}: extremes compete: {'; '.join(texts)}{others}"
+
+
+def _per(unit: str, other: str) -> str:
+    """The unit of a derivative.
+
+    >>> _per("N", "N/m"), _per("m", "m"), _per("m", "1"), _per("1", "kg")
+    ('N/(N/m)', '1', 'm', '1/kg')
+    """
+    if unit == other:
+        return "1"
+    return unit if other == "1" else f"{unit}/({other})" if set(other) & set("/ ") else f"{unit}/{other}"
 
 
 def _reaches(
@@ -198,7 +237,7 @@ def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: 
     at = f"run.sensitivities: {number.path}: at {time:.6g} s a contact is only grazed"
     if holds <= GRAZING * abs(float(number.nominal)):
         yield f"{at}: the derivatives of what follows are infinite"
-    elif holds < 0.5 * (number.high - number.low):
+    elif holds < _tolerance(number):
         unit = "" if number.unit == "1" else f" {number.unit}"
         yield f"{at} where it changes by {holds:.3g}{unit}: the derivatives hold for smaller changes"
 
@@ -209,7 +248,7 @@ def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
 
 
 def _varied(
-    scenario: Scenario, system: StructuralSystem, along: _Along, chosen: Sequence[Value], number: VariedParameter
+    scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
 ) -> tuple[Varied, Varied]:
     """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
 
@@ -220,7 +259,7 @@ def _varied(
     number : from the scenario.
     """
     shared = system.parts.shared
-    own, step = along.outputs, STEP * (abs(float(number.nominal)) or 0.5 * (number.high - number.low))
+    own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
     step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
     starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
@@ -230,7 +269,7 @@ def _varied(
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
     both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
-    one, other = (Varied(number, each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
+    one, other = (Varied(each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
     return one, other
 
 
@@ -290,152 +329,8 @@ def _turn(own: Parts, other: Parts) -> Floats:
     return np.asarray(left @ right)
 
 
-class _Along:
-    """Linear channels along the motion of a run."""
-
-    def __init__(self, motion: Trajectory, channels: ChannelSet) -> None:
-        self.motion, self.channels, self.outputs = motion, channels, FlowOutputs(motion.flow)
-        self.output_of = outputs_of(motion.flow, channels.linear)
-        low, when_low, high, when_high = motion.extrema(self.output_of)[:4]
-        self.extremes, self.when = np.array([low, when_low, high, when_high]), (when_low, when_high)
-
-    def told(self, chosen: Iterable[Value]) -> dict[str, tuple[float, str, dict[tuple[int, int], float]]]:
-        """By name of a value: the value, its unit, and the factors of lowest and highest values of channels in it."""
-        told: dict[str, tuple[float, str, dict[tuple[int, int], float]]] = {}
-        for value in chosen:
-            for channel, first in self.channels.located:
-                extreme = self.extremes[:, first : first + channel.columns]
-                if not value.takes(channel):
-                    continue
-                of = partial(value.of_channels, [channel])
-                numbers, size = of(extreme), 2.0**-20 * (np.abs(extreme[::2]).max() or 1.0)
-                best, name = int(np.argmax(numbers)), f"{value.section}/{channel.name}/{value.name}"
-                name = value.name if value.single else name
-                if name in told and told[name][0] >= numbers[best]:
-                    continue
-                units = [size * np.eye(4)[:, [2 * high]] for high in (0, 1)]
-                apart = extreme + 4.0 * units[1]  # of two that are as large the highest counts
-                slopes = [(of(apart + u) - of(apart - u))[best] / (2.0 * size) for u in units]
-                signs = [float(np.round(slope)) if numbers[best] else 0.0 for slope in slopes]
-                factors = {(first + best, high): sign for high, sign in enumerate(signs) if sign}
-                told[name] = float(numbers[best]), channel.unit, factors
-        return told
-
-    def still(self, told: Mapping[str, tuple[float, str, Mapping[tuple[int, int], float]]]) -> list[str]:
-        """A warning of values whose channel is constant, so that any number may make them larger, either way."""
-        low, _, high, _ = self.extremes
-        flat = high - low <= STILL * np.maximum(np.abs(low), np.abs(high))
-        names = [name for name, (value, _, factors) in told.items() if value and any(flat[row] for row, _ in factors)]
-        message = (
-            "does not change along the motion: its derivatives are those of one instant, and any change may raise it"
-        )
-        return [f"run.sensitivities: {name} {message}" for name in names]
-
-    def output(self, row: int, segment: int, time: float) -> Floats:
-        """(3,) a channel on a segment, its rate and the rate of that."""
-        motion, flow, values = self.motion, self.motion.flow, np.empty(3)
-        phases, part = flow.states[motion.state[segment]].phases, motion.only(slice(segment, segment + 1))
-        factors, rates = self.outputs.outputs(self.output_of, phases)[row], self.outputs.rates(phases)
-        inputs, y = flow.inputs_at(np.array([time]), 3, part.time)[0], part.states_at(np.array([time]))[0]
-        for order in range(3):
-            v = np.append(y, inputs[order])
-            values[order], y = factors @ v, rates @ v
-        return values
-
-    def distance(self, miss: Peak) -> float:
-        """That of an open contact where it is near, m; as far as round-off tells where it just touches."""
-        opening = self.output(miss.row, miss.segment, miss.time)[0]
-        return float(max(abs(opening), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
-
-    def peak(self, row: int, high: int) -> Peak:
-        """An extreme of a channel; between the ends of a segment its rate is zero there to round-off."""
-        motion, time, sign = self.motion, float(self.when[high][row]), 2 * high - 1
-        ends, near = motion.time + motion.length, 1e-12 * motion.end
-        here = np.flatnonzero((motion.time <= time + near) & (ends >= time - near) & (motion.length > 0.0)).tolist()
-        within = {g: min(max(time, float(motion.time[g])), float(ends[g])) for g in here}
-        segment = max(here, key=lambda g: sign * self.output(row, g, within[g])[0])
-        begin, end, at = float(motion.time[segment]), float(ends[segment]), within[segment]
-        value = sign * float(self.output(row, segment, at)[0])
-        least = value - ROUND_OFF * abs(value)
-        for _ in range(8):
-            _, rate, turn = self.output(row, segment, at)
-            moved = at - rate / turn if sign * turn < 0.0 else np.nan
-            if not begin <= moved <= end or sign * self.output(row, segment, moved)[0] < least:
-                break
-            at = moved
-        if min(at - begin, end - at) > AT_END * (end - begin):
-            return Peak(row, high, segment, at, 1)
-        later = int(at - begin < end - at)
-        return Peak(row, high, segment, begin if later else end, later)
-
-    def misses(self) -> list[Peak]:
-        """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
-        motion, found = self.motion, list[Peak]()
-        touching = motion.flow.system.contacts.touching(motion.phases)
-        for j, row in enumerate(self.channels.places.get(OPENING, ())):
-
-            def opening(phases: Ints, row: int = row) -> Floats:
-                return self.output_of(phases)[row : row + 1]
-
-            segment, time, value = motion.turning_points(opening, np.flatnonzero(~touching[:, j]))
-            least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that
-            inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] < value[2:]) & (value[1:-1] > least))
-            inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
-            nearest = inner[np.argsort(value[inner])[:MISSES]]
-            found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
-        return found
-
-    def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
-        """The motion with a segment that begins at each peak, and where the peaks are for `sensitivity`."""
-        motion = self.motion
-        inner = sorted({p[2:4] for p in peaks if motion.time[p.segment] < p.time and p.later})
-        segments, times = (np.array([each[k] for each in inner]) for k in (0, 1))
-        of = np.concatenate([np.arange(motion.time.size), segments]).astype(np.int64)
-        time = np.concatenate([motion.time, times])
-        y = np.concatenate([motion.y, motion.states_at(times) if inner else motion.y[:0]])
-        order = np.lexsort((time, of))
-        of, time = of[order], time[order]
-        last = np.append(of[1:] != of[:-1], True)
-        length = np.where(last, motion.time[of] + motion.length[of], np.append(time[1:], 0.0)) - time
-        log = Log(
-            time, length, motion.state[of], motion.piece[of], y[order], motion.event_time, motion.event_contact,
-            motion.event_before, motion.event_phase,
-        )  # fmt: skip
-        instants = [
-            (int(np.flatnonzero((of == p.segment) & (time == p.time))[0]) if p.later
-             else int(np.searchsorted(of, p.segment, side="right")), p.later)
-            for p in peaks
-        ]  # fmt: skip
-        return log, instants
-
-    def slope(self, peak: Peak, place: int, varied: Sequence[Varied], found: MotionDerivative) -> Floats:
-        """(P,) derivatives of an extreme.
-
-        Parameters
-        ----------
-        peak : the extreme.
-        place : of the instant when it is reached, among those that are kept.
-        varied : (P,) what changes.
-        found : derivatives of the motion.
-        """
-        flow, kept = self.motion.flow, found.kept
-        phases, v = flow.states[self.motion.state[peak.segment]].phases, kept.instant.v[place]
-
-        def factors(side: FlowOutputs, rows: Mapping[FlowOutputs, Floats]) -> Floats:
-            row = rows[side][peak.row : peak.row + 1]
-            return np.asarray(side.outputs(outputs_of(side.flow, row), phases)[0])
-
-        own = factors(self.outputs, {self.outputs: self.channels.linear})
-        rows = [each.rates.of(partial(factors, rows=each.rows)) for each in varied]
-        fixed = own[: flow.size] @ kept.S[place] + kept.instant.moved[place] @ own[flow.size :]
-        moves = own @ kept.instant.moving[place] * kept.dt[kept.event[place]]
-        return np.asarray(fixed + [row @ v for row in rows] + moves)
-
-
-def _shares(
-    system: StructuralSystem, motion: Trajectory, log: Log, found: MotionDerivative
-) -> dict[str, tuple[float, str, Floats]]:
-    """Shares of the time in contact of snubbers by name, with unit and derivatives (P,).
+def _shares(system: StructuralSystem, motion: Trajectory, log: Log, found: MotionDerivative) -> list[Contenders]:
+    """Shares of the time in contact of snubbers with their derivatives.
 
     Parameters
     ----------
@@ -445,6 +340,6 @@ def _shares(
     """
     touching = motion.flow.system.contacts.touching(np.array(motion.flow.visited)[log.state]).astype(int)
     by = -np.diff(touching, axis=0).T @ found.kept.dt[1:-1] / motion.end
-    shares = motion.contact_share()
-    names = [snubber.name for snubber in system.snubbers]
-    return {f"snubbers/{name}/contact_share": (float(shares[j]), "1", by[j]) for j, name in enumerate(names)}
+    shares, end = motion.contact_share(), np.array([motion.end])
+    names = [f"snubbers/{snubber.name}/contact_share" for snubber in system.snubbers]
+    return [Contenders(name, "1", 1.0, 0.0, shares[[j]], end, by[[j]]) for j, name in enumerate(names)]

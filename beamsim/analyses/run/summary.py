@@ -134,11 +134,19 @@ def input_summary(inputs: Dataset) -> dict[str, dict[str, Any]]:
 
 
 def sensitivity_summary(sensitivities: Dataset) -> dict[str, dict[str, dict[str, float]]]:
-    """By value, as studies name it, and path of a number: derivative, tolerance, change, holds_within, in SI."""
+    """By value, as studies name it, and path of a number: derivatives, tolerance, changes, holds_within, in SI."""
     summary: dict[str, dict[str, dict[str, float]]] = {}
+    names = (
+        "derivative",
+        "derivative_below",
+        "derivative_above",
+        "tolerance",
+        "change",
+        "change_below",
+        "holds_within",
+    )
     for row in sensitivities.rows("row"):
-        told = {key: row[key] for key in ("derivative", "tolerance", "change", "holds_within")}
-        summary.setdefault(row["response"], {})[row["path"]] = told
+        summary.setdefault(row["response"], {})[row["path"]] = {name: row[name] for name in names}
     return summary
 
 
