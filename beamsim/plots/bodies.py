@@ -20,6 +20,8 @@ from beamsim.structures.places import Place, Stations
 from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats
 
+BELOW = ("below", "approach")  # sides of stops that resist negative displacements
+NO_MOTION = 1e-9  # of a stop, over the motion of the structure at it: less is round-off
 LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
 
 
@@ -39,8 +41,29 @@ def stops_of(result: RunResult) -> dict[str, SnubberNumbers]:
     }
 
 
+def stand_of(result: RunResult, stop: SnubberNumbers) -> Floats | None:
+    """How a stop moves relative to the base: with a support, by itself, or as it stays on the ground of a moving base.
+
+    Parameters
+    ----------
+    result : of the run.
+    stop : one of its stops.
+
+    Returns
+    -------
+    (nt,) m or rad, at the output times; None of a stop that moves with the base.
+    """
+    w, penetration = (
+        result["histories"][f"snubber_{of}"].sel(snubber=stop.name).values for of in ("displacement", "penetration")
+    )
+    beyond = penetration + stop.gap
+    moved = np.asarray(w + beyond if stop.side in BELOW else w - beyond)
+    still = not math.isfinite(stop.gap) or np.ptp(moved) <= NO_MOTION * max(float(np.ptp(w)), abs(stop.gap))
+    return None if still else moved
+
+
 def deflected_shapes(result: RunResult, name: str) -> Chart:
-    """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers."""
+    """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers where they are then."""
     bodies = result["bodies"].groups("station_body")
     beam, position = bodies[name], bodies[name]["position"].values
     snubbers = [s for s in stops_of(result).values() if s.gap_unit == "m"]
@@ -49,15 +72,22 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
     curves = [Curve(label, position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
     marks: list[Curve] = []
-    still = np.nan_to_num(beam["static_shape"])
+    time = result["histories"]["time"].values
     for s in snubbers:
-        side, at = (-1.0 if s.side == "below" else 1.0), np.interp(s.position, position, still)
-        shut = side * at >= s.gap  # it follows the beam until it is free
-        label = f"snubber, {'closed' if shut else 'open'} at rest"
-        triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
-                    "markerfacecolor": RED if shut else "white"}  # fmt: skip
-        face = (s.position, at if shut else side * s.gap)  # which is the tip of the triangle
-        marks.append(marked("" if label in [mark.label for mark in marks] else label, face, **triangle))
+        moved = stand_of(result, s)
+        shapes = [("at rest", np.nan_to_num(beam["static_shape"]), 0.0)]
+        if moved is not None:
+            instants = zip(beam["extreme_time"].values, beam["extreme_shape"].values, strict=True)
+            shapes += [("then", shape, float(np.interp(t, time, moved))) for t, shape in instants if np.isfinite(t)]
+        side = -1.0 if s.side == "below" else 1.0
+        for when, shape, stand in shapes:
+            at, free = np.interp(s.position, position, shape), stand + side * s.gap
+            shut = side * (at - free) >= 0.0  # it follows the beam until it is free
+            label = f"snubber, {'closed' if shut else 'open'} {when}"
+            triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
+                        "markerfacecolor": RED if shut else "white"}  # fmt: skip
+            face = (s.position, at if shut else free)  # which is the tip of the triangle
+            marks.append(marked("" if label in [mark.label for mark in marks] else label, face, **triangle))
     of = name if len(bodies) > 1 else "the beam"
     scale = scale_for("m", beam["extreme_shape"].values, np.array([mark.y for mark in marks]))
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})

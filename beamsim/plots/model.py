@@ -14,6 +14,7 @@ from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.plots.understood import amplitude_text, excitation_text
+from beamsim.scenario.body import OnSupport
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
 from beamsim.system.parts import Acting
@@ -35,7 +36,7 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
     names: list[Named] = [
         *((f"mass {amount(mass, 'kg')}", at) for mass, at in sketch.masses()),
         *_springs(sketch, ax),
-        *((stop_text(name, stops[name]), at) for name, at in places.items()),
+        *((f"{stop_text(name, stops[name])}{_mounting(sketch, name)}", at) for name, at in places.items()),
         *_forces(sketch, ax, places),
         *_probes(sketch, ax),
     ]
@@ -128,6 +129,14 @@ def stop_text(name: str, stop: SnubberNumbers) -> str:
     return f"{name}: {amount(stop.stiffness, f'{push}/{way}')}, {rest}"
 
 
+def _mounting(sketch: Sketch, name: str) -> str:
+    """What a stop stands on, where it is not the base."""
+    on = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", "base")
+    if isinstance(on, OnSupport):
+        return f", on support {on.support}{f' of {on.body}' if on.body else ''}"
+    return ", on the ground" if on == "ground" else ""
+
+
 def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) -> Iterator[Named]:
     """Arrows where the base, supports and stops (by name where these are) move, and where forces act."""
     arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.8}
@@ -142,14 +151,24 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
         yield _said(part), (x, y + 0.34)
     moved = [(part, at) for _, part in acting.supports for at in _moved(sketch, part.applied_to)]
-    driven = [part for _, part in acting.stops]
-    for part, (x, y) in [
-        *moved,
-        *((part, at) for part in driven for name, at in stops.items() if part.moves_stop(name)),
-    ]:
+    moved += [(part, at) for _, part in acting.stops for name, at in stops.items() if part.moves_stop(name)]
+    carried = [
+        (None, at) for name, at in stops.items() if any(_carries(sketch, part, name) for _, part in acting.supports)
+    ]
+    drawn: list[tuple[Any, tuple[float, float]]] = [*moved, *carried]
+    for part, (x, y) in drawn:
         ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
-        mover: Any = part.applied_to  # a support or a stop
-        yield f"{mover.label}: {_said(part)}", (x, y - 0.3)
+        if part is not None:
+            yield f"{part.applied_to.label}: {_said(part)}", (x, y - 0.3)
+
+
+def _carries(sketch: Sketch, part: Any, name: str) -> bool:
+    """Whether a support that moves carries a stop along."""
+    on, default = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", None), sketch.scenario.default_body
+    support = part.applied_to
+    if not isinstance(on, OnSupport) or support.joint:
+        return False
+    return (on.support, on.body or default) == (support.support, support.body or default)
 
 
 def _said(part: Any) -> str:

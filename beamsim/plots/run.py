@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ from beamsim.analyses.run.result import (
     misfit_of_matched,
 )
 from beamsim.labelled import Dataset, LabelledArray
-from beamsim.plots.bodies import body_figures, stops_of
+from beamsim.plots.bodies import body_figures, stand_of, stops_of
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -196,13 +196,39 @@ def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Ite
             yield marked(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
 
 
-def _phases(result: RunResult, kind: str, name: str) -> tuple[LabelledArray, LabelledArray, Bools]:
-    """Displacement and velocity (nt,) of a place, a snubber or a probe, and whether there is contact."""
+class _Phases(NamedTuple):
+    """The motion of a place, with the labels of its axes, and whether there is contact."""
+
+    across: tuple[str, Scale]
+    up: tuple[str, Scale]
+    displacement: Floats  # (nt,) m or rad
+    velocity: Floats  # (nt,)
+    closed: Bools  # (nt,)
+
+
+def _phases(result: RunResult, kind: str, name: str, kept: slice) -> _Phases:
+    """The motion at a snubber or a probe; where the stop moves that relative to it, so that contact begins at its gap.
+
+    Parameters
+    ----------
+    result : of the run.
+    kind : snubber or probe.
+    name : of it.
+    kept : the samples that are drawn.
+    """
     histories, place = result["histories"], {kind: name}
     start = "snubber_" if kind == "snubber" else ""
-    w, v = (histories[f"{start}{of}"].sel(**place) for of in ("displacement", "velocity"))
-    closed = histories["snubber_closed"].sel(**place).values if start else np.zeros(w.values.size, dtype=bool)
-    return w, v, closed
+    displacement, velocity = (histories[f"{start}{of}"].sel(**place) for of in ("displacement", "velocity"))
+    w, v, closed = displacement.values, velocity.values, np.zeros(displacement.values.size, dtype=bool)
+    words, stand = ("Displacement", "Velocity") if displacement.unit == "m" else ("Angle", "Angular velocity"), None
+    if start:
+        closed, stand = histories["snubber_closed"].sel(**place).values, stand_of(result, stops_of(result)[name])
+    if stand is not None:
+        w, v = w - stand, v - np.gradient(stand, histories["time"].values)
+    w, v = w[kept], v[kept]
+    relative = "" if stand is None else " relative to the stop"
+    across = f"At {name}\n{words[0]}{relative}", scale_for(displacement.unit, w)
+    return _Phases(across, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[kept])
 
 
 def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
@@ -216,9 +242,8 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     kind : snubber or probe.
     name : of it.
     """
-    displacement, velocity, closed = _phases(result, kind, name)
     time = result["histories"]["time"].values[-MOST_STATES:]
-    w, v, closed = displacement.values[-MOST_STATES:], velocity.values[-MOST_STATES:], closed[-MOST_STATES:]
+    across, up, w, v, closed = _phases(result, kind, name, slice(-MOST_STATES, None))
     early = time < (result["spectra"]["start_s"].item() if "spectra" in result.datasets else 0.0)
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
@@ -230,11 +255,7 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
         for kept, label, style in parts
         if kept.any()
     ]
-    way, what = displacement.unit, ("Displacement", "Velocity")
-    if way == "rad":
-        what = ("Angle", "Angular velocity")
-    across = f"At {name}\n{what[0]}"
-    return Chart((across, scale_for(way, w)), (what[1], scale_for(f"{way}/s", v)), curves)
+    return Chart(across, up, curves)
 
 
 def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> HeatMap:
@@ -247,18 +268,15 @@ def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> He
     name : of it.
     start_s : what comes before is left out, s.
     """
-    kept = result["histories"]["time"].values >= start_s
-    displacement, velocity, closed = _phases(result, kind, name)
-    w, v, closed = displacement.values[kept], velocity.values[kept], closed[kept]
+    first = int(np.searchsorted(result["histories"]["time"].values, start_s))
+    across, up, w, v, closed = _phases(result, kind, name, slice(first, None))
     count, *edges = np.histogram2d(w, v, int(np.clip(0.6 * np.sqrt(w.size), *CELLS)))
     contact = np.histogram2d(w[closed], v[closed], edges)[0] > 0.5 * count
     share = np.where(count > 0.0, 100.0 * count / w.size, np.nan).T
-    scales = scale_for("m", w), scale_for("m/s", v)
-    across, up = (f"At {name}\nDisplacement", scales[0]), ("Velocity", scales[1])
 
     def plot(ax: Axes) -> None:
         norm = LogNorm(20.0 / w.size, float(np.nanmax(share)))  # a single sample is grey
-        of_edges = [edge * scale.factor for edge, scale in zip(edges, scales, strict=True)]
+        of_edges = [edge * scale.factor for edge, scale in zip(edges, (across[1], up[1]), strict=True)]
         for colours, where in (("Reds", contact.T), ("Greys", ~contact.T)):
             mesh = ax.pcolormesh(*of_edges, np.where(where, share, np.nan), cmap=colours, norm=norm, rasterized=True)
         label = "Share of the time (%)" + "; red: in contact" * bool(contact.any())

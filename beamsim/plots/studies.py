@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.contour import ContourSet
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
+from scipy.spatial.distance import cdist
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import ParameterColumn
@@ -45,6 +48,7 @@ MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
 MOST_BARS = 12
+LABELS_APART = 1.5  # heights of letters between the middles of two labels of a map
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
     "open_frequencies_hz": "Natural frequencies, open",
@@ -92,6 +96,27 @@ def _limit_level(result: StudyResult, quantity: str) -> list[Guide]:
     return [] if limit is None else [Guide("limit", limit, {"color": RED, "linewidth": 1.4})]
 
 
+def _labels_apart(ax: Axes, lines: ContourSet) -> list[Text]:
+    """Label the lines of a map; of labels that would lie over each other the first one stays.
+
+    Parameters
+    ----------
+    ax : with the lines, before its last layout, which may make it smaller.
+    lines : whose levels are written.
+    """
+    kept: list[tuple[Text, Floats]] = []
+    for label in ax.clabel(lines, fontsize="x-small"):
+        height = float(label.get_fontsize()) * ax.figure.dpi / 72.0  # pixels
+        letters, turn = len(label.get_text()), np.deg2rad(label.get_rotation())
+        along = np.linspace(-0.3 * letters * height, 0.3 * letters * height, 2 * letters + 1)[:, None]
+        points = ax.transData.transform(label.get_position()) + along * [np.cos(turn), np.sin(turn)]
+        if any(float(cdist(points, others).min()) < LABELS_APART * height for _, others in kept):
+            label.remove()
+        else:
+            kept.append((label, points))
+    return [label for label, _ in kept]
+
+
 def plot_response_map(
     result: StudyResult, ax: Axes, name: str, at: tuple[int, ...] = (), best: int | None = None
 ) -> None:
@@ -120,7 +145,7 @@ def plot_response_map(
         _write_cells(ax, values, beyond, cells.norm, star)
     else:
         lines = ax.contour(values, colors="white", linewidths=0.6)
-        for drawn in (lines, *ax.clabel(lines, fontsize="x-small")):
+        for drawn in (lines, *_labels_apart(ax, lines)):
             drawn.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])  # seen on light and dark cells
         if star:
             ax.plot(*star, marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)

@@ -172,7 +172,12 @@ def test_supports_that_move_are_marked():
 def test_what_moves_by_a_record_or_moves_a_stop_is_drawn(tmp_path):
     """A record has no level; a stop that moves has an arrow below it."""
     shipped = load_scenario(CONFIGS / "earthquake.yaml")
-    assert {"support left: sampled", "support right: sampled"} <= set(texts(sketched(shipped)))
+    drawn = sketched(shipped)
+    said = set(texts(drawn))
+    arrows = [each.xy[0] for each in drawn.axes[0].texts if each.arrow_patch is not None and each.xycoords == "data"]
+    assert sorted(arrows) == pytest.approx([0.0, 1.6, 4.0])  # at both supports, and at the stop on one of them
+    assert {"support left: sampled", "support right: sampled"} <= said
+    assert "bumper: 200 kN/m, gap 1.5 mm, on support left" in said
     stop = {"name": "cam", "position": 0.2, "side": "below", "stiffness": 1e4, "gap": 1e-3}
     moves = {"kind": "harmonic", "applied_to": {"snubber": "cam"}, "level": "1 mm", "frequency": 9.0}
     figure = sketched(load_scenario({"beam": BEAM, "snubbers": [stop], "excitation": moves}))

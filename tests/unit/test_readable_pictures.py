@@ -1,0 +1,91 @@
+"""Pictures of every kind can be read at their own size: no text is cut off or covered, no panel is empty."""
+
+import gzip
+from pathlib import Path
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+from readable import faults
+from sampling import slow_after
+
+import beamsim
+from beamsim.kinds import KINDS
+from beamsim.plots.drawing import Chart, Curve, Guide, Picture
+from beamsim.plots.model import model_figure
+from beamsim.plots.sketch import Sketch
+from beamsim.plots.style import shown_in
+from beamsim.system.build import build_system
+
+ROOT = Path(__file__).parents[2]
+STORED = ROOT / "tests" / "data" / "results"
+SKETCHED = ("earthquake", "moved_supports", "hinged_yoke", "plate_panel", "deployed_boom", "vibeams", "chain_two_dof")
+SOLVED = {  # of kinds of pictures of which no result is kept
+    "earthquake": {"run.duration": 4.0, "run.convergence": "off"},
+    "hinged_yoke": {"run.convergence": "off"},
+    "plate_panel": {"run.duration": 0.3, "run.convergence": "off"},
+    "crushed_stop": {"run.convergence": "off"},
+    "deployed_boom": {"run.convergence": "off"},
+    "shock_panel": {"run.convergence": "off"},
+    "sensitivities": {"run.convergence": "off"},
+    "two_panels": {"run.convergence": "off"},
+    "stick_slip": {"run.convergence": "off"},
+    "spring_position": {},
+    "ms_forced_oscillator": {},
+}
+
+
+def of_picture(curve, **more):
+    return faults(Picture("case", [Chart(("Time", "s"), ("Force", "N"), [curve])._replace(**more)]))
+
+
+def figures(result):
+    with shown_in(result.scenario.display_scales):
+        return resolve_name(KINDS[result.KIND].figures)(result)
+
+
+def test_faults_are_found():
+    """A text beyond the edge, texts over each other, a panel of nothing, an axis with one number."""
+    line = Curve("force", np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9))
+    assert of_picture(line) == []
+
+    def write(ax, *_):
+        ax.text(0.5, 0.5, "one")
+        ax.text(0.5, 0.5, "other")
+        ax.annotate(
+            "far", (0.5, 0.5), xytext=(2000, 0), textcoords="offset pixels", annotation_clip=False
+        ).set_in_layout(False)
+
+    assert {"'one' and 'other' overlap", "'far' is cut off"} == set(of_picture(line, more=write))
+    assert of_picture(line, more=lambda ax, *_: ax.set_xticks(np.linspace(0.4, 0.6, 30)))
+    assert of_picture(line, more=lambda ax, *_: ax.set_xticks([0.5]))
+    assert faults(Picture("case", [lambda ax: None])) == ["panel 0 is empty"]
+    assert of_picture(line, levels=[Guide("limit", 1.0)]) == []
+
+
+@pytest.mark.parametrize("name", slow_after(5, sorted(path.name.partition(".")[0] for path in STORED.glob("*.gz"))))
+def test_pictures_of_every_kept_result(name, tmp_path):
+    path = tmp_path / f"{name}.h5"
+    path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
+    drawn = figures(beamsim.load(path))
+    assert drawn
+    assert {name: found for name, picture in drawn.items() if (found := faults(picture))} == {}
+
+
+@pytest.mark.parametrize("name", slow_after(2, SKETCHED))
+def test_sketches(name):
+    scenario = beamsim.load_scenario(ROOT / "configs" / f"{name}.yaml")
+    system = build_system(scenario)
+    with shown_in(scenario.display_scales):
+        sketch = Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
+        assert faults(model_figure(sketch)) == []
+
+
+@pytest.mark.parametrize("name", slow_after(0, list(SOLVED)))
+def test_pictures_of_shipped_cases(name):
+    scenario = beamsim.load_scenario(ROOT / "configs" / f"{name}.yaml", SOLVED[name])
+    if scenario.study is not None:
+        result = beamsim.design_study(beamsim.plan_designs(scenario))
+    else:
+        result = (beamsim.nnm if scenario.run is None else beamsim.run)(scenario)
+    assert {name: found for name, picture in figures(result).items() if (found := faults(picture))} == {}
