@@ -49,21 +49,24 @@ def _quantity(unit: str, least: float = -math.inf, most: float = math.inf) -> Ca
     """
 
     def read(text: Any) -> float:
-        if not isinstance(text, str):
-            return float(text)  # the default
-        from beamsim.scenario import units
-
-        of = units.RATIO if unit in ("", "%") else units.TIME
-        try:
-            number, written = units.read_level(text, (of,))
-            number /= units.size_of(unit, of) if written is not None and unit else 1.0
-        except units.UnitError as error:
-            raise typer.BadParameter(f"{text} {error.message}; {error.remedy}") from None
+        number = _number_in(text, unit) if isinstance(text, str) else float(text)  # the default
         if not least <= number <= most:
             raise typer.BadParameter(f"{text} is outside {least:g} to {most:g}")
         return number
 
     return read
+
+
+def _number_in(text: str, unit: str) -> float:
+    """A number that a user wrote, in a unit, which is also that of a number without one."""
+    from beamsim.scenario import units
+
+    of = units.RATIO if unit in ("", "%") else units.TIME
+    try:
+        number, written = units.read_level(text, (of,))
+        return number / (units.size_of(unit, of) if written is not None and unit else 1.0)
+    except units.UnitError as error:
+        raise typer.BadParameter(f"{text} {error.message}; {error.remedy}") from None
 
 
 Output = Annotated[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from pkgutil import resolve_name
@@ -109,28 +109,16 @@ def conclude(
     VerdictError
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
-    first_screen = not (given.json or given.quiet or given.verbose)
     with shown_in(result.scenario.display_scales):
         files = [target, *others]
         if not given.no_plots and not interrupted():
             with progress_of(f"plotting {target.name}", shown=not given.quiet):
                 pictures = resolve_name(KINDS[kind].figures)(result)
                 files += save_figures(pictures, target.parent, target.stem, stop=interrupted)
-        for warning in () if first_screen else result.warnings:
-            say(f"beamsim: warning: {warning}")
-        if given.json:
-            about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
-            times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": used_processor_time()}
-            more = {**times, "files": [str(path) for path in files]}
-            print_json({**about, **result.summary, **more})
-        elif first_screen:
+        if not (given.json or given.quiet or given.verbose):
             show(resolve_name(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
-        elif not given.quiet:
-            from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
-
-            used = ("processor time", f"{amount(used_processor_time(), 's')}, of the whole command with its workers")
-            written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-            print_table(result.title, [*all_rows(kind, result), used, *written])
+        else:
+            _print_all(kind, result, files, given)
         left_out = not given.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
         checked = result.summary.get("margins", {}) if given.check else {}
@@ -138,6 +126,22 @@ def conclude(
         if signal or code:
             unmet = [] if signal else limits_not_met(result.scenario, checked)
             raise VerdictError("; ".join([*_ended(result, target, interrupted=bool(signal)), *unmet]), code)
+
+
+def _print_all(kind: str, result: Result, files: Sequence[Path], given: Given) -> None:
+    """Print the warnings of a result, and its summary as JSON or as a table, or neither."""
+    for warning in result.warnings:
+        say(f"beamsim: warning: {warning}")
+    if given.json:
+        about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
+        times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": used_processor_time()}
+        print_json({**about, **result.summary, **times, "files": [str(path) for path in files]})
+    elif not given.quiet:
+        from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
+
+        used = ("processor time", f"{amount(used_processor_time(), 's')}, of the whole command with its workers")
+        written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
+        print_table(result.title, [*all_rows(kind, result), used, *written])
 
 
 def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:

@@ -67,14 +67,20 @@ def scenario_given(given: Given, command: str = "") -> Scenario:
     from beamsim.scenario import load_scenario  # without which --help is instant
 
     overrides = given.overrides or ()
-    if given.case.suffix.lower() not in RESULTS:
-        return load_scenario(given.case, overrides, command=command)
+    if given.case.suffix.lower() in RESULTS:
+        return _scenario_of_result(given.case, overrides, command)
+    return load_scenario(given.case, overrides, command=command)
+
+
+def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> Scenario:
+    """The scenario of a result file for a command, with what is replaced in it; raises as `scenario_given`."""
+    from beamsim.scenario import load_scenario
     from beamsim.store.results import load
 
-    scenario: Scenario = load(given.case).scenario
+    scenario: Scenario = load(file).scenario
     if overrides:
         scenario = load_scenario(scenario, overrides, command=command)
-    return scenario.with_source(given.case.stem)
+    return scenario.with_source(file.stem)
 
 
 def stem_given(given: Given) -> str:

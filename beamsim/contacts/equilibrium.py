@@ -77,7 +77,7 @@ class Equilibrium:
     """The outcome: coordinates and contact forces, or the reason why there are none."""
 
     q: Floats | None  # (n,)
-    force: Floats  # (m,) N, contact forces (nan without equilibrium)
+    force: Floats  # (m,) N, of springs or contacts (nan without equilibrium)
     reason: str = ""  # empty if q exists and is unique
     one_of_many: Floats | None = None  # (n,) where it exists and is not unique
 

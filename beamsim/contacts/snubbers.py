@@ -158,11 +158,13 @@ def pressed_by(springs: Sequence[Located], snubbers: Sequence[str]) -> Ints | No
     return np.array(pressing, dtype=np.int64)
 
 
-def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
-    """The cubic springs among them."""
+def cubic_springs(springs: Sequence[SpringInfo]) -> CubicSprings | None:
+    """The cubic springs among them; None where there are none."""
     cubic = [s for s in springs if s.kind == "cubic"]
+    if not cubic:
+        return None
     return CubicSprings(
-        np.array([s.shape for s in cubic]).reshape(-1, size),
+        np.array([s.shape for s in cubic]),
         np.array([s.cubic for s in cubic]),
         np.array([s.base_influence for s in cubic], dtype=float),
     )
@@ -370,7 +372,7 @@ def resolve_preloads(
     stiffness: Floats,
     rigid: int,
     loads: Floats,
-    cubic: CubicSprings,
+    cubic: CubicSprings | None,
 ) -> Contacts:
     """Contacts whose gaps give the specified preloads as contact forces at static equilibrium.
 

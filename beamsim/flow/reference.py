@@ -271,9 +271,7 @@ class _Equations:
     one piece of the inputs."""
 
     def __init__(self, stepping: TimeStepping) -> None:
-        cubic = stepping.cubic
-        self.flow, self.powers = stepping.flow, stepping.powers
-        self.cubic = None if cubic is None or not cubic.count else cubic
+        self.flow, self.powers, self.cubic = stepping.flow, stepping.powers, stepping.cubic
         self.count = 0
         base = self.flow.forcing.base_displacement
         self.base = None if base is None else (base, base.derivative())

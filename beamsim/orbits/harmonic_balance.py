@@ -256,7 +256,7 @@ class ForcedBalance:
         if self.rows.shape[0] == 0:
             raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
         self._structure = Condensation(self.system.stiffness, self.system.damping, self.rows, self.omega)
-        if self.cubic is None or not self.cubic.count:
+        if self.cubic is None:
             self._flow = VariationalFlow(self.system, self.forcing, self.omega, self.level)
         else:
             self._flow = self.flow_at(self.omega if self.parameter == "frequency" else self.level)
@@ -410,7 +410,7 @@ class ForcedBalance:
         -------
         The motion; None where none is found.
         """
-        if self.cubic is None or not self.cubic.count:
+        if self.cubic is None:
             with suppress(ArithmeticError):
                 orbits = self.shooting(value)
                 orbit = find_orbit(orbits)

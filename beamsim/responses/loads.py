@@ -100,6 +100,6 @@ def periodic_flow(system: StructuralSystem, loads: PeriodicForcing, omega: float
     ValueError
         Where snubbers and cubic springs do not go together.
     """
-    if system.cubic.count == 0:
+    if system.cubic is None:
         return VariationalFlow(system.dynamics, loads, omega, level)
     return SmoothFlow(system.dynamics, loads, omega, level, springs=system.cubic)

@@ -117,11 +117,10 @@ class ResponseModel:
         hz = f.first if f.kind == "frequency" else self.frequency_hz
         parameter: Literal["frequency", "level"] = "frequency" if f.kind == "frequency" else "level"
         if isinstance(settings.method, HarmonicBalance):
-            cubic = self.system.cubic if self.system.cubic.count else None
             with locating({"contacts": "snubbers", "harmonics": "sweep.method.harmonics"}):
                 return ForcedBalance(
                     self.system.dynamics, self.loads, settings.method.harmonics, parameter, 2 * np.pi * hz, level,
-                    cubic=cubic,
+                    cubic=self.system.cubic,
                 )  # fmt: skip
         try:
             flow = periodic_flow(self.system, self.loads, 2 * np.pi * hz, f.first if f.kind == "level" else level)
@@ -191,7 +190,7 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     kind = path.kind
-    if kind == "stiffness" and ratio and system.cubic.count:
+    if kind == "stiffness" and ratio and system.cubic is not None:
         raise scenario.located(
             ScenarioError.at(
                 "chain.snubbers",

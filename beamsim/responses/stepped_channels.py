@@ -52,7 +52,7 @@ class SteppedChannels:
         system, flow, of = self._system, self._flow, self.channels.sizes.part
         base = 0.0 if system.base_displacement is None else system.base_displacement(times)
         beside = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
-        if not system.cubic.count:
+        if system.cubic is None:
             return beside
         pull = system.cubic.stiffness * system.cubic.stretch(y[:, : system.dynamics.size], base) ** 3
         return beside + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T

@@ -460,7 +460,7 @@ def _end(scenario: Scenario, name: str, curve: ForceCurve) -> str:
 
 
 def _tables(scenario: Scenario) -> dict[str, ForceCurve]:
-    if all(snubber.force_deflection is None for snubber in scenario.all_snubbers):
+    if not scenario.has_force_tables:
         return {}
     named = zip(scenario.located_snubbers, curves_of(scenario), strict=True)
     return {snubber.name: curve for (_, _, snubber, _), curve in named if curve is not None}

@@ -10,7 +10,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Problems, Schema, ShortFor, Unfit, Variants, Whole, path_text, problem, unknown
@@ -25,6 +24,12 @@ MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
 MOST_FREQUENCIES = 50_000  # of the curve of a spectrum
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""
+MANY_SAMPLES = 5e6  # of histories, above which a result file has a gigabyte or so
+LEAST_OF_PERIOD = 10.0  # samples in a period of the excitation, below which histories are coarse
+_COARSE = (
+    "samples a period: time histories are coarse, and of a time-stepping method superharmonics fold back into the "
+    "spectrum"
+)
 
 
 def closed_form_problems(scenario: Whole, at: Path) -> Problems:
@@ -386,36 +391,43 @@ class Run(Schema):
         """Too few or too many samples, a rate that does not resolve the excitation, settings that do nothing."""
         rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
         place = (*at, "duration" if self.sample_rate is None else "sample_rate")
-        if not 1.0 <= rate * self.duration <= MOST_SAMPLES:
-            yield self._problem_of_samples(place, rate)
-        if rate < 2.0 * highest:
-            message = f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz"
-            remedy = f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics"
-            yield problem(place, message, remedy)
+        if not max(1.0 / self.duration, 2.0 * highest) <= rate <= MOST_SAMPLES / self.duration:
+            yield from self._problems_of_samples(place, rate, highest)
         if self.method != "reference" and {"integrator", "rtol", "atol"} & self.model_fields_set:
             yield from self._problems_of_stepping(scenario, at)
         if self.from_:
             yield from self._problems_of_counting(scenario, (*at, "from"))
         if self.srs is not None or scenario.excitation.stationary:
             yield from _names_of_input(scenario)
-        if self.test_duration is not None and not scenario.excitation.stationary:
-            yield problem((*at, "test_duration"), "is that of a test with a random input, of which the run is a sample",
-                          "leave it out, or simulate the whole test by run.duration")  # fmt: skip
+        if self.test_duration is not None:
+            yield from self._problems_of_test(scenario, (*at, "test_duration"))
         if self.sensitivities:
             yield from self._problems_of_sensitivities(scenario, (*at, "sensitivities"))
 
-    def _problem_of_samples(self, place: Path, rate: float) -> Problem:
-        """That a rate, Hz, written at a place, gives too few or too many samples."""
+    def _problems_of_samples(self, place: Path, rate: float, highest: float) -> Problems:
+        """That a rate, Hz, written at a place, gives too few or too many samples for the run or the highest tone."""
         if rate * self.duration < 1.0:
             message = f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s"
-            return problem(place, message, "use a higher sample rate, or a longer run")
-        given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
-        if self.sample_rate is None:
-            given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
-        return problem(
-            place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
-            "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
-        )  # fmt: skip
+            yield problem(place, message, "use a higher sample rate, or a longer run")
+        elif rate * self.duration > MOST_SAMPLES:
+            given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
+            if self.sample_rate is None:
+                given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
+            yield problem(
+                place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
+                "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
+            )  # fmt: skip
+        if rate < 2.0 * highest:
+            message = f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz"
+            remedy = f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics"
+            yield problem(place, message, remedy)
+
+    @staticmethod
+    def _problems_of_test(scenario: Whole, at: Path) -> Problems:
+        """The duration of a test, where the input is not random."""
+        if not scenario.excitation.stationary:
+            yield problem(at, "is that of a test with a random input, of which the run is a sample",
+                          "leave it out, or simulate the whole test by run.duration")  # fmt: skip
 
     def _problems_of_stepping(self, scenario: Whole, at: Path) -> Problems:
         """Settings of time stepping that do nothing in this run."""
@@ -451,23 +463,25 @@ class Run(Schema):
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """No motion, a short run, and few or many samples."""
         excitation, rate = scenario.excitation, scenario.sample_rate
-        idle = not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)])
-        if idle and self.start == "static_equilibrium" and not scenario.just_mounted:
-            said = "there is no excitation" if excitation.kind == "none" else "the level of the excitation is zero"
-            yield (
-                f"nothing moves: {said}, and the run starts at static equilibrium; give excitation, or "
-                "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
-            )
+        if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
+            yield from self._doubts_of_rest(scenario)
         lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
         if self.duration * lowest < 1.0:
             yield f"run.duration = {self.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
-        if rate < 10.0 * highest:
-            yield (
-                f"run.sample_rate = {rate:g} Hz is {rate / highest:.3g} samples a period: "
-                "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
-            )
-        if rate * self.duration > 5e6:  # a gigabyte or so
+        if rate < LEAST_OF_PERIOD * highest:
+            yield f"run.sample_rate = {rate:g} Hz is {rate / highest:.3g} {_COARSE}"
+        if rate * self.duration > MANY_SAMPLES:
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
+
+    def _doubts_of_rest(self, scenario: Whole) -> Iterator[str]:
+        """That nothing moves without an excitation, where the run starts at static equilibrium."""
+        if self.start == "static_equilibrium" and not scenario.just_mounted:
+            none = scenario.excitation.kind == "none"
+            why = "there is no excitation" if none else "the level of the excitation is zero"
+            yield (
+                f"nothing moves: {why}, and the run starts at static equilibrium; give excitation, or "
+                "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
+            )
 
     def check(self) -> None:
         """Refuse filters so fast against the run that they would take hours, or more than the memory."""

@@ -625,6 +625,11 @@ class Scenario(Schema):
         return tuple(located.item for located in self.located_snubbers)
 
     @property
+    def has_force_tables(self) -> bool:
+        """Whether the force of a snubber is a table."""
+        return any(snubber.force_deflection is not None for snubber in self.all_snubbers)
+
+    @property
     def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
         """The outputs with their paths: those of the scenario, then those of the run alone."""
         of_run = () if self.run is None else self.run.outputs
@@ -684,9 +689,7 @@ class Scenario(Schema):
 
     @property
     def bodies_of_places(self) -> dict[str, dict[str, str]]:
-        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma); empty where there is one body."""
-        if len(self.all_bodies) < 2:
-            return {}
+        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma)."""
         probes = {probe.name: (probe.place.body,) for probe in self.effective_probes}
         snubbers = {s.name: (place.body or body for place in s.places) for _, body, s, _ in self.located_snubbers}
         return {
@@ -765,20 +768,11 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
     ScenarioError
         With every problem found: path, message, remedy, file and line.
     """
-    name = "scenario"
-    if isinstance(source, Scenario):
-        root, name = _tree_of(source), source.source
-    elif isinstance(source, Mapping):
-        root = resolve_extends(from_python(source), None, FilePath())
-    elif isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
-        root = resolve_extends(parse(source, "<text>"), "<text>", FilePath())
-    elif not isinstance(source, str | os.PathLike):
-        message = f"is a {type(source).__name__}, which no scenario can be read from"
-        remedy = "take its scenario" if hasattr(source, "scenario") else "give a path, YAML text or a mapping"
-        raise ScenarioError(problem(("scenario",), message, remedy))
-    else:
+    if isinstance(source, os.PathLike) or (isinstance(source, str) and not _is_yaml(source)):
         path = FilePath(source)
         root, name = resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
+    else:
+        root, name = _given_data(source)
     if overrides:
         root = apply_overrides(root, overrides)
     try:
@@ -790,6 +784,24 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
         if command not in USED:
             raise
         return _without_unused_sections(root, name, command, error)
+
+
+def _is_yaml(text: str) -> bool:
+    """Whether a text is YAML; else it is the path of a file."""
+    return "\n" in text or text.lstrip().startswith("{")
+
+
+def _given_data(source: str | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
+    """The data of a source that is no file, and its name for output files; see `load_scenario`."""
+    if isinstance(source, Scenario):
+        return _tree_of(source), source.source
+    if isinstance(source, Mapping):
+        return resolve_extends(from_python(source), None, FilePath()), "scenario"
+    if isinstance(source, str):
+        return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
+    message = f"is a {type(source).__name__}, which no scenario can be read from"
+    remedy = "take its scenario" if hasattr(source, "scenario") else "give a path, YAML text or a mapping"
+    raise ScenarioError(problem(("scenario",), message, remedy))
 
 
 def stored_scenario(text: str) -> Scenario:

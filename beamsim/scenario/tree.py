@@ -236,17 +236,10 @@ class _Reader:
         if self.count > MOST_VALUES:
             message = f"unfolds to more than {MOST_VALUES} values"
             raise ScenarioError(problem((), message, "use fewer aliases", (self.file, None)))
-        kind = node.tag.removeprefix(_TAG)
-        collection = ("map",) if isinstance(node, yaml.MappingNode) else ("seq",)
-        if kind not in (_SCALARS if isinstance(node, yaml.ScalarNode) else collection):
-            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
         if isinstance(node, yaml.ScalarNode):
-            try:
-                return _SCALARS[kind](node.value) if kind in _SCALARS else None
-            except (ValueError, KeyError):
-                shown = single_line(node.value)
-                self._problem(path, f"= {shown} is not a valid {kind}", "correct it, or remove its tag", node)
-                return None
+            return self._scalar(node, path)
+        if node.tag != _TAG + ("map" if isinstance(node, yaml.MappingNode) else "seq"):
+            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
         if id(node) in self.open:
             self._problem(path, "contains itself through an alias", "remove the alias", node)
             return None
@@ -260,6 +253,23 @@ class _Reader:
         finally:
             self.open.discard(id(node))
 
+    def _scalar(self, node: yaml.ScalarNode, path: Path) -> object:
+        """The text, number or truth of a node at a path."""
+        kind = node.tag.removeprefix(_TAG)
+        try:
+            return _SCALARS[kind](node.value)
+        except (ValueError, KeyError):
+            self._unreadable_scalar(node, path, kind)
+            return None
+
+    def _unreadable_scalar(self, node: yaml.ScalarNode, path: Path, kind: str) -> None:
+        """That a node at a path has a tag of no kind of scalar, or text that is none of its kind."""
+        if kind in _SCALARS:
+            message = f"= {single_line(node.value)} is not a valid {kind}"
+            self._problem(path, message, "correct it, or remove its tag", node)
+        else:
+            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
+
     def _problem(self, path: Path, message: str, remedy: str, node: yaml.Node) -> None:
         self.problems.append(problem(path, message, remedy, (self.file, node.start_mark.line + 1)))
 
@@ -268,14 +278,10 @@ class _Reader:
         marks: dict[str, Mark] = {}
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
-            if key_node.tag == _TAG + "merge":
-                merges.append((key_node, value_node))
+            if key_node.tag not in (_TAG + "str", _TAG + "bool") or not isinstance(key_node, yaml.ScalarNode):
+                merges += self._merged(key_node, value_node, path)
                 continue
             key = key_node.value
-            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in (_TAG + "str", _TAG + "bool"):
-                shown = single_line(key) if isinstance(key, str) else "a list or mapping"
-                self._problem(path, f"has the key {shown}, which is not text", "name the key", key_node)
-                continue
             value = self.data(value_node, (*path, key))
             if key in items:
                 message = f"is given twice, first in line {lines[key]}"
@@ -288,6 +294,14 @@ class _Reader:
             self._merge(items, marks, value_node, path, key_node)
         items.mark, items.marks = (self.file, node.start_mark.line + 1), marks
         return items
+
+    def _merged(self, key_node: yaml.Node, value_node: yaml.Node, path: Path) -> list[tuple[yaml.Node, yaml.Node]]:
+        """A key that is no text, with its value, where it merges another mapping; else it is a problem."""
+        if key_node.tag == _TAG + "merge":
+            return [(key_node, value_node)]
+        shown = single_line(key_node.value) if isinstance(key_node.value, str) else "a list or mapping"
+        self._problem(path, f"has the key {shown}, which is not text", "name the key", key_node)
+        return []
 
     def _merge(
         self, items: WrittenMapping, marks: dict[str, Mark], node: yaml.Node, path: Path, key_node: yaml.Node
@@ -379,18 +393,23 @@ def read_file(path: FilePath) -> Any:
     except InputFileError as error:
         remedy = _similar_file(path) if error.missing else error.remedy
         raise ScenarioError(problem((), error.message, remedy, (file, None))) from None
-    if raw.startswith(b"\x89HDF"):
-        remedy = f'a result is read by beamsim.load("{path}"), its case is beamsim.load("{path}").scenario'
-        raise ScenarioError(problem((), "is an HDF5 file, not YAML", remedy, (file, None)))
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ScenarioError(problem((), "is not text in UTF-8", "give a YAML file", (file, line))) from None
+        raise ScenarioError(_not_text(raw, error, file)) from None
     if len(text) > MOST_CHARACTERS:
         message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
         raise ScenarioError(problem((), message, _KEEP_APART, (file, None)))
     return parse(text, file)
+
+
+def _not_text(raw: bytes, error: UnicodeDecodeError, file: str) -> Problem:
+    """That the content of a file is not text, and what to do with that of a result file."""
+    if raw.startswith(b"\x89HDF"):  # no text: 0x89 begins no character of UTF-8
+        remedy = f'a result is read by beamsim.load("{file}"), its case is beamsim.load("{file}").scenario'
+        return problem((), "is an HDF5 file, not YAML", remedy, (file, None))
+    line = raw.count(b"\n", 0, error.start) + 1
+    return problem((), "is not text in UTF-8", "give a YAML file", (file, line))
 
 
 def _similar_file(path: FilePath) -> str:

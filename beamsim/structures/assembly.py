@@ -61,7 +61,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     Structure
         One part, or several side by side.
     """
-    couplings = couplings_of(scenario)
+    couplings = couplings_of(scenario) if scenario.joined_by else []
     sections = scenario.all_bodies
     joints = scenario.joints
     origins = placed(joints, sections, scenario.default_body).of_first_group if joints else {}

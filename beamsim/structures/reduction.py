@@ -565,21 +565,30 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     physical matrix.
     """
     if structure.parts:
-        whole = np.zeros((omega.size, omega.size))
-        for part, (reduced, columns) in zip(structure.parts, basis.blocks, strict=True):
-            whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
-        return whole
+        return _damping_of_parts(structure, basis, omega)
     if isinstance(structure, BodyStructure):
-        stated = structure.stated_damping
-        c = np.diag(2 * _modal_ratios(stated, omega.size, basis.modes) * omega)
-        if stated is not None and stated.kind == "rayleigh":
-            of_mass, of_stiffness = stated.factors
-            c += np.diag(of_mass + of_stiffness * omega**2)
+        c = np.diag(_damping_of_body(structure.stated_damping, basis, omega))
     else:
         c = _damping_of_joined_bodies(structure, basis, omega)
     if structure.damping is not None:
         c += basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
     return np.asarray((c + c.T) / 2)
+
+
+def _damping_of_parts(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+    """(n, n) C, 1/s, of parts that nothing linear couples."""
+    whole = np.zeros((omega.size, omega.size))
+    for part, (reduced, columns) in zip(structure.parts, basis.blocks, strict=True):
+        whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
+    return whole
+
+
+def _damping_of_body(stated: Any, basis: ReducedBasis, omega: Floats) -> Floats:
+    """(n,) diagonal of C, 1/s, by the modal or Rayleigh damping that is stated for a body that nothing is joined to."""
+    if stated is not None and stated.kind == "rayleigh":
+        of_mass, of_stiffness = stated.factors
+        return np.asarray(of_mass + of_stiffness * omega**2)
+    return 2 * _modal_ratios(stated, omega.size, basis.modes) * omega
 
 
 def _damping_of_joined_bodies(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:

@@ -120,7 +120,7 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
         if parts.structure.base_load(parts.base)[1].any():  # springs to ground stretch by the base's displacement, too
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
-    on_ground = pushing.contacts.on_ground.any() or pushing.cubic.base_influence.any()
+    on_ground = pushing.contacts.on_ground.any() or (pushing.cubic and pushing.cubic.base_influence.any())
     displacement = motion.displacement if motion is not None and on_ground else None
     mountings = (getattr(snubber, "mounted_on", None) for snubber in parts.scenario.all_snubbers)
     moved_mountings = parts.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
@@ -356,7 +356,7 @@ class _Pushing:
     tables: Mapping[str, TableOfStop]  # by path of the snubbers that have one
     stops: Contacts  # the snubbers
     springs: tuple[SpringInfo, ...]
-    cubic: CubicSprings
+    cubic: CubicSprings | None
     contacts: Contacts  # snubbers, then springs with laws
     owner: Ints  # (m,) number of the snubber, or spring with a law, that each contact belongs to
     sites: list[Site]  # (m,) where the contacts act
@@ -364,14 +364,12 @@ class _Pushing:
 
 def _pushing(parts: Parts) -> _Pushing:
     nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
-    tabulated = any(each.item.force_deflection is not None for each in snubbers)
-    tables = force_tables(parts.scenario) if tabulated else {}
+    tables = force_tables(parts.scenario) if parts.scenario.has_force_tables else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     of_stops = parts.shapes(parts.snubber_sites), parts.levers(parts.snubber_sites)
     stops = build_contacts(snubbers, curves, *of_stops, parts.omega, basis.rigid)
     if not nonlinear:
-        cubic = CubicSprings(np.zeros((0, basis.size)), np.zeros(0))
-        return _Pushing(tables, stops, (), cubic, stops, np.arange(stops.count), parts.snubber_sites)
+        return _Pushing(tables, stops, (), None, stops, np.arange(stops.count), parts.snubber_sites)
     return _pushing_with_springs(parts, tables, stops)
 
 
@@ -383,11 +381,11 @@ def _pushing_with_springs(parts: Parts, tables: Mapping[str, TableOfStop], stops
     contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     if any(parts.scenario.listed("friction")):
         _check_rigid_friction(parts, springs, stops)
-    cubic = cubic_springs(springs, basis.size)
+    cubic = cubic_springs(springs)
     with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
     sites: list[Site] = [*parts.snubber_sites, *with_laws]
     owner = np.arange(len(sites))
-    if cubic.count:  # what integrates these in time knows one-sided springs alone
+    if cubic is not None:  # what integrates these in time knows one-sided springs alone
         _refuse_memory(snubbers, stops, nonlinear)
         owner = contacts.owners_of_parts[0]
         sites = [sites[j] for j in owner]
@@ -472,14 +470,18 @@ def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
     )
 
 
-def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings) -> Equilibrium:
+def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings | None) -> Equilibrium:
     """The static equilibrium; one that cannot be computed is fatal only where the motion starts from it."""
+    springs = springs_of(contacts)
+    if not (parts.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
+        return Equilibrium(np.zeros(parts.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
     try:
-        return find_equilibrium(parts.stiffness, parts.basis.rigid, springs_of(contacts), loads, cubic)
+        found = find_equilibrium(parts.stiffness, parts.basis.rigid, springs, loads, cubic)
+        return replace(found, force=springs.by_contact(found.force, contacts.sign))
     except NotTrustedError as error:
         if parts.scenario.run is not None and parts.scenario.run.start == "static_equilibrium":
             raise
-        return Equilibrium(None, np.full(springs_of(contacts).stiffness.size, np.nan), str(error))
+        return Equilibrium(None, np.full(contacts.count, np.nan), str(error))
 
 
 def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
@@ -504,7 +506,6 @@ def _describe_snubbers(
     parts: Parts, contacts: Contacts, equilibrium: Equilibrium, tables: Mapping[str, TableOfStop]
 ) -> tuple[SnubberInfo, ...]:
     described = []
-    force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
     located = parts.scenario.located_snubbers
     for i, (site, (path, _, s, _)) in enumerate(zip(parts.snubber_sites, located, strict=True)):
         table = tables.get(path_text(path))
@@ -520,7 +521,7 @@ def _describe_snubbers(
                 stiffness=stiffness,
                 dashpot=contacts.laws[i].dashpot,
                 gap=float(contacts.gap[i]),
-                preload=float(force[i]),
+                preload=float(equilibrium.force[i]),
                 blocked_force=float(contacts.laws[i].static_force(np.maximum(-contacts.gap[i], 0.0))),
                 table_misfit=None if table is None else table.misfit,
                 stiffness_ratio=stiffness / unit if unit > 0 else float("inf"),
@@ -531,7 +532,7 @@ def _describe_snubbers(
 
 
 def initial_state(
-    parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings, equilibrium: Equilibrium
+    parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
     """The state from which a motion starts.
 
@@ -581,7 +582,7 @@ def _moving_start(
 
 
 def _held_shape(
-    parts: Parts, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings
+    parts: Parts, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings | None
 ) -> Floats:
     """(n,) static equilibrium under the constant loads (L, n) and a force that is then released."""
     extra = (start.released_force.force * parts.shape(start.released_force))[None, :]

@@ -206,7 +206,7 @@ class StructuralSystem:
     static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
     static_reason: str  # why there is no static equilibrium; empty where there is one
     excitation_frequency_hz: float  # nan where there is none, or several
-    cubic: CubicSprings
+    cubic: CubicSprings | None
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
     outputs: tuple[Channel, ...] = ()  # that the scenario asks for
     remarks: tuple[str, ...] = ()  # on what was built
@@ -236,7 +236,7 @@ class StructuralSystem:
     @cached_property
     def modes(self) -> Dataset:
         """Natural frequencies, damping and accuracy, a dataset of results: they take longer than the rest."""
-        at_rest = None if self.cubic.count else self.static_equilibrium
+        at_rest = self.static_equilibrium if self.cubic is None else None
         return modes_of(self.parts, self.as_built, self.stops, at_rest, self.stations, self.deflection)
 
     @cached_property
@@ -268,7 +268,8 @@ class StructuralSystem:
         their own and of friction contacts stretch and force; the outputs that the scenario asks for; and the bending
         stress along the bodies.
         """
-        sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), self.cubic.count)
+        cubic = 0 if self.cubic is None else self.cubic.count
+        sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), cubic)
         channels = [*_of_probes(self, sizes), *_of_snubbers(self, sizes)]
         if self.springs:
             channels += _of_springs(self, sizes)
@@ -281,7 +282,7 @@ class StructuralSystem:
     @property
     def contact_names(self) -> tuple[str, ...]:
         """(m,) owner of each contact: a snubber's name, or that of a piecewise-linear spring."""
-        split = self.cubic.count > 0
+        split = self.cubic is not None
         laws = [(spring.name, spring.law.parts or ()) for spring in self.springs if spring.law is not None]
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
         return (*(snubber.name for snubber in self.snubbers), *names)
@@ -329,7 +330,7 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
 def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     """Those of springs with laws of their own, whose contacts follow the snubbers: one, or one for each part."""
     channels, contact, pulling = [], len(system.snubbers), 0
-    split = system.cubic.count > 0
+    split = system.cubic is not None
     for spring in system.springs:
         of_contacts, pull = np.zeros(sizes.contacts), np.zeros(sizes.cubic)
         if spring.kind == "cubic":
@@ -436,6 +437,11 @@ def _loads(parts: Parts) -> Floats:
 
 # Relative change of every natural frequency, below which closed stops are said to have no effect: no test shows less.
 SMALLEST_EFFECT = 1e-3
+_WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect; was kN/m meant?"
+_UNDAMPED = (
+    "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body damping, for "
+    "example {kind: modal, ratio: 1 %}"
+)
 DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, over its size, of which a warning tells
 
 
@@ -449,18 +455,12 @@ def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
     stops, warnings, bound = scenario.all_snubbers, [], modes["reduction_bound"].item()
     stiff = [stop.name for stop in stops if stop.stiffness is not None]
     if stops and len(stiff) == len(stops) and np.all(closed - opened <= SMALLEST_EFFECT * opened):
-        warnings.append(
-            f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
-            "has no effect; was kN/m meant?"
-        )
+        warnings.append(f"snubbers: with {first_of(stiff, 4)} {_WITHOUT_EFFECT}")
     # what takes energy out of a motion: dashpots of any kind, friction, stops that yield
     loses = any(np.nan_to_num(modes[of].values).any() for of in ("damping_ratios", "closed_damping_ratios"))
     loses |= any(each.item.kind == FRICTION for each in scenario.nonlinear_springs) or any(s.yields for s in stops)
     if scenario.excitation.kind != "none" and scenario.nnm is None and not loses:
-        warnings.append(
-            "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
-            "damping, for example {kind: modal, ratio: 1 %}"
-        )
+        warnings.append(_UNDAMPED)
     if bound > DOUBTFUL_REDUCTION:
         warnings.append(_inaccurate_reduction(scenario, modes))
     return [*warnings, *_far_modes(scenario, modes), *damping_remarks(scenario.located_snubbers, modes)]
@@ -486,13 +486,16 @@ def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
     swept: Any = scenario.sweep
     ends = [swept.from_, swept.to] if swept is not None and swept.kind in SWEPT else []
     highest = max([scenario.excitation.highest_frequency_hz, *ends])
-    if not first > FARTHEST_MODE * highest > 0.0:
-        return []
-    return [
+    return [_far_mode(first, highest)] if first > FARTHEST_MODE * highest > 0.0 else []
+
+
+def _far_mode(first: float, highest: float) -> str:
+    """That a first natural frequency lies far beyond the highest of the excitation, Hz."""
+    return (
         f"the first natural frequency, {first:.4g} Hz with open contacts, is {first / highest:.3g} times the highest "
         f"frequency of the excitation, {highest:.4g} Hz; was another unit of a size, a modulus, a mass or a frequency "
         "meant?"
-    ]
+    )
 
 
 def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:

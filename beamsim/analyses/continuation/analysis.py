@@ -168,7 +168,7 @@ def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
     """What is doubtful in a scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
     by_balance = isinstance(model.settings.method, HarmonicBalance)
-    uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
+    uncertified = by_balance and system.cubic is not None and system.dynamics.contacts.count
     return (
         *scenario.warnings,
         *system.warnings,
@@ -205,7 +205,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
             )
         )
     if settings.side_branches != "none":
-        if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
+        if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic is not None):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
             branches += coexisting_branches(replace(tracer, reach=beside), list(values), branches, budget)
         if not isinstance(settings.method, HarmonicBalance):
@@ -272,7 +272,7 @@ def _left_out(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outco
             OutcomeKind.NOTED, "not_branched", f"from {bifurcations} bifurcations no branch was followed: {reason}",
             bifurcations=bifurcations,
         )  # fmt: skip
-    if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic.count:
+    if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic is not None:
         sentence = "coexisting motions were not sought: harmonic balance seeks none with cubic springs"
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 

@@ -163,7 +163,7 @@ def _datasets(found: list[_Expansion], probes: list[str], level_unit: str) -> di
 def _refuse(system: StructuralSystem) -> None:
     contacts = system.dynamics.contacts
     why = ""
-    if system.cubic.count:
+    if system.cubic is not None:
         why = "is written for one-sided springs, and this structure has a cubic one"
     elif contacts.count == 0:
         why = "has no one-sided spring to work on"

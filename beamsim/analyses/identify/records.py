@@ -314,7 +314,7 @@ class Transient(Test):
                 if getattr(test, key) is not None:
                     places.enter_context(rooted(section, f"{at}.{key}"))
             system = build_system(case, shared, recovered=False)
-        if system.cubic.count:
+        if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         motion = simulate(exact_flow(system, self.duration), system.initial_state, max_events=MOST_EVENTS)
         if not motion.outcome.complete:
@@ -662,7 +662,7 @@ class SweptPeaks(Test):
     def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
         """The branch of a case and what is measured along it."""
         system, harmonic = build_system(case, shared, recovered=False), of_kind(Harmonic, case.excitation)
-        if system.cubic.count:
+        if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)
         orbits = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, harmonic.level), "frequency")

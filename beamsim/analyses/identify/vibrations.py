@@ -705,7 +705,7 @@ def steady_vibration(
         Where neither Newton's method nor a transient of 300 periods ends in such a motion.
     """
     system = build_system(scenario, shared, recovered=False)
-    if system.cubic.count:
+    if system.cubic is not None:
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * scenario.sine.frequency
     flow = VariationalFlow(system.dynamics, periodic_forcing(scenario, system), omega, scenario.sine.level)

@@ -279,7 +279,7 @@ def flexible_mode(system: StructuralSystem, mode: int) -> int:
         raise ScenarioError.at(
             "nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode"
         )
-    if system.dynamics.contacts.count == 0 and system.cubic.count == 0:
+    if system.dynamics.contacts.count == 0 and system.cubic is None:
         raise ScenarioError.at("nnm", "has no snubber or cubic spring to work on", "add one under snubbers")
     return mode - 1
 
@@ -313,7 +313,7 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
     """
     dynamics = system.dynamics
     loaded = bool(np.any(dynamics.contacts.clearances < 0) or np.any(dynamics.constant_load))
-    if system.cubic.count and loaded:
+    if system.cubic is not None and loaded:
         raise ScenarioError.at(
             "nnm",
             "follows structures with cubic springs that rest at zero deflection only",
@@ -330,8 +330,7 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
             raise ScenarioError.at("nnm", reason, "support the structure")
         return equilibrium.q
 
-    cubic = system.cubic if system.cubic.count else None
-    return SpringFamily(dynamics, rest if loaded else None, cubic=cubic)
+    return SpringFamily(dynamics, rest if loaded else None, cubic=system.cubic)
 
 
 def mode_path(system: StructuralSystem) -> ModePath:
@@ -373,4 +372,4 @@ def mode_path(system: StructuralSystem) -> ModePath:
 def alike(system: StructuralSystem) -> bool:
     """Whether motions of all energies are the same up to a factor: no gap, no load, no smooth spring."""
     dynamics = system.dynamics
-    return not (np.any(dynamics.contacts.clearances) or np.any(dynamics.constant_load) or system.cubic.count)
+    return not (np.any(dynamics.contacts.clearances) or np.any(dynamics.constant_load) or system.cubic is not None)

@@ -332,7 +332,7 @@ class _Levels:
         """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
         system, factor = self.damped, self.factor if factor is None else factor
         dynamics = replace(system.dynamics, contacts=system.dynamics.contacts.scaled(factor))
-        cubic = replace(system.cubic, stiffness=factor * system.cubic.stiffness)
+        cubic = system.cubic and replace(system.cubic, stiffness=factor * system.cubic.stiffness)
         return ForcedOrbits(periodic_flow(replace(system, dynamics=dynamics, cubic=cubic), self.loads, omega, level))
 
 

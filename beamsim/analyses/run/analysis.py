@@ -206,7 +206,7 @@ def _warnings(motion: RunMotion) -> list[str]:
         *motion.warnings,
         *(pull_warnings(motion) if snubbers else []),
         *(line_warnings(system.inputs, system.modes) if system.inputs else []),
-        *compressed_beyond_tables(scenario, compression),
+        *(compressed_beyond_tables(scenario, compression) if scenario.has_force_tables else []),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]
 

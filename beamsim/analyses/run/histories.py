@@ -77,10 +77,15 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     }
     datasets = {"histories": HISTORIES.dataset(values, of_members, base_unit="rad" if turning else "m")}
     if rows := [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]:
-        columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
-        numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
-        datasets["friction_intervals"] = FRICTION_INTERVALS.dataset(numbers | columns)
+        datasets["friction_intervals"] = _friction_intervals(rows)
     return datasets
+
+
+def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:
+    """Intervals of the statistics of friction contacts, each with the number of its contact."""
+    columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
+    numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
+    return FRICTION_INTERVALS.dataset(numbers | columns)
 
 
 def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
@@ -104,7 +109,7 @@ def _known(values: Sequence[float | None]) -> Floats | None:
 def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
     """What the probes measure; the base has displacements (nt,), m."""
     system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
-    bodies = system.scenario.bodies_of_places.get("probes")
+    bodies = system.scenario.bodies_of_places["probes"] if len(system.scenario.all_bodies) > 1 else {}
     return {
         "probe": [probe.name for probe in probes],
         "probe_body": [bodies[probe.name] for probe in probes] if bodies else None,
@@ -121,7 +126,7 @@ def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[st
 def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     """What the snubbers are and do."""
     system, snubbers = motion.system, motion.system.snubbers
-    bodies = system.scenario.bodies_of_places.get("snubbers")
+    bodies = system.scenario.bodies_of_places["snubbers"] if len(system.scenario.all_bodies) > 1 else {}
     described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
     yields = any(law.yields for law in system.dynamics.contacts.laws[: len(snubbers)])
     crushed = _crushed(motion) if yields else {}

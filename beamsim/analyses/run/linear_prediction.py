@@ -74,7 +74,7 @@ def linear_input(system: StructuralSystem) -> LinearInput | None:
     """
     excitation = system.scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
-    linear = not system.cubic.count and not system.springs and not system.dynamics.contacts.ever_hold
+    linear = system.cubic is None and not system.springs and not system.dynamics.contacts.ever_hold
     resting = system.forcing.influence is None  # stops move with the base alone
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None

@@ -223,7 +223,7 @@ class RunMotion:
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
     """Whether the motion is marched in time steps."""
-    return settings.method == "reference" or system.cubic.count > 0
+    return settings.method == "reference" or system.cubic is not None
 
 
 def output_times(scenario: Scenario) -> Floats:

@@ -101,7 +101,7 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
     at, y, phases = trajectory.time, trajectory.y, trajectory.phases
     penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.equations.penetration)
     stored = stored_energy(flow.system, y, penetration, phases)
-    if system.cubic.count:
+    if system.cubic is not None:
         base = 0.0 if system.base_displacement is None else system.base_displacement(at)
         stretch = system.cubic.stretch(y[:, : system.dynamics.size], base)
         stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness

@@ -304,7 +304,7 @@ def summary_of_run(
         "rms_acceleration_g": {p: rms[f"{p} {MAIN_QUANTITY}"] / STANDARD_GRAVITY for p in probes},
         **figures,
         "events": motion.events["time"].values.size,
-        "linear": motion.work.events == 0 and system.cubic.count == 0,
+        "linear": motion.work.events == 0 and system.cubic is None,
         "energy_error": motion.energy_error,
         "method": motion.method,
         "solver_events": motion.work.events,
@@ -361,8 +361,8 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
     not start at equilibrium.
     """
     system, contacts = motion.system, motion.system.dynamics.contacts
-    unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
-    if not system.snubbers or unknown or motion.outcome.interrupted:
+    unknown = contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
+    if not system.snubbers or unknown or system.cubic is not None or motion.outcome.interrupted:
         return {}
     of_snubber = gapping_of_sine(system) if system.sine is not None else _gapping_of_other(motion)
     names = [snubber.name for snubber in system.snubbers]

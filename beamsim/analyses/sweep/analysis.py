@@ -258,7 +258,7 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
         If it has cubic springs, or cannot be built.
     """
     system = build_system(swept_scenario(scenario))
-    if system.cubic.count:
+    if system.cubic is not None:
         raise ScenarioError.at(
             "chain",
             "has cubic springs, whose motion has no closed form",
