@@ -24,7 +24,6 @@ from beamsim.scenario.base import (
     Whole,
     counted,
     demand_rising,
-    named_twice,
     path_text,
     problem,
     unknown,
@@ -887,11 +886,6 @@ class HingeJoint(_Turning):
             play = {"name": f"play.{side}", "stiffness": self.rotational_stiffness, "angle": angle, "side": side}
             stops.append((("free_play",), HingeStop.model_validate(play)))
         return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
-
-    def problems(self, scenario: Whole, at: Path) -> Problems:
-        """Stops with one name, beside what is wrong with any joint."""
-        yield from super().problems(scenario, at)
-        yield from named_twice(((*at, "stops", k), stop) for k, stop in enumerate(self.stops))
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Stops at large angles."""

@@ -27,6 +27,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     Path,
+    Problems,
     Schema,
     Unfit,
     Variants,
@@ -312,15 +313,25 @@ class Scenario(Schema):
             if component != 0:
                 found += base_problems(self, ("gravity", k), "xyz"[k], f"acts along {'xyz'[k]}, which")
         acting = self.listed("snubbers", "springs_to_ground", "springs_between", "friction")
-        found += named_twice((at.path, at.item) for at in acting if at.path[0] != "joints")
+        found += named_twice((at.path, at.item) for at in acting)
         probes = ((("probes", k), probe) for k, probe in enumerate(self.probes))
         found += named_twice((*probes, *self.requested_outputs))
         found += named_twice((at.path, at.item) for at in self.listed("joints"))
         for at, part in walk(self):
             if not isinstance(part, Body) and not left_out.intersection(at[:1]):
                 found += part.problems(self, at)
+        if self.requested_outputs and not (found or self.probes):
+            found += self._outputs_called_as_probes()
         if found:
             raise ScenarioError(found)
+
+    def _outputs_called_as_probes(self) -> Problems:
+        """Outputs that have the name of a probe by default: signals are called by name and quantity."""
+        names = {probe.name for probe in self.effective_probes}
+        for at, output in self.requested_outputs:
+            if output.name in names:
+                message = f"= {output.name} is already the name of a probe, which is there as long as none is listed"
+                yield problem((*at, "name"), message, "choose another name, or list the probes")
 
     def rechecked(self) -> Self:
         """Itself, when all of its parts pass their checks with numbers that were replaced.

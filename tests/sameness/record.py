@@ -22,6 +22,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -130,7 +131,12 @@ def main() -> int:
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     cases, differences = load(), 0
-    for name in [name for name in cases if fnmatchcase(name, options.only)]:
+    named = [name for name in cases if fnmatchcase(name, options.only)]
+    if not named:
+        near = get_close_matches(options.only, cases, n=3, cutoff=0.4)
+        others = f"near it are {', '.join(near)}" if near else "the cases are in numbers.yaml"
+        parser.error(f"no case is called {options.only}; {others}")
+    for name in named:
         found = answer(cases[name])
         if options.list:
             print(f"{name}:", *(f"  {path}: {value}" for path, value in found.items()), sep="\n")

@@ -102,3 +102,12 @@ def test_writing_the_table_changes_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr(record, "NUMBERS", copy)
     record.write(record.load())
     assert copy.read_bytes() == Path(record.__file__).with_name("numbers.yaml").read_bytes()
+
+
+@pytest.mark.parametrize("option", [["--check"], ["--list"], []])
+def test_a_name_of_no_case_is_refused(monkeypatch, capsys, option):
+    monkeypatch.setattr(sys, "argv", ["record.py", *option, "swept sin"])
+    with pytest.raises(SystemExit) as ended:
+        record.main()
+    assert ended.value.code == 2
+    assert "no case is called swept sin; near it are swept sine" in capsys.readouterr().err

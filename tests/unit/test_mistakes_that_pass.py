@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -71,3 +72,13 @@ def test_the_default_sample_rate_of_a_stiff_arm():
     arm = load_scenario({**CASE, "beam": BEAM | {"length": 0.06}, "run": {"duration": 100.0}})
     assert arm.sample_rate * 100.0 <= 2.01e6
     assert arm.sample_rate >= 20 * 65.0
+
+
+def test_an_output_called_as_a_probe_by_default_is_refused():
+    """Signals are called by name and quantity: two would be "tip displacement", in spectra and in statistics."""
+    output = {"name": "tip", "kind": "displacement", "position": "50 %"}
+    alone = {key: value for key, value in CASE.items() if key != "probes"} | {"snubbers": [TIP], "outputs": [output]}
+    with pytest.raises(ScenarioError, match=r"outputs\[0\].name = tip is already the name of a probe"):
+        load_scenario(alone)
+    load_scenario(alone | {"outputs": [output | {"name": "middle"}]})
+    load_scenario(alone | {"probes": [{"name": "end", "position": "100 %"}]})

@@ -43,8 +43,12 @@ def test_stops_of_a_hinge_have_names_of_their_own():
     case = {"bodies": {"a": beam, "b": beam}, "joints": [{"kind": "hinge", "between": ends, "stops": stops}]}
     with pytest.raises(ScenarioError) as caught:
         load_scenario(case)
-    assert "stops[1].name = end is already the name of joints[0].stops[0]" in str(caught.value)
-    assert len(load_scenario(case, {"joints[0].stops[1].name": "other end"}).all_snubbers) == 2
+    assert "stops[1].name = joint_1.end is already the name of joints[0].stops[0]" in str(caught.value)
+    case["joints"][0]["stops"][1]["name"] = "other end"
+    assert len(load_scenario(case).all_snubbers) == 2
+    like_a_stop = {"name": "joint_1.end", "at": {"body": "b", "position": 1}, "stiffness": 1e3, "side": "below"}
+    with pytest.raises(ScenarioError, match=r"stops\[0\].name = joint_1.end is already the name of snubbers\[0\]"):
+        load_scenario(case | {"snubbers": [like_a_stop]})
 
 
 def test_half_of_what_a_bending_stress_needs_is_doubted():

@@ -77,6 +77,21 @@ MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
+class Signal(NamedTuple):
+    """A history of a run with a stationary input: the input, or a response."""
+
+    section: str
+    name: str
+    quantity: str
+    unit: str
+    history: Floats  # (nt,)
+
+    @property
+    def label(self) -> str:
+        """Name and quantity."""
+        return f"{self.name} {self.quantity}"
+
+
 def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, Any]) -> Dataset | None:
     """Analyse a run with a stationary input, a process of which the run is a sample.
 
@@ -93,77 +108,116 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
     Dataset or None
         Of the layout `RANDOM`; None where the run is too short.
     """
-    histories, scenario, system = result["histories"], result.scenario, motion.system
-    times = histories["time"].values
-    first = int(SKIPPED * times.size)
-    count = times.size - first
-    if count < LEAST_SAMPLES:
+    times, system = result["histories"]["time"].values, motion.system
+    if times.size - int(SKIPPED * times.size) < LEAST_SAMPLES:
         return None
-    rate = (times.size - 1) / float(times[-1] - times[0])
-    length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
-    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    linear = linear_responses(system, frequency)
-    settings = not_none(scenario.run)
-    tested = settings.test_duration or settings.duration
-    beyond = _beyond_record(result, system, first, tested * rate)
-
-    def statistics(section: str, name: str, quantity: str, unit: str, whole: Floats) -> dict[str, Any]:
-        x, of = whole[first:], {"section": section, "name": name, "quantity": quantity, "unit": unit}
-        figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
-        of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
-        others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
-        pressed = _compression(system, histories, name, first) if quantity == "force" else None
-        seen = _behind_filter(histories, section, name, quantity, whole)[first:]
-        measured = Magnitude(seen, quantity == "opening", pressed)
-        figures |= {UNKNOWN: others} if others else largest_of_test(measured, *of_test)
-        if figures.keys().isdisjoint((EXPECTED[0], UNKNOWN)) and (name, quantity) in beyond:
-            figures[UNKNOWN] = beyond[name, quantity]  # of a stop that the record does not reach, and a test may
-        mean = float(seen.mean())
-        figures["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
-        if EXPECTED[0] in figures:
-            limit = _limit_on_peak(scenario, of)
-            if figures[EXPECTED[1]] <= limit < figures[EXPECTED[2]]:
-                figures["decided_after_s"] = float(times[-1]) * deciding_share(measured, *of_test, limit)
-            if tested >= settings.duration:  # the test is as long as what was seen, its beginning included
-                reached = _reached(found, of)
-                figures |= {each: max(figures[each], reached) for each in EXPECTED}
-        return {
-            "signal": f"{name} {quantity}", **of,
-            "density": cross_density(x, x, rate, length).real,
-            "limit": limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
-            "crossings_hz": crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
-        }  # fmt: skip
-
-    quantity, given = _input_of(system, histories)
-    shaken, alone = system.base_acceleration is not None, len(scenario.excitation.items) == 1
-    entered = statistics("excitation", "input", quantity, amplitude_unit(quantity), given)
-    signals, transmissibility, coherence = [entered], dict[str, Complexes](), dict[str, Floats]()
-    for section, name, quantity, unit, values in _responses(result, motion):
+    record = Record(result, system, found)
+    entered = _input_of(system, result["histories"])
+    shaken, alone = system.base_acceleration is not None, len(result.scenario.excitation.items) == 1
+    signals, of_probes = [record.statistics(entered)], dict[str, tuple[Complexes, Floats]]()
+    for signal in _responses(result, motion):
         check_stop()
-        signals.append(statistics(section, name, quantity, unit, values))
-        if alone and section == "probes" and quantity == (MAIN_QUANTITY if shaken else "displacement"):
-            cross = cross_density(given[first:], values[first:], rate, length)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                transmissibility[name] = np.asarray(cross / entered["density"])
-                coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered["density"] * signals[-1]["density"]))
+        signals.append(record.statistics(signal))
+        if alone and signal.section == "probes" and signal.quantity == (MAIN_QUANTITY if shaken else "displacement"):
+            densities = signals[0]["density"], signals[-1]["density"]
+            of_probes[signal.name] = record.transmissibility(entered.history, signal.history, *densities)
     known: dict[str, Any] = {
-        "start_s": float(times[first]),
-        "test_duration_s": tested,
-        "frequency_hz": frequency,
+        "start_s": float(times[record.first]),
+        "test_duration_s": record.tested,
+        "frequency_hz": record.frequency,
         "level": LEVELS,
         **_columns(signals),
     }
-    if transmissibility:
-        complex_values = np.array(list(transmissibility.values()))
+    if of_probes:
+        transmissibility, coherence = (np.array(values) for values in zip(*of_probes.values(), strict=True))
         known |= {
-            "probe": list(transmissibility),
-            "transmissibility_real": complex_values.real,
-            "transmissibility_imag": complex_values.imag,
-            "coherence": np.array(list(coherence.values())),
+            "probe": list(of_probes),
+            "transmissibility_real": transmissibility.real,
+            "transmissibility_imag": transmissibility.imag,
+            "coherence": coherence,
         }
     said = [{"unit": signal["unit"], "quantity": signal["quantity"]} for signal in signals]
-    over = "1" if entered["unit"] == "m/s^2" else "m/N"
+    over = "1" if entered.unit == "m/s^2" else "m/N"
     return RANDOM.dataset(known, {"signal": said}, transmissibility_unit=over)
+
+
+class Record:
+    """The stationary part of a run, a sample of a test that may be longer.
+
+    Parameters
+    ----------
+    result : of the run.
+    system : of it.
+    found : values of the motion, by entry of the summary.
+    """
+
+    def __init__(self, result: RunResult, system: StructuralSystem, found: Mapping[str, Any]) -> None:
+        self._histories, self._scenario, self._system, self._found = result["histories"], result.scenario, system, found
+        times, settings = self._histories["time"].values, not_none(result.scenario.run)
+        self.first = int(SKIPPED * times.size)  # sample with which it begins
+        self._end, self._rate = float(times[-1]), (times.size - 1) / float(times[-1] - times[0])  # s, Hz
+        self._segment = max(2 * (times.size - self.first) // (SEGMENTS + 1), LEAST_SAMPLES // 2)  # samples of a density
+        self.frequency: Floats = np.asarray(np.fft.rfftfreq(self._segment, 1.0 / self._rate), dtype=float)  # Hz
+        self.tested = settings.test_duration or settings.duration  # s
+        self._outlasts = self.tested >= settings.duration  # what was seen, its beginning included
+        self._linear = linear_responses(system, self.frequency)
+        self._beyond = _beyond_record(result, system, self.first, self.tested * self._rate)
+
+    def statistics(self, signal: Signal) -> dict[str, Any]:
+        """Values of `RANDOM` of a signal, by name; those that it does not have are left out."""
+        x = signal.history[self.first :]
+        of_record: dict[str, Any] = statistics_of(x, self._rate) | rms_interval(x)
+        psd_limit = limit_curve(
+            self._scenario, "psd", signal.name, _DENSITY_OF.get(signal.unit, ""), self.frequency
+        )  # fmt: skip
+        return {
+            "signal": signal.label, **signal._asdict(),
+            "density": cross_density(x, x, self._rate, self._segment).real, "limit": psd_limit,
+            "crossings_hz": crossing_rates(x, self._rate), **of_record,
+            **self._of_test(signal, of_record.get("degrees_of_freedom", 0.0)),
+            **self._linear.get((signal.name, signal.quantity), {}),
+        }  # fmt: skip
+
+    def _of_test(self, signal: Signal, freedom: float) -> dict[str, Any]:
+        """The largest value that a signal is expected to reach in the test, or why that is unknown; mean and 3 sigma.
+
+        Parameters
+        ----------
+        signal : with its history.
+        freedom : degrees of freedom of its mean square.
+        """
+        name, quantity = signal.name, signal.quantity
+        seen = _behind_filter(self._histories, signal)[self.first :]
+        pressed = _compression(self._system, self._histories, name, self.first) if quantity == "force" else None
+        measured, samples = Magnitude(seen, quantity == "opening", pressed), self.tested * self._rate
+        others = [why for of, why in self._beyond.items() if of != (name, quantity) and name != "input"]
+        expected: dict[str, Any] = {UNKNOWN: others[0]} if others else largest_of_test(measured, freedom, samples)
+        if not expected and (name, quantity) in self._beyond:
+            expected[UNKNOWN] = self._beyond[name, quantity]  # of a stop that only the test may reach
+        mean = float(seen.mean())
+        expected["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
+        if EXPECTED[0] in expected:
+            limit = _limit_on_peak(self._scenario, signal._asdict())
+            if expected[EXPECTED[1]] <= limit < expected[EXPECTED[2]]:
+                expected["decided_after_s"] = self._end * deciding_share(measured, freedom, samples, limit)
+            if self._outlasts:
+                reached = _reached(self._found, signal._asdict())
+                expected |= {each: max(expected[each], reached) for each in EXPECTED}
+        return expected
+
+    def transmissibility(
+        self, given: Floats, response: Floats, input_density: Floats, density: Floats
+    ) -> tuple[Complexes, Floats]:
+        """H1 from the input's history (nt,) to a response's, and their coherence, (nf,) each.
+
+        Parameters
+        ----------
+        given, response : histories.
+        input_density, density : (nf,) of the two.
+        """
+        cross = cross_density(given[self.first :], response[self.first :], self._rate, self._segment)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(cross / input_density), np.asarray(np.abs(cross) ** 2 / (input_density * density))
 
 
 def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -182,43 +236,45 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return columns
 
 
-def _input_of(system: StructuralSystem, histories: Dataset) -> tuple[str, Floats]:
-    """Quantity and history (nt,) of the input that is shown: the base's, or else that of the first force or support."""
+def _input_of(system: StructuralSystem, histories: Dataset) -> Signal:
+    """The input that is shown: the base's, or else that of the first force or support."""
     acting = Acting.of(system.scenario)
     _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     shaken = system.base_acceleration is not None
     history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)
-    return str(shown.takes[0]), history
+    quantity = str(shown.takes[0])
+    return Signal("excitation", "input", quantity, amplitude_unit(quantity), history)
 
 
-def _behind_filter(histories: Dataset, section: str, name: str, quantity: str, history: Floats) -> Floats:
-    """A history of which the largest value is expected: an acceleration behind run.low_pass, as its peak is."""
-    if section == "probes" and quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
-        return histories["low_passed_acceleration"].sel(probe=name).values
-    return history
+def _behind_filter(histories: Dataset, signal: Signal) -> Floats:
+    """The history of a signal of which the largest value is expected: an acceleration behind run.low_pass."""
+    if signal.section == "probes" and signal.quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
+        return histories["low_passed_acceleration"].sel(probe=signal.name).values
+    return signal.history
 
 
-def _responses(result: RunResult, motion: RunMotion) -> Iterator[tuple[str, str, str, str, Floats]]:
-    """Section, name, quantity, unit, history of each response; openings and the largest stress if they have limits."""
+def _responses(result: RunResult, motion: RunMotion) -> Iterator[Signal]:
+    """The responses; openings and the largest stress where they have limits."""
     histories = result["histories"]
     for name in histories.labels("probe"):
         for quantity in (MAIN_QUANTITY, "displacement"):
             history = histories[quantity].sel(probe=name)
-            yield "probes", name, quantity, history.unit, history.values
+            yield Signal("probes", name, quantity, history.unit, history.values)
     for name, force in histories.by_label("snubber_force").items():
-        yield "snubbers", name, "force", force.unit, force.values
+        yield Signal("snubbers", name, "force", force.unit, force.values)
     for name, output in histories.by_label("output_value").items():
-        yield "outputs", name, histories["output_quantity"].sel(output=name).item(), output.unit, output.values
+        quantity = histories["output_quantity"].sel(output=name).item()
+        yield Signal("outputs", name, quantity, output.unit, output.values)
     limits = {} if result.scenario.limits is None else result.scenario.limits.given
     if any(limited(name)[0].key == OPENING for name in limits) and motion.histories is not None:
         for snubber, opening in zip(motion.system.snubbers, motion.histories.of(OPENING).T, strict=False):
-            yield *(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit), opening
+            yield Signal(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit, opening)
     trajectory = motion.trajectory
     if any(limited(name)[0].key == STRESS for name in limits) and trajectory is not None and trajectory.time[0] == 0.0:
         worst = int(largest(motion.extremes[STRESS]).argmax())
         row = outputs_of(trajectory.flow, motion.system.channels.of_keys(STRESS).linear[[worst]])
         at = np.minimum(histories["time"].values, trajectory.end)
-        yield *(STRESS[0], "largest", STRESS[1], "Pa"), trajectory.sample(at, row)[:, 0]
+        yield Signal(STRESS[0], "largest", STRESS[1], "Pa", trajectory.sample(at, row)[:, 0])
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
