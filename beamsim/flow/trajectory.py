@@ -472,18 +472,28 @@ class Trajectory:
     def _products_by_time(
         self, state: ContactState, segment: Ints, tau: Floats, factors: tuple[Complexes, Complexes, Floats]
     ) -> Floats:
-        """(n, Q) the same in a contact state with powers of time, from the factors as sums of functions of time."""
+        """(n, Q) the same in a contact state with powers of time, from the factors as sums of functions of time.
+
+        Over equal times they are one quadratic form of the amplitudes: pieces of a random input have the same length.
+        """
         amplitude, weight = self.amplitudes(state, segment), factors[2]
-        F, B, K = amplitude.shape[1], state.exponent.size, weight.shape[0]
+        F, B, (K, Q) = amplitude.shape[1], state.exponent.size, weight.shape
         of_sources = np.zeros((2, F * B, K), dtype=complex)
         for of, table in zip(of_sources, factors[:2], strict=True):
             np.add.at(of, state.term_source * B + state.term_basis, table)
         by_source = of_sources.reshape(2, F, B, K).transpose(1, 0, 3, 2).reshape(F, 2 * K * B)
-        out = np.empty((tau.size, weight.shape[1]))
+        out = np.empty((tau.size, Q))
         for entries, moments in moments_by_time(state.exponent, state.power, tau):
-            one, other = (amplitude[entries] @ by_source).reshape(entries.size, 2, K, B).swapaxes(0, 1)
-            both = np.concatenate([other, other.conj()], axis=2)
-            out[entries] = 0.5 * ((one @ moments) * both).sum(axis=2).real @ weight
+            zeta = amplitude[entries]
+            # as sums of so many motions, of which there are products: of all entries, or of a unit of each amplitude
+            share, motions = (np.eye(entries.size), zeta) if entries.size < F else (zeta, np.eye(F))
+            r = motions.shape[0]
+            one, other = (motions @ by_source).reshape(r, 2, K, B).swapaxes(0, 1)
+            integrals = (one @ moments).reshape(r, K, 2, B).transpose(2, 0, 1, 3) * weight.T[:, None, None, :, None]
+            both = np.stack([other, other.conj()]).reshape(2, r, K * B)
+            forms = integrals.reshape(Q, 2, r, K * B) @ both.swapaxes(1, 2)
+            right = np.stack([share, share.conj()])
+            out[entries] = 0.5 * ((share @ forms) * right).sum(axis=(1, 3)).real.T
         return out
 
     def square_integrals(self, output_of: RowsOf) -> Floats:
