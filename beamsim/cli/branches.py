@@ -36,7 +36,8 @@ def continuation_screen(result: ContinuationResult) -> Screen:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
     lines += [*_special_lines(result), *_several(result)]
     lines += [
-        f"peak of {name} {amount(of['value'], s['output_unit'][name])} at {_parameter(of['parameter'], result.unit)}"
+        f"peak of {name} {changes.number(of['value'], s['output_unit'][name], 'peak_output', name)} at "
+        f"{_parameter(of['parameter'], result.unit)}"
         for name, of in list(s.get("peak_output", {}).items())[:SHOWN]
     ]
     for curve in s.get("fold_curves", ()):

@@ -139,7 +139,7 @@ def _print_all(kind: str, result: Result, files: Sequence[Path], given: Given) -
     elif not given.quiet:
         from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
 
-        used = ("processor time", f"{amount(used_processor_time(), 's')}, of the whole command with its workers")
+        used = ("processor time of the command", f"{amount(used_processor_time(), 's')}, with its workers")
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
         print_table(result.title, [*all_rows(kind, result), used, *written])
 

@@ -104,7 +104,7 @@ def _against(result: RunResult) -> Iterator[str]:
 
 
 OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Changes], Iterable[str]]] = {
-    "gapping": lambda result, _: contact_levels(result),
+    "gapping": contact_levels,
     "peak_output": _output_peaks,
     "inputs": _inputs,
     "matched": _matched,
@@ -167,7 +167,8 @@ def _place(s: Mapping[str, Any], changes: Changes, name: str, limits: Mapping[st
         if name in s.get(entry, ()):
             row[heading] = changes.number(s[entry][name], unit, entry, name)
     if name in s["contact_share"]:
-        row["in contact, times"] = f"{percent(s['contact_share'][name])}, {s['contacts'][name]}"
+        share = percent(s["contact_share"][name]) + changes.mark("contact_share", name)
+        row["in contact, times"] = f"{share}, {s['contacts'][name]}{changes.mark('contacts', name)}"
     if name in s["max_displacement_m"]:
         low, high = (
             changes.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
@@ -197,11 +198,14 @@ def sweep_screen(result: SweepResult) -> Screen:
             at = at_frequency(curve, quantity, place)
             where = f", {place}" if len(values) > 1 else ""
             row[heading] = f"{changes.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
-        row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
+        shares = s.get("contact_share", {}).get(name, {})
+        row["in contact"] = ", ".join(
+            percent(share) + changes.mark("contact_share", f"{name} {at}") for at, share in shares.items()
+        )
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
     lines = [
-        *contact_levels(result), *list(_output_lines(result))[:SHOWN],
+        *contact_levels(result, changes), *list(_output_lines(result, changes))[:SHOWN],
         *profile_jumps(result.scenario), *notches, *limit_lines(result), *changes.legend(),
     ]  # fmt: skip
     return Screen(changes.verdict(), rows, lines)
@@ -243,13 +247,14 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     return f"{where} ({from_equilibrium} from equilibrium at {amount(offset, 'm')})"
 
 
-def _output_lines(result: SweepResult) -> Iterator[str]:
+def _output_lines(result: SweepResult, changes: Changes) -> Iterator[str]:
     """By curve and output its peak, what it is and where."""
     for curve, peaks in result.summary.get("peak_output", {}).items():
         for name, peak in peaks.items():
             output = result["cycles"].sel(output=name)
             quantity, unit, at = (str(output[f"output_{column}"].item()) for column in ("quantity", "unit", "at"))
-            yield f"peak of {curve} {name} {amount(peak, unit)}, {quantity.replace('_', ' ')}, {at}"
+            size = changes.number(peak, unit, "peak_output", f"{curve} {name}")
+            yield f"peak of {curve} {name} {size}, {quantity.replace('_', ' ')}, {at}"
 
 
 def notch_texts(result: SweepResult) -> dict[str, str]:

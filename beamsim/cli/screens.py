@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limit_label, limit_unit, longer_run, read_first
 from beamsim.scenario.base import counted
-from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
+from beamsim.scenario.quantities import FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.ranges import ASKS
 from beamsim.scenario.scenario import USED
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -64,7 +64,7 @@ class Screen:
     def status(self, result: Result) -> list[str]:
         """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
         outcome = result.outcome
-        doubtful = [key for key in result.summary.get("doubtful", ()) if read_first(result.scenario, key)]
+        doubtful = first_of_keys(result, result.summary.get("doubtful", ()))
         worth = STANDINGS[outcome.gravest].first_line
         if worth and doubtful and outcome.usable:
             worth = f"{worth}: {counted(len(doubtful), 'value')}"
@@ -90,6 +90,12 @@ def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
 def more_rows(count: int) -> list[dict[str, str]]:
     """What is below the first rows of a table of so many."""
     return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
+
+
+def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
+    """Those of ``entry.place`` of a summary that a user reads first."""
+    modes = result.datasets.get("modes")
+    return [key for key in keys if read_first(result.scenario, modes, key)]
 
 
 class Changes:
@@ -130,12 +136,15 @@ class Changes:
         """
         if not is_known(value):
             return "unknown"
+        change = self._known.get((entry, place))
+        digits = min(max(math.ceil(-math.log10(change)), 1), DIGITS) if change else DIGITS
+        return rounded(value, unit, digits, size) + self.mark(entry, place)
+
+    def mark(self, entry: str, place: str = "") -> str:
+        """The mark of a value that is printed: of a doubt, of one of many motions, or of a jump; else empty."""
         key = entry, place
         self._printed.add(key)
-        change = self._known.get(key)
-        digits = min(max(math.ceil(-math.log10(change)), 1), DIGITS) if change else DIGITS
-        mark = " *" if key in self._doubtful else " ~" if key in self._after else " ^" if key in self._jumping else ""
-        return rounded(value, unit, digits, size) + mark
+        return " *" if key in self._doubtful else " ~" if key in self._after else " ^" if key in self._jumping else ""
 
     def legend(self) -> Iterator[str]:
         """What the marks of the numbers mean."""
@@ -154,7 +163,8 @@ class Changes:
         """Whether the numbers of a result that is complete can be trusted, in a few words."""
         summary = self._result.summary
         model = summary.get("convergence_model") or {"reason": "not known"}
-        first = {key for key in self._printed - self._jumping if read_first(self._result.scenario, ".".join(key))}
+        keys = {".".join(key): key for key in self._printed - self._jumping}
+        first = {keys[key] for key in first_of_keys(self._result, keys)}
         means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_CHANGE}  # within their standard error
         change = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
         apart = ", but for what is marked ^" if self._printed & self._jumping else ""
@@ -164,7 +174,7 @@ class Changes:
             verdict = f"not checked with a finer model ({model['reason']})"
         elif not model["modes"]:
             verdict = "all modes kept"
-        elif summary.get("after_parting"):
+        elif first_of_keys(self._result, summary.get("after_parting", ())):
             verdict = f"one of many motions, means within {change}"
         else:
             scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
@@ -241,7 +251,7 @@ def understood_of(result: Result) -> str:
     return understood(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
 
 
-def contact_levels(result: Result) -> Iterator[str]:
+def contact_levels(result: Result, changes: Changes) -> Iterator[str]:
     """From which level on the linear motion first opens or closes snubbers, where that is not with every motion.
 
     Where the level of a test differs between frequencies, it says also where the test comes closest to that.
@@ -250,7 +260,8 @@ def contact_levels(result: Result) -> Iterator[str]:
     closest = result.summary.get("closest_to_test", {})
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
-            text = predicted(result, of)[0] + (_closest(result, closest[name]) if name in closest else "")
+            text = predicted(result, of)[0] + changes.mark("gapping_ratio", name)
+            text += _closest(result, closest[name]) if name in closest else ""
             names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
         verb, rest = text.split(" ", 1)
@@ -342,6 +353,8 @@ def _level(result: Result, of: Mapping[str, Any]) -> str:
     """A predicted level in the quantity of the excitation; of a sine that moves the base also its acceleration."""
     quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
     level, beside = of["level"], ""
+    if quantity == FACTOR:
+        return f"{amount(level, '1')} times this input"
     if "frequency_hz" in of and power_of(quantity):
         beside = f" ({amount(level, amplitude_unit(quantity))})"
         level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])

@@ -36,7 +36,7 @@ def design_screen(result: StudyResult) -> Screen:
     s = result.summary
     if "reliability" in s:
         return _probability_screen(result, s["reliability"])
-    lines = [f"best: {s['objective']}"] if s.get("best") else []
+    lines = [f"best: {s['objective']}{_of_quantile(result)}"] if s.get("best") else []
     lines += _limit_lines(result)
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
@@ -51,7 +51,8 @@ def design_screen(result: StudyResult) -> Screen:
             f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.units[name])}"
             for name, of in shown[:SHOWN]
         ]
-        lines += [f"all cases: {', '.join(ranges)}"] if ranges else []
+        without = " without their tolerances" if "tolerances" in s else ""  # unlike limits and the objective
+        lines += [f"all cases{without}: {', '.join(ranges)}"] if ranges else []
     elif result.kind == "one_at_a_time":
         rows = list(_swing_rows(result, [name for name, _ in shown][:SHOWN]))
     else:
@@ -191,11 +192,11 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
         if result.kind == "optimise":
             where = f"in the {'best design' if 'best' in result.summary else 'design nearest to the limits'}:"
         elif item["verdict"] == OnLimit.MET:
-            where = "in all cases: at most"
+            where = f"in all cases{_of_quantile(result)}: at most"
         else:
             counts = {OnLimit.EXCEEDED: "cases_exceeding", OnLimit.UNDECIDED: "cases_undecided"}
             count = item.get(counts.get(item["verdict"], "cases_not_reliable"))
-            where = f"in {count or 'some'} of {result.count} cases:"
+            where = f"in {count or 'some'} of {result.count} cases{_of_quantile(result)}:"
             with_them = _parameters(result, item.get("parameters", {})).items()
             most = "".join(f", {label} {value}" for label, value in with_them)
         met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
@@ -234,11 +235,16 @@ def _parameters(result: StudyResult, values: Mapping[str, Any]) -> dict[str, str
 
 
 def _passing(result: StudyResult, passing: int) -> str:
-    every = "every limit" if len(result.limits) > 1 else "the limit"
-    if "tolerances" in result.summary:
-        quantile = result.summary["tolerances"]["quantile"]
-        every += " in all realisations" if quantile == 1.0 else f" at its {_share(quantile)} quantile"
+    every = f"{'every limit' if len(result.limits) > 1 else 'the limit'}{_of_quantile(result)}"
     return f"{passing} of {result.count} cases meet {every}" if passing else f"no case meets {every}"
+
+
+def _of_quantile(result: StudyResult) -> str:
+    """Which of the realisations of a case its objective and its limits are judged by, behind what is judged."""
+    quantile = result.summary.get("tolerances", {}).get("quantile")
+    if quantile is None:
+        return ""
+    return " in all realisations" if quantile == 1.0 else f" at the {_share(quantile)} quantile of its realisations"
 
 
 def _best_rows(result: StudyResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:

@@ -16,7 +16,7 @@ from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
-from beamsim.cli.session import Given, Interruption, Progress, interruptible, progress_of, say
+from beamsim.cli.session import Given, Interruption, Progress, interruptible, progress_of, say, stem_given
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
@@ -102,12 +102,13 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
         with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
             write_result(part, target, resumed=given.resume)
 
+    earlier = _earlier(target, scenario) if given.resume else None
+    if earlier is None:
+        _say_begins(target, given)
+
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
-            result = checked.sweep(
-                scenario, progress, stop=stop, save=save,
-                resume=_earlier(target, scenario) if given.resume else None,
-            )  # fmt: skip
+            result = checked.sweep(scenario, progress, stop=stop, save=save, resume=earlier)
         if not result.curves:  # it was interrupted before its first cycle
             raise KeyboardInterrupt
         return result
@@ -204,7 +205,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any
     cases = f"at most {count}" if plan.searches else f"{count}"
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, f" of {cases} cases", given)
+        _say_known(journal, f" of {cases} cases", target, given)
         with _naming_kept(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 by = _workers(progress, **options)
@@ -267,10 +268,21 @@ def _finished(kind: str, target: Path, given: Given, same: Callable[[Any], bool]
     return True
 
 
-def _say_known(journal: Journal, cases: str, given: Given) -> None:
+def _say_known(journal: Journal, cases: str, target: Path, given: Given) -> None:
     """What of the cases an earlier call has computed."""
-    if journal.outcomes and not given.quiet:
+    if not journal.outcomes:
+        _say_begins(target, given)
+    elif not given.quiet:
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
+
+
+def _say_begins(target: Path, given: Given) -> None:
+    """Say where ``--resume`` finds nothing; what a case of a result file gives is written to another file."""
+    if not given.resume or given.quiet:
+        return
+    of_result = given.output is None and stem_given(given) != given.case.stem
+    remedy = f"; to go on with {given.case}, give the YAML of its case" if of_result else ""
+    say(f"beamsim: there is nothing to resume in {target}; the computation begins anew{remedy}")
 
 
 def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> None:
@@ -279,7 +291,7 @@ def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> 
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
     with opened_journal(path, fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, " starts and disturbances", given)
+        _say_known(journal, " starts and disturbances", target, given)
         known = tuple(journal.kept)
         with (
             _naming_kept(journal, " starts and disturbances", interrupted),

@@ -19,7 +19,6 @@ from beamsim.structures.assembly import load_site_in
 
 Inputs = Mapping[str, Mapping[str, Any]]
 """By path of the excitation what is known of a random input or record: rms, peak and unit."""
-UNEXCITED = ("nnm", "identify-stiffness")  # commands that use no excitation of the case
 AREAS = {
     "acceleration": ("velocity change", "m/s"), "angular_acceleration": ("velocity change", "rad/s"),
     "force": ("impulse", "N s"),
@@ -35,13 +34,14 @@ def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, comman
     scenario : of the case.
     modes : of its structure; None where they are not known.
     inputs : random inputs and records, as far as they are known.
-    command : run, or another one, of a case for several.
+    command : run, or another one, of a case for several; by default those that it has sections for.
 
     Returns
     -------
     One line, empty where there is nothing to say.
     """
-    excited = command not in UNEXCITED and bool(scenario.excitation.items)
+    command = command or _command_of(scenario)
+    excited = _uses_excitation(scenario, command) and bool(scenario.excitation.items)
     parts = excitation_text(scenario, inputs, command).split("\n") if excited else []
     low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
     if low_pass is not None:
@@ -49,6 +49,20 @@ def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, comman
         against = f", {low_pass / highest:.3g} times the excitation's {highest:.4g} Hz" if highest > 0.0 else ""
         parts.append(f"low-pass filter {low_pass:.6g} Hz{against}")
     return "; ".join([*parts, *(() if modes is None else first_modes(scenario, modes))])
+
+
+def _command_of(scenario: Scenario) -> str:
+    """The command of a case that is for one alone which hardly uses an excitation; empty of any other case."""
+    if scenario.run is not None or scenario.sweep is not None or scenario.study is not None:
+        return ""
+    return "nnm" if scenario.nnm is not None else "identify-stiffness" if scenario.identify_stiffness else ""
+
+
+def _uses_excitation(scenario: Scenario, command: str) -> bool:
+    """Whether a command uses the excitation of a case as it is written: identified tests have their own levels."""
+    if command == "nnm":
+        return scenario.nnm is not None and scenario.nnm.phase_resonance is not None
+    return command != "identify-stiffness"
 
 
 def first_modes(scenario: Scenario, table: Dataset) -> Iterator[str]:
@@ -77,8 +91,10 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
     Parameters
     ----------
     scenario, inputs : as of `understood`.
-    command : run or sweep, to say only what that does.
+    command : run, sweep or nnm, to say only what that does.
     """
+    if command == "nnm":
+        return "; ".join(_held_sine(scenario, part) for _, part in scenario.excitation.items)
     swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
     ways = {"run: ": "", "sweep: ": swept} if swept and scenario.run is not None else {"": swept}
     if command and len(ways) > 1:
@@ -93,6 +109,14 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
         for label, way in ways.items()
     }
     return "\n".join(label + text for label, text in texts.items() if text) or "no excitation"
+
+
+def _held_sine(scenario: Scenario, part: Any) -> str:
+    """The sine that holds a nonlinear mode at phase resonance: its levels and place."""
+    resonance: Any = None if scenario.nnm is None else scenario.nnm.phase_resonance
+    levels = getattr(resonance, "levels", ()) or [level for _, level in part.levels()]
+    sizes = " and ".join(amplitude_text(part, level) for level in levels)
+    return f"sine at phase resonance, {sizes}{_place(scenario, part)}"
 
 
 _SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
@@ -135,13 +159,18 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[s
         words += _INPUTS[part.kind](part, known)
     elif 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
+    return f"{', '.join(words)}{_place(scenario, part)}"
+
+
+def _place(scenario: Scenario, part: Any) -> str:
+    """Where a motion or force acts, behind what it is."""
     if part.on_base:
         at = "the base" + (f" in {part.direction}" if part.direction else "")
     elif isinstance(part.applied_to, MovedSupport | MovedStop):
         at = part.applied_to.label
     else:
         at = load_site_in(scenario, part.applied_to).label
-    return f"{', '.join(words)}, at {at}"
+    return f", at {at}"
 
 
 def _random(part: Any, known: Mapping[str, Any]) -> Iterator[str]:

@@ -121,6 +121,7 @@ class Value(NamedTuple):
     limit: str = ""  # by which it is limited
     scale: float = 1.0  # SI over the unit of the entry
     decibels: float = 0.0  # of a decade of the ratio to a curve: 20 of an amplitude, 10 of a power; 0 of other values
+    reported: str = ""  # entry of a run's summary that has it in another unit or under another name
 
     def of_channels(self, channels: Sequence[Channel], extreme: Extreme) -> Floats:
         """Its values from the extremes of channels, of which each that acts in both directions counts in both."""
@@ -207,9 +208,10 @@ VALUES = (
     Value("static_moment", "static_moment_n_m", "snubbers", "", None, "N m",
           "contact moment of a stop of a hinge at static equilibrium"),
     Value("rms_absolute_acceleration", "rms_absolute_acceleration", *ACCELERATION, None, "m/s^2",
-          "root mean square of the absolute acceleration", limit="rms_acceleration"),
+          "root mean square of the absolute acceleration", limit="rms_acceleration", reported="rms_acceleration_g"),
     Value("rms_displacement", "rms_displacement", *DISPLACEMENT, None, "m",
-          "root mean square of the displacement, relative to the base", limit="rms_displacement"),
+          "root mean square of the displacement, relative to the base", limit="rms_displacement",
+          reported="rms_displacement_m"),
     Value("rms_force", "rms_force", *FORCE, None, "N", "root mean square of the contact force", limit="rms_force"),
     Value("srs_over_limit", "srs_over_limit", "probes", "", None, "1",
           "largest ratio of a maximax shock response spectrum to its limit curve", limit="srs", decibels=20.0),
@@ -242,30 +244,37 @@ READ_FIRST = frozenset(
     if value.of is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
 ) | {"frequency_hz", "peak_frequency_hz"}  # of modes and of peaks, which analyses of frequencies are asked for
 """Entries of displacements, accelerations, forces and outputs."""
-FIRST_MODE = frozenset({"open_frequencies_hz.1", "closed_frequencies_hz.1"})
+NATURAL_FREQUENCIES = ("open_frequencies_hz", "closed_frequencies_hz")
 
 
-def read_first(scenario: Scenario, key: str) -> bool:
+def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     """Whether a value is one that a user reads first, so that a doubt about it is one about the result.
 
-    Those are displacements, accelerations, forces, what has a limit, and the first natural frequency, open and closed.
-    Others are marked where they are printed.
+    Those are displacements, accelerations, forces, what has a limit, and the first natural frequency, open and closed,
+    that is none of a rigid body. Others are marked where they are printed.
 
     Parameters
     ----------
     scenario : with its limits.
-    key : ``entry.place`` of a summary, as in ``doubtful``.
+    modes : natural frequencies of the structure; None where they are not known.
+    key : ``entry.place`` of a summary, as in ``doubtful``; frequencies have their number as place.
     """
     entry, _, place = key.partition(".")
-    if entry in READ_FIRST or key in FIRST_MODE:
+    if entry in READ_FIRST or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
         return True
     for name in () if scenario.limits is None else scenario.limits.given:
         value, of = limited(name)
-        named = entry.removesuffix("_m").removesuffix("_g").removesuffix("_n")  # of root mean squares
-        rms = value.entry == named or (entry == "random" and place.endswith(f" {value.quantity} rms"))
-        if (entry == value.entry or rms) and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}")):
+        rms = entry == "random" and place.endswith(f" {value.quantity} rms")
+        found = rms or entry in filter(None, (value.entry, value.reported))
+        if found and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}")):
             return True
     return False
+
+
+def _first_elastic(modes: Dataset | None, entry: str) -> int:
+    """The number of the first natural frequency that is none of a rigid body, from 1."""
+    frequencies = [] if modes is None else modes[entry].values.tolist()
+    return next((number for number, hz in enumerate(frequencies, 1) if hz > 0.0), 1)
 
 
 def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:

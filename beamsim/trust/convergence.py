@@ -13,7 +13,7 @@ computation can say which.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
@@ -310,8 +310,8 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
         }
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
-    if any(read_first(result.scenario, key) for key in checked.doubtful):
-        doubts = [_doubtful(result, checked, doubts)]
+    if first := [key for key in checked.doubtful if read_first(result.scenario, result["modes"], key)]:
+        doubts = [doubt_about(result, first, *doubts)]
     if not doubts or not outcome.usable:
         return result.ended(outcome.but(*doubts))
     return result.ended(doubts[0].but(outcome) if outcome.message else doubts[0])  # what was wrong before comes last
@@ -340,7 +340,7 @@ def _range(
     change = dict(places(changes.get(value.entry, {})))
     highest = item["value"] * (1.0 + SMALLEST_SCALE)
     known = dict(named(changes))  # root mean squares are values of the spectra, or of the statistics
-    of_run = (f"random.{item['at']} {value.quantity} rms", *(f"{value.limit}_{unit}.{item['at']}" for unit in "mg"))
+    of_run = f"random.{item['at']} {value.quantity} rms", f"{value.reported}.{item['at']}"
     pairs = [
         (number * value.scale, change.get(place, math.nan if changes else 0.0))
         for place, number in places(values.get(value.entry, {}))
@@ -350,15 +350,22 @@ def _range(
     return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}
 
 
-def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) -> Outcome:
-    """Which values do not converge, the worst first, and what helps."""
-    first = {key for key in checked.doubtful if read_first(result.scenario, key)}
-    sizes = {key: change for key, change in named(checked.changes) if key in first}
+def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:
+    """Which values do not converge, the worst first, and what helps.
+
+    Parameters
+    ----------
+    result : that was compared with a finer model.
+    keys : ``entry.place`` of the values.
+    parts : outcomes that accompany it.
+    """
+    model = result.summary["convergence_model"]
+    sizes = {key: change for key, change in named(result.summary["convergence"]) if key in keys}
     worst = sorted(sizes, key=lambda key: -sizes[key])
-    modes = "all" if checked.modes >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
+    modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
-    remedy = _remedy(result, checked)
+    remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
     sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
     if any(key.partition(".")[0] in MUST_HOLD and change > WORTHLESS for key, change in sizes.items()):
@@ -376,8 +383,8 @@ def _diverged(result: Result, checked: Convergence) -> Outcome:
             OutcomeKind.COMPLETE, "contacts_diverge",
             f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
             "on what follows",
-            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, checked)}, or take means of a "
-            "longer run",
+            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, checked.first_modes)}, or take "
+            "means of a longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (
@@ -397,15 +404,15 @@ def _diverged(result: Result, checked: Convergence) -> Outcome:
     )  # fmt: skip
 
 
-def _finer(result: Result, checked: Convergence) -> str:
-    """What gives a finer model, beside what is written."""
+def _finer(result: Result, modes: int) -> str:
+    """What gives a finer model than that with so many modes, beside what is written."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
-    return " and ".join(filter(None, (result.scenario.more_modes(checked.first_modes), elements)))
+    return " and ".join(filter(None, (result.scenario.more_modes(modes), elements)))
 
 
-def _remedy(result: Result, checked: Convergence) -> str:
-    """What makes the doubtful values converge, beside what is written."""
-    places = [key.partition(".")[2] for key in checked.doubtful if key.startswith("peak_acceleration")]
+def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
+    """What makes doubtful values of a model with so many modes converge, beside what is written."""
+    places = [key.partition(".")[2] for key in doubtful if key.startswith("peak_acceleration")]
     shares = result.summary.get("contact_share", {})  # by snubber, of a sweep by curve and snubber
     met = {name for of in (shares, *shares.values()) if isinstance(of, dict) for name, share in of.items() if share}
     stops = tuple(name for name in result.scenario.bare_dashpots if name in met or not shares) if places else ()
@@ -413,7 +420,7 @@ def _remedy(result: Result, checked: Convergence) -> str:
     band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] if unfiltered else []
     contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
     special = [*band, *contact] if places else []
-    remedies = [] if special and len(places) == len(checked.doubtful) else [_finer(result, checked)]
+    remedies = [] if special and len(places) == len(doubtful) else [_finer(result, modes)]
     if special:
         remedies.append(f"for the peak acceleration of {listed(tuple(places))} {', or '.join(special)}")
     return "; ".join(remedies)

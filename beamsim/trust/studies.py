@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import replace
@@ -39,7 +39,7 @@ from beamsim.results.values import BY_NAME, limited
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep
-from beamsim.trust.convergence import COMPARISON
+from beamsim.trust.convergence import COMPARISON, doubt_about
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
 
@@ -225,9 +225,26 @@ def _with_runs(result: StudyResult) -> StudyResult:
         datasets=result.datasets | ({"runs": _runs(shown)} if shown else {}),
         summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
-    concerned = said["doubtful"] or said["after_parting"] or not best.outcome.usable
-    parts = (replace(best.outcome, within="the best design"),) if concerned else ()
-    return checked.ended(result.outcome.but(*parts))
+    parts = _doubts_about(best, said["doubtful"], said["after_parting"])
+    return checked.ended(result.outcome.but(*(replace(part, within="the best design") for part in parts)))
+
+
+def _doubts_about(
+    best: RunResult | SweepResult | ContinuationResult, doubtful: Sequence[str], after: Sequence[str]
+) -> tuple[Outcome, ...]:
+    """What is said of the result of the best design: why it cannot be used, or doubts about what was searched for.
+
+    Parameters
+    ----------
+    best : its result.
+    doubtful, after : what a search was asked for of the values that change with a finer model, and of those that are of
+        one of many motions.
+    """
+    outcome = best.outcome
+    if not outcome.usable:
+        return (outcome,)
+    of_motion = outcome.all_of("contacts_diverge") + outcome.all_of("motion_sensitive") if after else []
+    return (*((doubt_about(best, doubtful),) if doubtful else ()), *of_motion)
 
 
 def _runs(runs: Mapping[str, RunResult]) -> Dataset:

@@ -1,5 +1,8 @@
 """What the first line says of a result: doubts about what is read first, with all modes of models that have few."""
 
+import gzip
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +16,19 @@ from beamsim.cli.motions import run_screen
 from beamsim.outcomes import OutcomeKind
 from beamsim.results.values import read_first
 from beamsim.scenario import load_scenario
+from beamsim.store.results import load
+from beamsim.system.build import build_system
 
 ROOT = Path(__file__).parents[2]
 BEAM = {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa",
         "density": "2700 kg/m^3", "damping": {"kind": "modal", "ratio": "1 %"}}  # fmt: skip
+
+FLOATING = {
+    "beam": {**BEAM, "length": "1 m", "supports": {"left": "free", "right": "free"}},
+    "snubbers": [{"name": "tip", "position": "1 m", "side": "below", "stiffness": "5 kN/m", "gap": "1 mm"}],
+    "reduction": {"modes": 3},
+    "run": {"duration": 0.01, "start": "rest"},
+}
 
 
 def beam(modes, limit=None, **run):
@@ -40,6 +52,10 @@ def beam(modes, limit=None, **run):
         ("largest_bending_stress_pa", None, False),
         ("largest_bending_stress_pa", {"bending_stress": "80 MPa"}, True),
         ("rms_displacement_m.tip", None, False),
+        ("rms_acceleration_g.tip", None, False),
+        ("rms_acceleration_g.tip", {"rms_acceleration": "3 g"}, True),
+        ("random.tip absolute_acceleration rms", {"rms_acceleration": "3 g"}, True),
+        ("random.tip displacement rms", {"rms_acceleration": "3 g"}, False),
         ("rms_displacement_m.tip", {"rms_displacement": {"tip": "1 mm"}}, True),
         ("rms_displacement_m.middle", {"rms_displacement": {"tip": "1 mm"}}, False),
         ("rms_displacement_m.tip_2", {"rms_displacement": {"tip": "1 mm"}}, False),
@@ -48,7 +64,20 @@ def beam(modes, limit=None, **run):
     ],
 )
 def test_what_is_read_first(key, limits, first):
-    assert read_first(beam(3, limits), key) is first
+    assert read_first(beam(3, limits), None, key) is first
+
+
+@pytest.mark.parametrize(
+    ("key", "first"),
+    [("open_frequencies_hz.1", False), ("open_frequencies_hz.3", True), ("closed_frequencies_hz.2", True),
+     ("closed_frequencies_hz.3", False)],
+)  # fmt: skip
+def test_the_first_frequency_of_a_floating_structure_is_that_of_its_first_elastic_mode(key, first):
+    """A free beam has two motions as a rigid body, of which a stop in contact takes one."""
+    case = load_scenario(FLOATING)
+    modes = build_system(case).modes
+    assert [int((modes[f"{state}_frequencies_hz"].values == 0.0).sum()) for state in ("open", "closed")] == [2, 1]
+    assert read_first(case, modes, key) is first
 
 
 def test_modes_that_are_hardly_kept_do_not_put_a_case_in_doubt():
@@ -120,3 +149,33 @@ def test_imported_matrices_of_few_coordinates_are_compared_with_all_of_their_mod
         for place, value in few[entry].items():
             change = abs(value - every[entry][place]) / max(abs(value), abs(every[entry][place]))
             assert few["convergence"][entry][place] == pytest.approx(change, rel=1e-4, abs=1e-9)
+
+
+def doubting(name, **doubts):
+    """A stored result with other doubts, and its screen."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.h5"
+        path.write_bytes(gzip.decompress((ROOT / f"tests/data/results/{name}.h5.gz").read_bytes()))
+        result = load(path)
+    result = replace(result, summary={**result.summary, **doubts})
+    return run_screen(result).text(result, ["case.h5"])
+
+
+def test_values_that_are_not_read_first_are_marked_where_they_are_printed():
+    """A doubt about them is not one about the case, and is not visible with -v alone."""
+    doubts = ["contact_share.stop", "contacts.stop", "gapping_ratio.stop"]
+    first, *others = doubting("run_chain", doubtful=doubts).splitlines()
+    assert "all modes kept" in first
+    assert any("33.8 % *, 7 *" in line for line in others)
+    assert any(line.startswith("stop touches from ") and line.endswith(" *") for line in others)
+    assert "* changes by more than 2 % with a finer model" in others
+
+
+@pytest.mark.parametrize(("after", "sure"), [("contact_share.stop", False), ("peak_force_n.stop", True)])
+def test_one_of_many_motions_is_said_first_of_what_is_read_first(after, sure):
+    model = {"modes": 3, "first_modes": 2, "reason": ""}
+    first, *others = doubting("run_chain", after_parting=[after], convergence_model=model).splitlines()
+    assert ("one of many motions" in first) is sure
+    assert ("converged within" in first) is not sure
+    assert any(" ~" in line for line in others)
+    assert any(line.startswith("~ one of many motions") for line in others)

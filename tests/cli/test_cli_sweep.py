@@ -136,6 +136,16 @@ def test_resume_of_what_is_complete_and_of_another_scenario(here):
     assert "another scenario" in done.stderr
 
 
+def test_resume_says_where_there_is_nothing_to_resume(here):
+    """The case of a result file is written to another one, in which an earlier result is not looked for."""
+    assert call("case.yaml", "--no-plots", "-o", "a.h5").exit_code == 0
+    done = call("a.h5", "--no-plots", "--resume")
+    assert done.exit_code == 0, done.output
+    remedy = "; to go on with a.h5, give the YAML of its case"
+    assert f"beamsim: there is nothing to resume in a_again.h5; the computation begins anew{remedy}" in done.stderr
+    assert "nothing to resume" not in call("a.h5", "--no-plots", "--resume").stderr
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):

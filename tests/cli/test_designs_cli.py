@@ -62,7 +62,7 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
     assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
     for text in ("grid of 2 x 3 = 6 cases, each a run", "snubbers.tip.gap", "EXCEEDED", "of 6 cases: ",
                  ", tip stiffness 200 kN/m",
-                 "tip peak force", "case_maps.png", ", of the whole command with its workers"):  # fmt: skip
+                 "tip peak force", "case_maps.png", ", with its workers"):  # fmt: skip
         assert text in done.stdout, text
     assert load("case.h5").outcome.usable
 

@@ -1,6 +1,7 @@
 """The first screens: what is decided by, and nothing that is not sure."""
 
 import gzip
+import math
 import re
 from collections import Counter
 from pathlib import Path
@@ -147,3 +148,48 @@ def test_counts_of_special_points_are_those_of_their_table(name, more, tmp_path)
         assert int(said[1]) == count
         if said[3]:
             assert int(said[3]) + said[2].count(",") + 1 == count
+
+
+TWO_FORCES = """
+chain: {masses: [1 kg], springs: [10 kN/m], damping: {kind: modal, ratio: 2 %}}
+snubbers: [{name: stop, mass: 1, side: above, stiffness: 20 kN/m, gap: 1 mm}]
+excitation: {kind: forces, forces: [
+  {kind: harmonic, applied_to: {mass: 1}, level: 3 N, frequency: 10 Hz},
+  {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 10 Hz}]}
+run: {duration: 0.2 s}
+"""
+
+
+def test_a_level_of_several_forces_multiplies_them(tmp_path):
+    """Closed form: 4 N move the mass by 4 / 10000 / sqrt((1 - r^2)^2 + (2 zeta r)^2), r = 10 / 15.92."""
+    (tmp_path / "case.yaml").write_text(TWO_FORCES)
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "--no-plots", "-o", str(tmp_path / "case.h5")])
+    r = 20 * math.pi / 100
+    times = 1e-3 / (4e-4 / math.hypot(1 - r**2, 0.04 * r))
+    assert f"stop touches from {times:.4g} times this input at 10 Hz in steady linear motion" in done.stdout
+
+
+IDENTIFIED = """
+chain: {masses: [1 kg], springs: [10 kN/m]}
+snubbers: [{name: stop, mass: 1, side: above, gap: 1 mm, stiffness: 1 kN/m}]
+excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 10 Hz}
+"""
+FOR_MODES = "nnm: {mode: 1, continue_in: {kind: energy, from: 1 mJ, to: 2 mJ}, phase_resonance: {levels: [0.5 g, 1 g]}}"
+FOR_STOPS = "identify_stiffness: {snubber: stop, measured_with: [17 Hz], fit_to: [1]}"
+
+
+@pytest.mark.parametrize(
+    ("section", "excited"),
+    [
+        ("", "harmonic, 1 g, 10 Hz, at the base"),
+        ("run: {duration: 1 s}", "harmonic, 1 g, 10 Hz, at the base"),
+        (FOR_MODES, "sine at phase resonance, 0.5 g and 1 g, at the base"),
+        (FOR_MODES.replace(", phase_resonance: {levels: [0.5 g, 1 g]}", ""), ""),
+        (FOR_STOPS, ""),
+    ],
+)
+def test_validate_names_the_excitation_that_a_command_uses(section, excited, tmp_path):
+    (tmp_path / "case.yaml").write_text(IDENTIFIED + section)
+    done = CliRunner().invoke(app, ["validate", str(tmp_path / "case.yaml")])
+    assert done.exit_code == 0, done.output
+    assert (excited in done.stdout) if excited else (" at the base" not in done.stdout)

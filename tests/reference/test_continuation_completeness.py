@@ -203,6 +203,18 @@ def test_bands_without_a_stable_motion_are_listed():
     assert told.lower() == note.text.lower()
 
 
+@pytest.mark.slow
+def test_no_stable_point_is_in_a_band_without_a_stable_motion():
+    """The motion of two periods is stable from 113.103 to 113.148 Hz alone, less than a thousandth of the range."""
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(100, 120, "seek_at: 0"))
+    points = result["points"]
+    stable = points["parameter"].values[points["stable"].values]
+    bands = [band["band"] for band in result.summary["without_stable_motion"]]
+    assert any(high < 113.2 for _, high in bands)
+    for low, high in bands:
+        assert not np.any((stable > low * (1 + 1e-9)) & (stable < high * (1 - 1e-9))), (low, high)
+
+
 @pytest.mark.parametrize("demanded", slow_after(1, [True, False]))
 @pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):

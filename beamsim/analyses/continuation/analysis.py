@@ -23,7 +23,6 @@ from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.tracing import (
-    COVERED,
     Budget,
     Tracer,
     coexisting_branches,
@@ -245,18 +244,13 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     if exceeded is not None:
         parts.append(exceeded)
     parts += _left_out(model, traced)
-    bands: list[tuple[float, float]] = []
     stable = [
-        (min(a, b), max(a, b))
+        (min(a, b), max(a, b)) if one.stable and other.stable else (a, a) if one.stable else (b, b)
         for branch in traced
         for (a, one), (b, other) in pairwise(zip(branch.values.tolist(), branch.orbits, strict=True))
-        if one.stable and other.stable
+        if one.stable or other.stable
     ]
-    for a, b in gaps_between(stable, min(first, last), max(first, last)):
-        if bands and a - bands[-1][1] < COVERED * abs(last - first):
-            a = bands.pop()[0]
-        bands.append((a, b))
-    if bands:
+    if bands := gaps_between([*stable, *gaps], min(first, last), max(first, last)):
         parts.append(Outcome.of(OutcomeKind.NOTED, NO_STABLE_MOTION, "no stable motion was found", at=ranges(bands)))
     return [part.but(within=within) for part in parts]
 
