@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ NAMES = "names"
 ROW = "number of the row"
 """Meaning of the coordinate of rows that belong to several members, one after the other (cycles of curves, points of
 branches). A text table of these has numbers alone, so that it can be read back: also those of the members."""
+_Record = TypeVar("_Record")
 _KINDS = {float: "f", int: "iu", bool: "b", str: "O"}  # of NumPy, by the type of the values of a variable
 
 
@@ -297,20 +298,27 @@ class Dataset(Mapping[str, LabelledArray]):
             found[name] = Dataset(self.name, items)
         return found
 
-    def rows(self, dim: str) -> list[dict[str, Any]]:
+    def rows(self, dim: str, *names: str) -> list[dict[str, Any]]:
         """The rows of a table: by column their values, None for integers, flags and texts that are not known.
 
         Parameters
         ----------
         dim : that the rows are along; what is along others, too, is no column.
+        names : of the columns; all of them by default.
         """
         columns = {}
-        for name, array in self.items():
+        for name in names or self:
+            array = self[name]
             if array.dims == (dim,):
                 values = columns[name] = array.values.tolist()
                 for unknown in array.absent:
                     values[unknown] = None
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def records(self, dim: str, kind: type[_Record]) -> list[_Record]:
+        """The rows of a table along a dimension as named tuples of a kind, whose fields are the columns."""
+        fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+        return [kind(**row) for row in self.rows(dim, *fields)]
 
     def read(self) -> Items:
         """The items of the dataset, all of whose values are read from their file if they were not, and kept."""

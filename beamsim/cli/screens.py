@@ -19,8 +19,7 @@ from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_CHANGE, Result
 from beamsim.results.values import limit_label, limit_unit, longer_run, read_first
 from beamsim.scenario.base import counted
-from beamsim.scenario.quantities import FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
-from beamsim.scenario.ranges import ASKS
+from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.scenario import USED
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import figure_in_words

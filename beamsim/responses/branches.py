@@ -19,7 +19,7 @@ from beamsim.results.branch import (
     BRANCHES,
     POINTS,
     endings,
-    numbered,
+    numbered_points,
     of_multipliers,
     of_states,
     special_points_table,
@@ -134,7 +134,7 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
     channels = measured(system, () if limits is None else limits.model_fields_set)
     by_balance = any(branch.neglected is not None for branch in branches)
     values = {
-        **numbered([len(branch.motions) for branch in branches]),
+        **numbered_points([len(branch.motions) for branch in branches]),
         **of_states(states, system.dynamics.size),
         **of_multipliers([branch.multipliers for branch in branches]),
         "frequency_hz": parameter.copy() if followed else np.full(parameter.size, model.frequency_hz),

@@ -26,7 +26,6 @@ from beamsim.results.values import OUTPUT, judged, limit_unit
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.quantities import amplitude_unit, level_unit
-from beamsim.scenario.ranges import LARGEST_MARGIN
 from beamsim.scenario.scenario import Record
 from beamsim.summaries import (
     ByName,
@@ -127,6 +126,7 @@ PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver al
 WORTHLESS_REDUCTION = 0.1
 """Bound of the receptance's error over the static compliance above which a result is not to be trusted."""
 LINES_OF_BANDWIDTH = 0.25  # largest distance of the sines of a random input, over the half-power bandwidth of a mode
+LARGEST_MARGIN = 100.0  # a limit over the value that it limits, above which one of them is probably another one
 _REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
 
 

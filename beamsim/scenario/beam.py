@@ -221,15 +221,15 @@ class Bent(Schema):
 class SolidBending(Bent):
     """A section of one material."""
 
-    width: q.Length | None = None
+    width: q.BodyWidth | None = None
     """Width of a rectangular section (across the motion)."""
-    thickness: q.Length | None = None
+    thickness: q.BodyThickness | None = None
     """Thickness of a rectangular section (in the direction of the motion)."""
     section: Section | None = None
     """Any other cross-section, instead of width and thickness."""
-    youngs_modulus: q.Modulus
+    youngs_modulus: q.SolidModulus
     """Young's modulus."""
-    density: q.Density
+    density: q.SolidDensity
     """Density."""
 
     def check(self) -> None:
@@ -436,7 +436,7 @@ class BeamBody(Body):
     has_slope: ClassVar[bool] = True
     base_directions: ClassVar[tuple[str, ...]] = ("z", "ry")
 
-    length: q.Length
+    length: q.BodyLength
     """Length."""
     elements: q.Elements = 20
     """Number of finite elements (cubic Hermite), before nodes are added at point masses."""

@@ -314,7 +314,7 @@ class SnubberBase(Named):
     units: ClassVar[tuple[str, str]] = ("m", "N")
     stiffness_example: ClassVar[str] = "151.1 kN/m"
 
-    stiffness: q.Stiffness | None = None
+    stiffness: q.StopStiffness | None = None
     """Stiffness while in contact; this or force_deflection is needed."""
     force_deflection: ForceDeflection | None = None
     """Force over penetration instead of the stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,

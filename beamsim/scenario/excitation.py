@@ -551,7 +551,7 @@ class HalfSine(Shock):
 
     kind: Literal["half_sine"] = "half_sine"
     """A half-sine pulse."""
-    duration: q.Duration
+    duration: q.PulseDuration
     """Duration of the pulse."""
 
     @property
@@ -567,7 +567,7 @@ class Trapezoid(Shock):
 
     kind: Literal["trapezoid"] = "trapezoid"
     """A trapezoidal pulse."""
-    duration: q.Duration
+    duration: q.PulseDuration
     """Duration of the pulse, rise and fall included."""
     rise_: q.Duration | None = Field(default=None, alias="rise")
     """Duration of the rise; by default a tenth of that of the pulse (IEC 60068-2-27)."""
@@ -605,7 +605,7 @@ class Sawtooth(Shock):
 
     kind: Literal["sawtooth"] = "sawtooth"
     """A final-peak sawtooth pulse."""
-    duration: q.Duration
+    duration: q.PulseDuration
     """Duration of the pulse."""
 
     @property
@@ -721,7 +721,7 @@ class PsdPoint(Schema):
 
     frequency: q.Frequency
     """Frequency; two points at one frequency are a step of the density."""
-    density: q.SpectralDensity | None = None
+    density: q.DensityOfTest | None = None
     """One-sided density: g^2/Hz or (m/s^2)^2/Hz for an acceleration, N^2/Hz for a force."""
     slope: q.DensitySlope | None = None
     """Instead of a density the slope of the line from the point before, in dB/oct: 3 dB/oct doubles the density in an

@@ -134,9 +134,9 @@ class PlateBody(Body):
 
     kind: Literal["plate"] = "plate"
     """A rectangular thin plate."""
-    length: q.Length
+    length: q.BodyLength
     """Size along x, from the left to the right edge."""
-    width: q.Length
+    width: q.BodyWidth
     """Size along y, from the bottom to the top edge."""
     elements: q.PlateElements = (12, 12)
     """Numbers of elements (bicubic Hermite) along x and y, before mesh lines are added at points and stiffeners."""
@@ -301,13 +301,13 @@ class PlateBody(Body):
 class Plate(PlateBody):
     """A rectangular, thin, isotropic plate (Kirchhoff theory)."""
 
-    thickness: q.Length
+    thickness: q.BodyThickness
     """Thickness."""
-    youngs_modulus: q.Modulus
+    youngs_modulus: q.SolidModulus
     """Young's modulus."""
     poissons_ratio: q.PoissonsRatio
     """Poisson's ratio."""
-    density: q.Density
+    density: q.SolidDensity
     """Density."""
 
     def check(self) -> None:
@@ -344,7 +344,7 @@ class StiffnessPlate(PlateBody):
     """Mass per unit area."""
     section_modulus: q.SectionModulusPerLength | None = None
     """Moment per width over the stress at the surface, for the stresses; h^2 / 6 where solid, none by default."""
-    thickness: q.Length | None = None
+    thickness: q.BodyThickness | None = None
     """Thickness from surface to surface, for strains there and for pictures; none by default."""
 
     @property

@@ -7,6 +7,7 @@ import re
 import unicodedata
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -14,6 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from beamsim.scenario import units
+from beamsim.scenario.base import Schema, within
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**9
@@ -162,6 +164,61 @@ class Quantity(Bounded):
         if self.dimension.unit:
             schema["x-unit"] = self.dimension.unit
         return schema
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Range in which the number of a field usually lies, and the units in which it may have been meant.
+
+    A number is doubtful where it lies outside its range and the same number in another usual unit lies inside: 2 Hz of
+    a filter for a sine of 65 Hz, where 2 kHz is inside. It is taken as it is where it is written in a unit in which no
+    other reading is plausible: 0.002 kHz, 120 rpm. Ranges reach about thirty times beyond what is plausible. A question
+    refuses no case, changes no exit code and stops no study.
+    """
+
+    of: Dimension
+    units: tuple[str, ...]  # in which the number may have been meant, SI first
+    smallest: float  # SI, or over what the range is multiplied by
+    largest: float
+    why: str  # what is wrong with the value; it may name its ratio to what the range is multiplied by, and that
+    times: str = ""  # what the range is multiplied by
+    bare: bool = False  # whether only a number without a unit is doubtful
+
+    def contains(self, value: float, size: float) -> bool:
+        """Whether a value lies in the range, multiplied by a size, both SI."""
+        return self.smallest * size <= value <= self.largest * size
+
+    def question(self, value: float, size: float, written: float | str) -> str:
+        """What is doubtful about a value, and what else may have been meant; empty if nothing is.
+
+        Parameters
+        ----------
+        value : SI.
+        size : what the range is multiplied by, SI.
+        written : what was read to the value.
+        """
+        number, unit = units.number_and_unit(written)
+        sizes = [units.size_of(name, self.of) for name in self.units]
+        if unit and (self.bare or not any(math.isclose(number * of, value, rel_tol=1e-12) for of in sizes)):
+            return ""
+        readings = (
+            f"{number:g} {name}" for name, of in zip(self.units, sizes, strict=True) if self.contains(number * of, size)
+        )
+        meant = next(readings, "" if value != number else "another unit")
+        why = self.why.format(ratio=value / size, size=size)
+        return meant and f"= {number:g} {unit or self.units[0]} {why}; was {meant} meant?"
+
+
+ASKS = "meant?"
+"""In warnings that ask for another reading, which are printed on the first screen."""
+METRES = ("m", "mm")
+
+
+@cache
+def usual_of(schema: type[Schema]) -> dict[str, Usual]:
+    """The fields of a section whose numbers have a usual range, by name."""
+    metadata = {name: (*of.metadata, *within(of.annotation)) for name, of in schema.model_fields.items()}
+    return {name: each for name, of in metadata.items() for each in of if isinstance(each, Usual)}
 
 
 @dataclass(frozen=True)
@@ -567,6 +624,9 @@ PositiveNumber = Annotated[float, Quantity(units.NUMBER, above=0.0)]
 Factor = Annotated[float, Quantity(replace(units.NUMBER, name="factor"), minimum=0.0)]
 Ratio = Annotated[float, Quantity(units.RATIO, minimum=0.0)]
 Length = Annotated[float, Quantity(units.LENGTH, above=0.0)]
+BodyLength = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 100.0, "is long for a structure")]
+BodyWidth = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 100.0, "is wide for a structure")]
+BodyThickness = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 3.0, "is thick for a structure")]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
@@ -575,7 +635,14 @@ SecondMoment = Annotated[float, Quantity(units.SECOND_MOMENT, above=0.0)]
 Mass = Annotated[float, Quantity(units.MASS, above=0.0)]
 PointMassValue = Annotated[float, Quantity(units.MASS, minimum=0.0)]
 Density = Annotated[float, Quantity(units.DENSITY, above=0.0)]
+SolidDensity = Annotated[
+    Density, Usual(units.DENSITY, ("kg/m^3", "g/cm^3"), 25.0, 7e5, "is outside the range of solids")
+]
 Modulus = Annotated[float, Quantity(units.PRESSURE, above=0.0)]
+SolidModulus = Annotated[
+    Modulus,
+    Usual(units.PRESSURE, ("Pa", "kPa", "MPa", "GPa"), 1e8, 3e13, "is outside the range of structural materials"),
+]
 NonNegativeModulus = Annotated[float, Quantity(units.PRESSURE, minimum=0.0)]
 BendingStiffness = Annotated[float, Quantity(units.BENDING_STIFFNESS, above=0.0)]
 PlateStiffness = Annotated[float, Quantity(units.PLATE_STIFFNESS, above=0.0)]
@@ -591,6 +658,13 @@ MassPerLength = Annotated[float, Quantity(units.MASS_PER_LENGTH, above=0.0)]
 NonNegativeMassPerLength = Annotated[float, Quantity(units.MASS_PER_LENGTH, minimum=0.0)]
 RotaryInertia = Annotated[float, Quantity(units.ROTARY_INERTIA, minimum=0.0)]
 Stiffness = Annotated[float, Quantity(units.STIFFNESS, above=0.0)]
+StopStiffness = Annotated[
+    Stiffness,
+    Usual(
+        units.STIFFNESS, ("N/m", "kN/m"), 1.0 / 30.0, math.inf,
+        "is {ratio:.2g} of the static stiffness of the structure there, {size:.4g} N/m", "structure",
+    ),
+]  # fmt: skip
 NonNegativeStiffness = Annotated[float, Quantity(units.STIFFNESS, minimum=0.0)]
 CubicStiffness = Annotated[float, Quantity(units.CUBIC_STIFFNESS)]
 Dashpot = Annotated[float, Quantity(units.DASHPOT, minimum=0.0)]
@@ -599,8 +673,17 @@ RotationalDashpot = Annotated[float, Quantity(units.ROTATIONAL_DASHPOT, minimum=
 ViscousPerLength = Annotated[float, Quantity(units.VISCOUS_PER_LENGTH, minimum=0.0)]
 PerTime = Annotated[float, Quantity(units.PER_TIME, minimum=0.0)]
 Duration = Annotated[float, Quantity(units.TIME, above=0.0)]
+PulseDuration = Annotated[
+    Duration, Usual(units.TIME, ("s", "ms"), 0.0, 100.0, "is {ratio:.3g} periods of the first mode", "period")
+]
 Time = Annotated[float, Quantity(units.TIME, minimum=0.0)]
 Frequency = Annotated[float, Quantity(units.FREQUENCY, above=0.0)]
+LowPass = Annotated[
+    Frequency,
+    Usual(
+        units.FREQUENCY, ("Hz", "kHz"), 1.0, math.inf, "lies below the excitation, {size:.4g} Hz", "excitation"
+    ),
+]  # fmt: skip
 Angle = Annotated[float, Quantity(units.ANGLE)]
 FreePlay = Annotated[float, Quantity(units.ANGLE, minimum=0.0)]
 Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
@@ -633,6 +716,13 @@ SpectralDensity = Annotated[
     float,
     LevelType(tuple(DENSITY_DIMENSIONS.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0),
 ]
+DensityOfTest = Annotated[
+    SpectralDensity,
+    Usual(
+        units.ACCELERATION_PSD, ("m^2/s^3", "g^2/Hz"), 1.0 / 30.0, math.inf,
+        "is low for the highest density of a test", "highest density", bare=True,
+    ),
+]  # fmt: skip
 """One-sided, of an acceleration, a force, a pressure and the like."""
 DensitySlope = Annotated[float, Quantity(units.DENSITY_SLOPE)]
 Sigmas = Annotated[float, SigmasType(replace(units.NUMBER, name="number of standard deviations", example="3 sigma"),

@@ -361,7 +361,7 @@ class Run(Schema):
     """Relative tolerance of the reference method."""
     atol: q.PositiveNumber = 1e-12
     """Absolute tolerance of the reference method."""
-    low_pass: q.Frequency | None = None
+    low_pass: q.LowPass | None = None
     """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
     impacts: ImpactSettings | None = None
     """Statistics of the impacts at each snubber; {} takes every contact as an impact. Not computed by default."""

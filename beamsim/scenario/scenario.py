@@ -10,7 +10,7 @@ import hashlib
 import math
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -57,8 +57,7 @@ from beamsim.scenario.excitation import Excitation, NoExcitation, Sine, level_ju
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
-from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
-from beamsim.scenario.ranges import SIZES, questions
+from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, Usual, level_unit, usual_of
 from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import Optimise, Vary
@@ -74,6 +73,7 @@ from beamsim.scenario.tree import (
     parse,
     read_file,
     resolve_extends,
+    written_number,
 )
 from beamsim.scenario.units import UNITS_WRITTEN, Dimension
 from beamsim.scenario.validation_errors import problems_of
@@ -447,7 +447,34 @@ class Scenario(Schema):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
         doubts = (text for at, part in walk(self) for text in part.doubts(self, at))
-        return tuple(dict.fromkeys((*self._left_out, *doubts, *questions(self, SIZES))))
+        return tuple(dict.fromkeys((*self._left_out, *doubts, *self.questions(_SIZES))))
+
+    def questions(self, sizes: UsualSizes) -> Iterator[str]:
+        """A sentence for each number that was written and is doubtful, with both readings; it ends with ``meant?``.
+
+        Parameters
+        ----------
+        sizes : of the ranges that are looked at.
+        """
+        for at, part in walk(self) if self.as_written is not None else ():
+            for name, usual in usual_of(type(part)).items():
+                value = getattr(part, name) if usual.times in sizes and name in part.model_fields_set else None
+                size = None if value is None else sizes[usual.times](self, at)
+                if value is not None and size is not None and not usual.contains(value, size):
+                    yield from self._question((*at, name), value, size, usual)
+
+    def _question(self, at: Path, value: float, size: float, usual: Usual) -> Iterator[str]:
+        """What is doubtful about a number outside its usual range; nothing of one that was not written.
+
+        Parameters
+        ----------
+        at : path of the number.
+        value, size : SI.
+        usual : range of the field.
+        """
+        written = written_number(self.as_written, at, value, usual.of)
+        if text := "" if written is None else usual.question(value, size, written):
+            yield f"{path_text(at)} {text}"
 
     @property
     def as_written(self) -> Any:
@@ -718,6 +745,34 @@ class Scenario(Schema):
             point = self.all_bodies[place.body or self.default_body].point_of(place)
             named = "_".join(f"{p:g}" for p in (point if isinstance(point, tuple) else (point,)))
         return named if place.body is None else f"{place.body}_{named}"
+
+
+def _lowest_excited_hz(scenario: Scenario, _: Path) -> float | None:
+    """Frequency below which the excitation has nothing, Hz; of a pulse a thirtieth of its highest."""
+    lowest: list[float] = []
+    for _path, part in scenario.excitation.items:
+        ends = [point[0] for point in getattr(part, "table", ())] or list(part.frequencies_hz)
+        ends += part.ends if part.kind == "swept_sine" else [part.highest_frequency_hz / 30.0] * part.shock
+        lowest += [min(ends)] if ends else []
+    return min(lowest, default=0.0) or None
+
+
+def _highest_density(scenario: Scenario, path: Path) -> float | None:
+    """1 for the first point with the highest density of an acceleration; nothing is asked of the others."""
+    owner = next(item for at, item in scenario.excitation.items if ("excitation", *at) == path[: len(at) + 1])
+    densities = [point.density or 0.0 for point in owner.psd]
+    first = path[-1] == densities.index(max(densities))
+    return 1.0 if first and owner.quantity == "acceleration" else None
+
+
+UsualSizes = Mapping[str, Callable[[Scenario, Path], float | None]]
+"""By `Usual.times` what a range is multiplied by, SI, of a section at a path; None where nothing is asked."""
+_SIZES: UsualSizes = {
+    "": lambda *_: 1.0,
+    "excitation": _lowest_excited_hz,
+    "highest density": _highest_density,
+}
+"""What is known of a scenario without its model."""
 
 
 def _on(body: str | None, place: AtPlace) -> AtPlace:

@@ -41,6 +41,7 @@ from beamsim.scenario.base import (
     suggestion,
 )
 from beamsim.scenario.body import DEFAULT_NAMES
+from beamsim.scenario.units import Dimension, UnitError, read_quantity
 
 MOST_CHARACTERS = 1_000_000
 """A longer document is refused: reading it would take seconds."""
@@ -571,6 +572,37 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
     if problems:
         raise ScenarioError(problems)
     return changed
+
+
+def written_number(root: Any, path: Path, value: float, of: Dimension) -> float | str | None:
+    """How a number was written: at its path, or, in a case of a study, among what varies; None where neither has it.
+
+    Parameters
+    ----------
+    root : of the data.
+    path : of the number.
+    value, of : SI, and its dimension.
+    """
+    here = root
+    for key in path:
+        inside = key in here if isinstance(here, dict) else isinstance(here, list) and key in range(len(here))
+        here = here[key] if inside else None
+    for text in (here, *_numbers(root.get("vary")), *_numbers(root.get("optimise"))):
+        with suppress(UnitError):
+            if read_quantity(text, of) == value:
+                return text  # type: ignore[no-any-return]
+    return None
+
+
+def _numbers(written: Any) -> Iterator[Any]:
+    """All numbers and texts in what was written, but for arrays that come from Python."""
+    if isinstance(written, dict):
+        written = list(written.values())
+    if isinstance(written, list):
+        for item in () if isinstance(written, WrittenList) and written.of_python else written:
+            yield from _numbers(item)
+    else:
+        yield written
 
 
 def _split(override: str) -> tuple[str, Any]:

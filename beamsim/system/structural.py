@@ -30,8 +30,8 @@ from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, counted
 from beamsim.scenario.body import Located
-from beamsim.scenario.ranges import FARTHEST_MODE, RangeSizes, questions
 from beamsim.scenario.reporting import SWEPT
+from beamsim.scenario.scenario import UsualSizes
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place, Recovery, Stations, StressRows, stress_rows
@@ -242,7 +242,7 @@ class StructuralSystem:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Remarks, and doubts that follow from `modes`."""
-        return (*self.remarks, *doubts(self.scenario, self.modes), *questions(self.scenario, _sizes(self)))
+        return (*self.remarks, *doubts(self.scenario, self.modes), *self.scenario.questions(_usual_sizes(self)))
 
     @cached_property
     def closed_frequencies_hz(self) -> Floats:
@@ -442,6 +442,8 @@ _UNDAMPED = (
     "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body damping, for "
     "example {kind: modal, ratio: 1 %}"
 )
+FARTHEST_MODE = 100.0
+"""Frequency of the first mode, over the highest of the excitation, above which the case is probably another one."""
 DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, over its size, of which a warning tells
 
 
@@ -466,8 +468,8 @@ def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
     return [*warnings, *_far_modes(scenario, modes), *damping_remarks(scenario.located_snubbers, modes)]
 
 
-def _sizes(system: StructuralSystem) -> RangeSizes:
-    """What ranges of numbers are multiplied by, as far as the model decides it."""
+def _usual_sizes(system: StructuralSystem) -> UsualSizes:
+    """What usual ranges of numbers are multiplied by, as far as the model decides it."""
     elastic = system.open_frequencies_hz[system.open_frequencies_hz > 0.0]
     period = float(1.0 / elastic[0]) if elastic.size else None
     stiffness: dict[Path, float] = {}
@@ -475,7 +477,7 @@ def _sizes(system: StructuralSystem) -> RangeSizes:
         compliance = np.sum((system.stops.shape / system.parts.omega) ** 2, axis=1)
         located = system.scenario.located_snubbers
         stiffness = {at.path: 1.0 / c for at, c in zip(located, compliance.tolist(), strict=True) if c > 0.0}
-    return {"period": lambda *_: period, "structure": lambda _, path, __: stiffness.get(path)}
+    return {"period": lambda *_: period, "structure": lambda _, path: stiffness.get(path)}
 
 
 def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:

@@ -13,7 +13,8 @@ from beamsim.analyses.coexisting import analysis
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.orbits.tracing import Budget
 from beamsim.scenario.reporting import Limits
-from tests.helpers.branches import multipliers, peaks_of, rows_of
+from tests.helpers.branches import multipliers, peaks_of
+from tests.helpers.tables import rows
 
 HZ = 14.0
 MASS, STIFFNESS, DASHPOT, FORCE, STOP, GAP = 1.0, 4e3, 4.0, 4.0, 4e4, 2e-3
@@ -48,7 +49,7 @@ def result():
 
 def here(result, **wanted):
     """The motions at 14 Hz with their branches."""
-    pairs = zip(rows_of(result["motions"]), result.branches, strict=True)
+    pairs = zip(rows(result["motions"], "motion"), result.branches, strict=True)
     return [(m, b) for m, b in pairs if m.frequency_hz == HZ and all(getattr(m, k) == v for k, v in wanted.items())]
 
 
@@ -82,7 +83,7 @@ def test_the_free_motion_is_that_of_the_linear_oscillator(result):
 
 def test_shares_are_those_of_the_starts_with_the_interval_of_clopper_and_pearson(result):
     for row, hz in enumerate(result["starts"]["frequency_hz"].values):
-        motions = [m for m in rows_of(result["motions"]) if m.frequency_hz == hz]
+        motions = [m for m in rows(result["motions"], "motion") if m.frequency_hz == hz]
         counted = Counter(result["starts"]["destination"].values[row].tolist())
         assert sum(m.starts for m in motions) + counted[0] == 40
         for m in motions:
@@ -125,7 +126,9 @@ def test_the_unstable_motion_lies_between_the_stable_ones_and_closes(result):
 
 def test_the_smallest_impulse_leaves_the_free_motion_and_less_of_it_does_not(result):
     motion, branch = free(result)
-    (found,) = [d for d in rows_of(result["disturbances"]) if (d.frequency_hz, d.number) == (HZ, motion.number)]
+    (found,) = [
+        d for d in rows(result["disturbances"], "disturbance") if (d.frequency_hz, d.number) == (HZ, motion.number)
+    ]
     amplitude = peaks_of(branch, "mass")[0]
 
     def reaches(share):
@@ -157,7 +160,7 @@ def test_up_and_down_lead_to_different_motions():
 
 def test_phases_at_switch_on_come_to_the_free_motion_far_above_resonance():
     result = beamsim.coexisting(case(at=["20 Hz"], starts={"kind": "phases", "number": 8}, unstable=False), workers=1)
-    ((motion, branch),) = zip(rows_of(result["motions"]), result.branches, strict=True)
+    ((motion, branch),) = zip(rows(result["motions"], "motion"), result.branches, strict=True)
     assert (motion.share, peaks_of(branch, "stop", "force")[0]) == (1.0, 0.0)
     assert 0.0 <= result["starts"]["start"].values.min() < result["starts"]["start"].values.max() <= 2 * np.pi
     assert result["starts"]["coordinate_name"].values.tolist() == ["phase"]
@@ -198,7 +201,9 @@ def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks(tmp_path):
     settled = case(at=["26 Hz"], starts=starts, most_cycles=400, unstable=False)
     scenario = beamsim.load_scenario(settled.model_dump(by_alias=True, exclude_unset=True), chain_)
     result = beamsim.coexisting(scenario, workers=1)
-    chaotic = [(m, b) for m, b in zip(rows_of(result["motions"]), result.branches, strict=True) if m.kind == "chaotic"]
+    chaotic = [
+        (m, b) for m, b in zip(rows(result["motions"], "motion"), result.branches, strict=True) if m.kind == "chaotic"
+    ]
     assert len(chaotic) == 1
     ((motion, branch),) = chaotic
     assert motion.starts >= 2
@@ -223,7 +228,7 @@ def test_a_long_period_is_not_taken_for_a_quasi_periodic_motion():
     for hz, longest in ((70.0, 50), (62.0, 16)):
         asked = changes | {"sweep.at": [hz], "sweep.longest_period": longest, "sweep.most_cycles": 1600}
         result = beamsim.coexisting(beamsim.load_scenario(config, asked), workers=1)
-        kinds[hz] = {(m.kind, m.period_cycles) for m in rows_of(result["motions"]) if m.starts}
+        kinds[hz] = {(m.kind, m.period_cycles) for m in rows(result["motions"], "motion") if m.starts}
     assert kinds == {70.0: {("periodic", 50)}, 62.0: {("quasi-periodic", 0)}}
     short = changes | {"sweep.at": [70.0, 76.0], "sweep.longest_period": 16}
     result = beamsim.coexisting(beamsim.load_scenario(config, short), workers=1)
@@ -237,7 +242,7 @@ def test_it_stops_when_it_is_told_to():
     assert 0 < left < 40
     assert result.outcome.interrupted
     assert f"{left} starts left" in result.status
-    assert sum(m.starts for m in rows_of(result["motions"])) == 40 - left
+    assert sum(m.starts for m in rows(result["motions"], "motion")) == 40 - left
     with pytest.raises(KeyboardInterrupt):
         beamsim.coexisting(case(), None, lambda: True, workers=1)
 
@@ -284,7 +289,7 @@ def test_a_pulse_of_the_base_is_an_impulse_on_the_mass():
         "box": [BOX | {"displacement": [0, "1e-6 m"], "velocity": [0, 0]}],
     }
     result = beamsim.coexisting(case(base, starts=starts, disturbances=kinds, unstable=False), workers=1)
-    impulse, pulse = rows_of(result["disturbances"])
+    impulse, pulse = rows(result["disturbances"], "disturbance")
     assert (impulse.unit, pulse.unit) == ("N s", "m/s")
     assert MASS * abs(pulse.amplitude) == pytest.approx(abs(impulse.amplitude), rel=0.01)
 

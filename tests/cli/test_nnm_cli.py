@@ -12,8 +12,8 @@ from shipped import PATHS, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.scenario import load_scenario
-from tests.helpers.branches import rows_of
 from tests.helpers.commands import invoke
+from tests.helpers.tables import rows
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -86,7 +86,7 @@ def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     backbone = result.branches[0]
     assert result.complete
     assert np.min(backbone["share"].values) > 0.5
-    assert 5 in {jump.ratio for jump in rows_of(result["jumps"]) if jump.mode == 2}
+    assert 5 in {jump.ratio for jump in rows(result["jumps"], "jump") if jump.mode == 2}
     assert np.max(np.diff(backbone["frequency_hz"].values)) < 4.0
 
 

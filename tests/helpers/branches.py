@@ -27,11 +27,3 @@ def multipliers(branch):
 def of_kind(result, kind):
     """The branches of a kind, such as tongue."""
     return [branch for branch in result.branches if branch["kind"].item() == kind]
-
-
-def rows_of(table):
-    """The rows of a table, each with its columns along the first dimension as attributes."""
-    dims = next(iter(table.values())).dims
-    columns = [name for name, array in table.items() if array.dims == dims]
-    rows = zip(*(table[name].values.tolist() for name in columns), strict=True)
-    return [SimpleNamespace(**dict(zip(columns, row, strict=True))) for row in rows]

@@ -13,7 +13,7 @@ from independent import Stop, chain, integrate
 from scipy.stats import beta
 
 import beamsim
-from tests.helpers.branches import rows_of
+from tests.helpers.tables import rows
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def oscillator(number):
 
 def states(result):
     """State at phase zero of every motion, by number, of one mass of 1 kg."""
-    pairs = zip(rows_of(result["motions"]), result.branches, strict=True)
+    pairs = zip(rows(result["motions"], "motion"), result.branches, strict=True)
     return {
         m.number: np.array([b["coordinates"].values[0, 0], b["coordinate_velocities"].values[0, 0]]) for m, b in pairs
     }
@@ -66,7 +66,7 @@ def test_the_result_does_not_depend_on_the_workers():
     one, two = (beamsim.coexisting(oscillator(60), workers=workers) for workers in (1, 2))
     np.testing.assert_array_equal(*(each["starts"]["destination"].values for each in (one, two)))
     np.testing.assert_array_equal(one["starts"]["cycles"].values, two["starts"]["cycles"].values)
-    assert rows_of(one["motions"]) == rows_of(two["motions"])
+    assert rows(one["motions"], "motion") == rows(two["motions"], "motion")
 
 
 DUFFING = {"small": 0.2027, "large": 0.4950, "two": 0.0288, "other two": 0.0257, "three": 0.2478}
@@ -129,7 +129,7 @@ def told_apart(sections):
 
 
 def test_the_five_motions_of_the_duffing_oscillator_and_their_starts(duffing):
-    assert sorted(m.period_cycles for m in rows_of(duffing["motions"])) == [1, 1, 2, 2, 3]
+    assert sorted(m.period_cycles for m in rows(duffing["motions"], "motion")) == [1, 1, 2, 2, 3]
     ends = np.array(list(states(duffing).values()))
     names = dict(zip(states(duffing), told_apart(own_sections(ends, 6)), strict=True))
     assert sorted(names.values()) == sorted(NEAR)
@@ -141,7 +141,7 @@ def test_published_shares_lie_within_the_intervals(duffing):
     ends = np.array(list(states(duffing).values()))
     names = dict(zip(states(duffing), told_apart(own_sections(ends, 6)), strict=True))
     intervals = {}
-    for motion in rows_of(duffing["motions"]):
+    for motion in rows(duffing["motions"], "motion"):
         k, n = motion.starts, 150  # 99.9 %: five shares at once
         low, high = beta.ppf(0.0005, k, n - k + 1), beta.ppf(0.9995, k + 1, n - k)
         intervals[names[motion.number]] = (low, high)

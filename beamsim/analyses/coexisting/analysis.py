@@ -312,10 +312,11 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
         for b in result.branches
     )
     hz = result["starts"]["frequency_hz"].values
+    motions, disturbances = result["motions"], result.datasets.get("disturbances")
     return {
-        "motions": [motion | of for motion, of in zip(_rows(result["motions"]), peaks, strict=True)],
+        "motions": [row | of for row, of in zip(_described(motions, "motion"), peaks, strict=True)],
         "not_settled": dict(zip(map("{:g}".format, hz), result.not_settled.tolist(), strict=True)),
-        "disturbances": list(_rows(result["disturbances"])) if "disturbances" in result.datasets else [],
+        "disturbances": [] if disturbances is None else _described(disturbances, "disturbance"),
         "starts": len(result["starts"]["start"].values),
         "energy_error": float(result["points"]["energy_error"].values.max()),
         **largest_values(marches.model, result["points"]),
@@ -323,11 +324,9 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
     }
 
 
-def _rows(table: Dataset) -> Iterator[dict[str, Any]]:
-    """The rows of a table as plain values by column, without their numbers."""
-    columns = [name for name in table if name not in table[name].dims]
-    for row in zip(*(table[column].values.tolist() for column in columns), strict=True):
-        yield dict(zip(columns, row, strict=True))
+def _described(table: Dataset, dim: str) -> list[dict[str, Any]]:
+    """The rows of a table along a dimension, without their numbers along it."""
+    return table.rows(dim, *(name for name in table if name != dim))
 
 
 def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed: Sequence[CaseOutcome]) -> Outcome:

@@ -380,7 +380,7 @@ def _complex(rows: Mapping[str, Floats], whose: str) -> Complexes:
 
 def _about(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
     """Values of a row; None of numbers that are not known."""
-    values = {name: table[name].values[number : number + 1].tolist()[0] for name in names}
+    values = table.rows("comparison", *names)[number]
     return {name: None if value != value and name in _OPTIONAL else value for name, value in values.items()}
 
 
@@ -418,13 +418,14 @@ def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparis
 def _sweep_of(datasets: Mapping[str, Dataset], number: int) -> SweptComparison:
     """A channel of a comparison with a sweep, from its rows."""
     about = _about(datasets["sweeps"], number, [name for name in SWEEPS.variables if name != "comparison"])
-    responses, peaks = (_rows_of(datasets[f"sweep_{name}"], number) for name in ("responses", "peaks"))
+    responses = _rows_of(datasets["sweep_responses"], number)
+    peaks = datasets["sweep_peaks"].groups("comparison", range(number + 1))[number].records("peak", PeakPair)
     return SweptComparison(
         **about,
         frequency_hz=responses["frequency_hz"],
         predicted=_complex(responses, "predicted"),
         measured=_complex(responses, "measured"),
-        peaks=tuple(PeakPair(*row) for row in zip(*(peaks[n].tolist() for n in PeakPair._fields), strict=True)),
+        peaks=tuple(peaks),
     )
 
 

@@ -29,7 +29,7 @@ from beamsim.orbits.tracing import Budget, joined, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.responses.parameters import ResponseModel
 from beamsim.responses.periodic_motion import Measurement
-from beamsim.results.branch import FOLD_CURVES, FOLD_POINTS, endings, numbered, of_states
+from beamsim.results.branch import FOLD_CURVES, FOLD_POINTS, endings, numbered_points, of_states
 from beamsim.results.values import DISPLACEMENT
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats, not_none
@@ -346,7 +346,7 @@ def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict
         **endings(curve.outcome for curve in curves),
     }
     values = {
-        **numbered([curve.parameter.size for curve in curves], "fold_curve"),
+        **numbered_points([curve.parameter.size for curve in curves], "fold_curve"),
         **of_states(np.concatenate([curve.states for curve in curves]), system.dynamics.size),
         **{
             name: np.concatenate([getattr(curve, name) for curve in curves])

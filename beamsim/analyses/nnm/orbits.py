@@ -22,7 +22,7 @@ from beamsim.responses.orbit_energies import energy_error
 from beamsim.results.branch import (
     SpecialRow,
     endings,
-    numbered,
+    numbered_points,
     of_multipliers,
     of_states,
     special_points_table,
@@ -158,7 +158,7 @@ def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequen
             for each in branches
         ])  # fmt: skip
     values = {
-        **numbered([each.parameter.size for each in branches]),
+        **numbered_points([each.parameter.size for each in branches]),
         **{name: np.concatenate([getattr(each, name) for each in branches]) for name in _ALIKE},
         **of_states(states, field.shape[1]),
         **of_multipliers([each.multipliers for each in branches]),

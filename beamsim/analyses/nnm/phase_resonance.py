@@ -46,7 +46,7 @@ from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.responses.orbit_energies import unbalanced
 from beamsim.responses.periodic_motion import Measurement
-from beamsim.results.branch import endings, of_multipliers
+from beamsim.results.branch import endings, numbered, of_multipliers
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
 from beamsim.signals.records import RECTANGULAR
@@ -161,7 +161,7 @@ class HeldMode:
         if curves:
             datasets["resonance_curves"] = RESONANCE_CURVES.dataset(
                 {
-                    **_numbered([(k, curve.frequency_hz.size) for k, curve in curves], "point"), **probes,
+                    **numbered(_sizes([motion.curve for motion in motions], "frequency_hz"), "level_index"), **probes,
                     **{
                         name: np.concatenate([getattr(curve, name) for _, curve in curves], axis=-1)
                         for name in ("frequency_hz", "stable", "energy_error", "amplitude")
@@ -171,15 +171,14 @@ class HeldMode:
         for layout, x, y in ((HELD, "time", "displacement"), (HELD_SPECTRA, "frequency_hz", "line")):
             if held:
                 own = {name: np.concatenate([getattr(of, name) for _, of in held], axis=-1) for name in (x, y)}
-                rows = _numbered([(k, getattr(of, x).size) for k, of in held], "sample")
+                rows = numbered(_sizes([motion.held for motion in motions], x), "level_index", "sample")
                 datasets[layout.name] = layout.dataset({**rows, **probes, **own})
         return datasets
 
 
-def _numbered(sizes: Sequence[tuple[int, int]], dim: str) -> dict[str, Any]:
-    """Numbers of rows along a dimension that belong to levels, from each level's number and the number of its rows."""
-    counts = np.array([size for _, size in sizes], dtype=np.int64)
-    return {dim: np.arange(1, counts.sum() + 1), "level_index": np.repeat([level for level, _ in sizes], counts)}
+def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
+    """Lengths of an array of what is known level by level; 0 where it is None."""
+    return [0 if of is None else getattr(of, name).size for of in of_levels]
 
 
 def _held_values(held: Sequence[HeldMotion | None]) -> dict[str, Any]:

@@ -28,8 +28,8 @@ def nnm_summary(result: NormalModeResult) -> dict[str, Any]:
     """
     backbone = result.branches[0]
     parameter, stable, share = (backbone[name].values for name in ("parameter", "stable", "share"))
-    special = list(_rows(result["special_points"], "kind", "parameter", "frequency_hz"))
-    jumps = _rows(result["jumps"], "start", "end", "mode", "ratio") if "jumps" in result.datasets else ()
+    special = _special(result)
+    jumps = result["jumps"].rows("jump", "start", "end", "mode", "ratio") if "jumps" in result.datasets else ()
     return {
         "points": parameter.size,
         "energy_error": float(result["points"]["energy_error"].values.max()),
@@ -52,10 +52,8 @@ def nnm_summary(result: NormalModeResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rows(table: Dataset, *columns: str) -> Iterator[dict[str, Any]]:
-    """The rows of a table as plain values by column."""
-    for row in zip(*(table[column].values.tolist() for column in columns), strict=True):
-        yield dict(zip(columns, row, strict=True))
+def _special(result: NormalModeResult) -> list[dict[str, Any]]:
+    return result["special_points"].rows("event", "kind", "parameter", "frequency_hz")
 
 
 def _end(branch: Dataset, index: int) -> dict[str, float]:
@@ -65,12 +63,12 @@ def _end(branch: Dataset, index: int) -> dict[str, float]:
 
 def _full_period(result: NormalModeResult) -> dict[str, Any]:
     """Difference of full-period from half-period shooting, and the non-brake orbits."""
-    difference, special = result.branches[0]["half_period_difference"].values, result["special_points"]
+    difference = result.branches[0]["half_period_difference"].values
     return {
         "largest_difference": float(difference.max(initial=0.0)),
         "symmetry_breakings": [
             {"parameter": point["parameter"], "frequency_hz": point["frequency_hz"]}
-            for point in _rows(special, "kind", "parameter", "frequency_hz")
+            for point in _special(result)
             if point["kind"] == "symmetry_breaking"
         ],
         "never_at_rest": [

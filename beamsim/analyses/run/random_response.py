@@ -77,7 +77,7 @@ MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-class Signal(NamedTuple):
+class StationarySignal(NamedTuple):
     """A history of a run with a stationary input: the input, or a response."""
 
     section: str
@@ -111,7 +111,7 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
     times, system = result["histories"]["time"].values, motion.system
     if times.size - int(SKIPPED * times.size) < LEAST_SAMPLES:
         return None
-    record = Record(result, system, found)
+    record = StationaryRecord(result, system, found)
     entered = _input_of(system, result["histories"])
     shaken, alone = system.base_acceleration is not None, len(result.scenario.excitation.items) == 1
     signals, of_probes = [record.statistics(entered)], dict[str, tuple[Complexes, Floats]]()
@@ -141,7 +141,7 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
     return RANDOM.dataset(known, {"signal": said}, transmissibility_unit=over)
 
 
-class Record:
+class StationaryRecord:
     """The stationary part of a run, a sample of a test that may be longer.
 
     Parameters
@@ -163,7 +163,7 @@ class Record:
         self._linear = linear_responses(system, self.frequency)
         self._beyond = _beyond_record(result, system, self.first, self.tested * self._rate)
 
-    def statistics(self, signal: Signal) -> dict[str, Any]:
+    def statistics(self, signal: StationarySignal) -> dict[str, Any]:
         """Values of `RANDOM` of a signal, by name; those that it does not have are left out."""
         x = signal.history[self.first :]
         of_record: dict[str, Any] = statistics_of(x, self._rate) | rms_interval(x)
@@ -178,7 +178,7 @@ class Record:
             **self._linear.get((signal.name, signal.quantity), {}),
         }  # fmt: skip
 
-    def _of_test(self, signal: Signal, freedom: float) -> dict[str, Any]:
+    def _of_test(self, signal: StationarySignal, freedom: float) -> dict[str, Any]:
         """The largest value that a signal is expected to reach in the test, or why that is unknown; mean and 3 sigma.
 
         Parameters
@@ -236,45 +236,45 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return columns
 
 
-def _input_of(system: StructuralSystem, histories: Dataset) -> Signal:
+def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
     """The input that is shown: the base's, or else that of the first force or support."""
     acting = Acting.of(system.scenario)
     _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     shaken = system.base_acceleration is not None
     history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)
     quantity = str(shown.takes[0])
-    return Signal("excitation", "input", quantity, amplitude_unit(quantity), history)
+    return StationarySignal("excitation", "input", quantity, amplitude_unit(quantity), history)
 
 
-def _behind_filter(histories: Dataset, signal: Signal) -> Floats:
+def _behind_filter(histories: Dataset, signal: StationarySignal) -> Floats:
     """The history of a signal of which the largest value is expected: an acceleration behind run.low_pass."""
     if signal.section == "probes" and signal.quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
         return histories["low_passed_acceleration"].sel(probe=signal.name).values
     return signal.history
 
 
-def _responses(result: RunResult, motion: RunMotion) -> Iterator[Signal]:
+def _responses(result: RunResult, motion: RunMotion) -> Iterator[StationarySignal]:
     """The responses; openings and the largest stress where they have limits."""
     histories = result["histories"]
     for name in histories.labels("probe"):
         for quantity in (MAIN_QUANTITY, "displacement"):
             history = histories[quantity].sel(probe=name)
-            yield Signal("probes", name, quantity, history.unit, history.values)
+            yield StationarySignal("probes", name, quantity, history.unit, history.values)
     for name, force in histories.by_label("snubber_force").items():
-        yield Signal("snubbers", name, "force", force.unit, force.values)
+        yield StationarySignal("snubbers", name, "force", force.unit, force.values)
     for name, output in histories.by_label("output_value").items():
         quantity = histories["output_quantity"].sel(output=name).item()
-        yield Signal("outputs", name, quantity, output.unit, output.values)
+        yield StationarySignal("outputs", name, quantity, output.unit, output.values)
     limits = {} if result.scenario.limits is None else result.scenario.limits.given
     if any(limited(name)[0].key == OPENING for name in limits) and motion.histories is not None:
         for snubber, opening in zip(motion.system.snubbers, motion.histories.of(OPENING).T, strict=False):
-            yield Signal(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit, opening)
+            yield StationarySignal(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit, opening)
     trajectory = motion.trajectory
     if any(limited(name)[0].key == STRESS for name in limits) and trajectory is not None and trajectory.time[0] == 0.0:
         worst = int(largest(motion.extremes[STRESS]).argmax())
         row = outputs_of(trajectory.flow, motion.system.channels.of_keys(STRESS).linear[[worst]])
         at = np.minimum(histories["time"].values, trajectory.end)
-        yield Signal(STRESS[0], "largest", STRESS[1], "Pa", trajectory.sample(at, row)[:, 0])
+        yield StationarySignal(STRESS[0], "largest", STRESS[1], "Pa", trajectory.sample(at, row)[:, 0])
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:

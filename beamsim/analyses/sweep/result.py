@@ -198,8 +198,8 @@ class SweepCurve:
             return None
         table = self.tables["notches"]
         frequency_hz, level, specified = (table[name].values for name in ("frequency_hz", "level", "specified"))
-        limits = [NotchLimit(*row) for row in _rows(self.tables["notch_limits"], NotchLimit._fields)]
-        ranges = [NotchedRange(*row) for row in _rows(self.tables["notch_ranges"], NotchedRange._fields)]
+        limits = self.tables["notch_limits"].records("limit_number", NotchLimit)
+        ranges = self.tables["notch_ranges"].records("range", NotchedRange)
         return Notching(str(table["quantity"].item()), frequency_hz, level, specified, limits, ranges)
 
     @property
@@ -246,11 +246,6 @@ class CycleValues(NamedTuple):
     def peak(self) -> Floats:
         """(C,) largest magnitude."""
         return np.asarray(np.maximum(np.abs(self.maximum), np.abs(self.minimum)))
-
-
-def _rows(table: Dataset, columns: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    """The values of columns of a table, row by row."""
-    return zip(*(table[name].values.tolist() for name in columns), strict=True)
 
 
 def tables_of(curves: Sequence[SweepCurve]) -> dict[str, Dataset]:
@@ -376,7 +371,7 @@ class SweepResult(Result):
     @cached_property
     def peaks(self) -> list[ResponsePeak]:
         """The peaks of all curves."""
-        return [ResponsePeak(*row) for row in _rows(self["peaks"], ResponsePeak._fields)]
+        return self["peaks"].records("peak", ResponsePeak)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
