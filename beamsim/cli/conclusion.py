@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
@@ -21,7 +22,6 @@ from beamsim.cli.session import (
     scenario_given,
     show,
     stem_given,
-    used_processor_time,
 )
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
@@ -29,12 +29,13 @@ from beamsim.kinds import KINDS
 from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import amount, scale_for, shown_in
-from beamsim.results.result import Result
+from beamsim.results.result import Result, used_processor_time
 from beamsim.results.values import limits_not_met
 from beamsim.scenario import Scenario
 from beamsim.store.results import keep_result, refusing_damage
 
 _Result = TypeVar("_Result", bound=Result)
+WORTH_STATING_S = 10.0  # processor time of a command that the first screen states
 Compute = Callable[[Progress, Interruption], _Result]
 """Computes a result; is given what to call with the fraction done, and what says whether to end."""
 
@@ -85,6 +86,7 @@ def concluded(
         with progress_of(label, shown=not given.quiet, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=not given.quiet):
+            result = replace(result, command_processor_time_s=used_processor_time())
             written = keep_result(result, target, resumed=given.resume)
         with refusing_damage(target) if given.resume else nullcontext():  # parts of it come from a file
             conclude(kind, result, written, given, interrupted)
@@ -115,8 +117,12 @@ def conclude(
             with progress_of(f"plotting {target.name}", shown=not given.quiet):
                 pictures = resolve_name(KINDS[kind].figures)(result)
                 files += save_figures(pictures, target.parent, target.stem, stop=interrupted)
+        used = used_processor_time()
+        result = replace(result, command_processor_time_s=used)
         if not (given.json or given.quiet or given.verbose):
             show(resolve_name(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
+            if used >= WORTH_STATING_S:
+                show(f"processor time of the command {amount(used, 's')}, with its workers")
         else:
             _print_all(kind, result, files, given)
         left_out = not given.no_plots or result.outcome.interrupted
@@ -134,14 +140,13 @@ def _print_all(kind: str, result: Result, files: Sequence[Path], given: Given) -
         say(f"beamsim: warning: {warning}")
     if given.json:
         about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
-        times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": used_processor_time()}
+        times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": result.command_processor_time_s}
         print_json({**about, **result.summary, **times, "files": [str(path) for path in files]})
     elif not given.quiet:
         from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
 
-        used = ("processor time of the command", f"{amount(used_processor_time(), 's')}, with its workers")
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-        print_table(result.title, [*all_rows(kind, result), used, *written])
+        print_table(result.title, [*all_rows(kind, result), *written])
 
 
 def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:

@@ -131,11 +131,6 @@ def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> No
         show(*files)
 
 
-def used_processor_time() -> float:
-    """s, that this process and those that it started here and that have ended have used up to now, for whatever."""
-    return sum(os.times()[:4])
-
-
 # --- How a command ends ----------------------------------------------------------------------------------------------
 
 NOTHING_INCOMPLETE = "beamsim: interrupted; no incomplete file was left"

@@ -32,7 +32,8 @@ def info(given: Given) -> None:
             about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
             made = {"created": result.created, "beamsim_version": result.beamsim_version}
             about["understood"] = understood_of(result)
-            print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
+            times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": result.command_processor_time_s}
+            print_json({**about, **result.summary, **times, **made})
             return
         made_by = ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}")
         warnings = (("warning", warning) for warning in result.warnings)

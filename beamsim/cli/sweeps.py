@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -22,6 +23,7 @@ from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.parallel import Cluster, default_workers
+from beamsim.results.result import used_processor_time
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
 from beamsim.scenario.parameters import yaml_with_units
@@ -300,6 +302,7 @@ def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> 
         ):
             by = _workers(progress, **workers)
             result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
+        result = replace(result, command_processor_time_s=used_processor_time())
         written = keep_result(result, target, resumed=given.resume)
         if result.outcome.cut_short:
             say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")

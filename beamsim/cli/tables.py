@@ -59,6 +59,8 @@ def table_rows(result: Result) -> Iterator[Row]:
     for title, table in tables.items():
         yield from _labelled(title, _table_lines(table))
     yield from _labelled("other changes", aligned(list(changes.others()), gap=2))
+    if (used := result.command_processor_time_s) is not None:
+        yield "processor time of the command", f"{amount(used, 's')}, with its workers"
     yield "wall time", amount(result.wall_time_s, "s")
 
 

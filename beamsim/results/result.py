@@ -6,6 +6,7 @@ further than their tables of force and deflection go, and random inputs whose si
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -140,6 +141,11 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
+def used_processor_time() -> float:
+    """s, that this process and those that it started here and that have ended have used up to now, for whatever."""
+    return sum(os.times()[:4])
+
+
 def demand_result(value: object) -> None:
     """Refuse what is no result where one is needed.
 
@@ -167,6 +173,7 @@ class Result:
     datasets: dict[str, Dataset] = field(default_factory=dict)  # by name, those of `DATASETS`
     warnings: tuple[str, ...] = ()
     wall_time_s: float = 0.0
+    command_processor_time_s: float | None = None  # of the command with its workers, up to the file; None without one
     beamsim_version: str = __version__  # that computed the result
     created: str = field(default_factory=_now)  # ISO 8601, UTC
     provenance: dict[str, str] = field(default_factory=_versions)  # of Python and packages the numbers depend on

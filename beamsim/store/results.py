@@ -108,6 +108,8 @@ ROOT = {
     "outcome_numbers": "its kind, sentence, remedy, place, numbers and parts, JSON object",
     "warnings": "warnings, JSON list",
     "wall_time_s": "wall time, s",
+    "command_processor_time_s": "processor time, s, of the command that wrote the file, with its workers on the same "
+    "machine, up to then; none where no command did",
     "beamsim_version": "version of beamsim that computed the result",
     "created": "when the result was made, ISO 8601, UTC",
     "provenance": "versions of Python and of the packages that the numbers depend on, JSON object",
@@ -140,7 +142,11 @@ def root_attributes(result: Result) -> dict[str, Any]:
         "created": result.created,
         "provenance": _json(result.provenance),
     }
-    return attributes if result.input_files is None else attributes | {"input_files": _json(result.input_files)}
+    optional = {
+        "command_processor_time_s": result.command_processor_time_s,
+        "input_files": None if result.input_files is None else _json(result.input_files),
+    }
+    return attributes | {name: value for name, value in optional.items() if value is not None}
 
 
 def _json(value: Any) -> str:
@@ -151,6 +157,7 @@ _TEXTS: TypeAdapter[Any] = TypeAdapter(tuple[str, ...])
 _TEXT_BY_NAME: TypeAdapter[Any] = TypeAdapter(dict[str, str])
 _TEXT: TypeAdapter[Any] = TypeAdapter(str)
 _NUMBER: TypeAdapter[Any] = TypeAdapter(float)
+_NUMBER_IF_ANY: TypeAdapter[Any] = TypeAdapter(float | None)
 
 
 def _described_by(attributes: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,6 +174,7 @@ def _described_by(attributes: Mapping[str, Any]) -> dict[str, Any]:
         "outcome": Outcome.from_texts(attributes),
         "warnings": _TEXTS.validate_json(attributes["warnings"], strict=True),
         "wall_time_s": _NUMBER.validate_python(attributes["wall_time_s"]),
+        "command_processor_time_s": _NUMBER_IF_ANY.validate_python(attributes.get("command_processor_time_s")),
         "beamsim_version": _TEXT.validate_python(attributes["beamsim_version"], strict=True),
         "created": _TEXT.validate_python(attributes["created"], strict=True),
         "provenance": _TEXT_BY_NAME.validate_json(attributes["provenance"], strict=True),

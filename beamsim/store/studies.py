@@ -15,6 +15,7 @@ import sys
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -26,6 +27,7 @@ from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, demand_memory, destination, move_aside, open_to_append
 from beamsim.outcomes import Outcome
 from beamsim.parallel import Cluster
+from beamsim.results.result import used_processor_time
 from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.base import counted
 from beamsim.store.results import keep_result, write_result
@@ -91,6 +93,7 @@ def stored_study(
         raise
     written = target
     if journal.added or result.finished:
+        result = replace(result, command_processor_time_s=used_processor_time())
         written = keep_result(result, target, resumed=journal.resumed)
     if result.finished:
         journal.remove()
