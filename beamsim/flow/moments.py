@@ -145,7 +145,7 @@ def summed_products(exponent: Complexes, amplitude: Complexes, tau: Floats) -> C
     return np.asarray(out)
 
 
-def moments_by_time(exponent: Complexes, power: Ints, tau: Floats) -> Iterator[tuple[Ints, Complexes]]:
+def moments_by_time(exponent: Complexes, power: Ints, tau: Floats) -> Iterator[tuple[list[Ints], Complexes]]:
     """Integrals from 0 to tau of all products of two functions, which may have powers of time.
 
     Parameters
@@ -155,18 +155,19 @@ def moments_by_time(exponent: Complexes, power: Ints, tau: Floats) -> Iterator[t
 
     Yields
     ------
-    Numbers of the entries of one time, and integrals (B, 2 B) of the products with the functions and their conjugates.
+    Numbers of the entries of each of some times, and of each time integrals (B, 2 B) of the products with the
+    functions and their conjugates.
     """
     rate, degree, inverse = _pairs(exponent, power, np.arange(exponent.size), tau)
     row, column = np.nonzero(inverse == 0.0)
     order = np.argsort(tau, kind="stable")
     times, first = np.unique(tau[order], return_index=True)
     entries = np.split(order, first[1:])
-    for part in blocks(times.size, 2 * rate.size):
+    for part in blocks(times.size, 2 * rate.size, MANY_VALUES):
         end = np.exp(np.multiply.outer(times[part], exponent))
         out = (end[:, :, None] * np.hstack([end, end.conj()])[:, None] - 1.0) * inverse
         out[:, row, column] = _integrals(rate[row, column], degree[row, column], times[part])
-        yield from zip(entries[part], out, strict=True)
+        yield entries[part], out
 
 
 def fourier_sums(

@@ -481,19 +481,24 @@ class Trajectory:
         of_sources = np.zeros((2, F * B, K), dtype=complex)
         for of, table in zip(of_sources, factors[:2], strict=True):
             np.add.at(of, state.term_source * B + state.term_basis, table)
-        by_source = of_sources.reshape(2, F, B, K).transpose(1, 0, 3, 2).reshape(F, 2 * K * B)
+        of_units = of_sources.reshape(2, F, B, K).swapaxes(2, 3)  # outputs of a unit of each amplitude
+        both_of_units = np.stack([of_units[1], of_units[1].conj()]).reshape(2, F, K * B)
+        by_source = of_units.swapaxes(0, 1).reshape(F, 2 * K * B)
         out = np.empty((tau.size, Q))
-        for entries, moments in moments_by_time(state.exponent, state.power, tau):
-            zeta = amplitude[entries]
-            # as sums of so many motions, of which there are products: of all entries, or of a unit of each amplitude
-            share, motions = (np.eye(entries.size), zeta) if entries.size < F else (zeta, np.eye(F))
-            r = motions.shape[0]
-            one, other = (motions @ by_source).reshape(r, 2, K, B).swapaxes(0, 1)
-            integrals = (one @ moments).reshape(r, K, 2, B).transpose(2, 0, 1, 3) * weight.T[:, None, None, :, None]
-            both = np.stack([other, other.conj()]).reshape(2, r, K * B)
-            forms = integrals.reshape(Q, 2, r, K * B) @ both.swapaxes(1, 2)
-            right = np.stack([share, share.conj()])
-            out[entries] = 0.5 * ((share @ forms) * right).sum(axis=(1, 3)).real.T
+        for groups, moments in moments_by_time(state.exponent, state.power, tau):
+            many = [k for k, entries in enumerate(groups) if entries.size >= F]
+            for k in many:
+                integrals = (of_units[0] @ moments[k]).reshape(F, K, 2, B).transpose(2, 0, 1, 3)
+                weighted = (integrals * weight.T[:, None, None, :, None]).reshape(Q, 2, F, K * B)
+                zeta = amplitude[groups[k]]
+                products = (zeta @ (weighted @ both_of_units.swapaxes(1, 2))) * np.stack([zeta, zeta.conj()])
+                out[groups[k]] = 0.5 * products.sum(axis=(1, 3)).real.T
+            at = np.repeat(np.arange(len(groups)), [entries.size for entries in groups])
+            some = ~np.isin(at, many)
+            entries, at = np.concatenate(groups)[some], at[some]
+            one, other = (amplitude[entries] @ by_source).reshape(at.size, 2, K, B).swapaxes(0, 1)
+            both = np.concatenate([other, other.conj()], axis=2)
+            out[entries] = 0.5 * ((one @ moments[at]) * both).sum(axis=2).real @ weight
         return out
 
     def square_integrals(self, output_of: RowsOf) -> Floats:
@@ -534,8 +539,9 @@ class Trajectory:
         functions = basis[:, None], np.append(basis, state.exponent.size + basis)
         sources, whole = (source[:, None], np.append(source, zeta.shape[1] + source)), np.hstack([zeta, zeta.conj()])
         products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
-        for entries, moments in moments_by_time(state.exponent, state.power, length):
-            products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
+        for groups, integrals in moments_by_time(state.exponent, state.power, length):
+            for entries, moments in zip(groups, integrals, strict=True):
+                products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
         return products
 
     @cached_property
