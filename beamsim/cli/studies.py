@@ -6,17 +6,19 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from beamsim.analyses.studies.dependence import SIDES
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
+from beamsim.labelled import Dataset
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.results.values import VALUES, limit_label, parameter_label
 from beamsim.scenario.base import counted
 
 MOST_BEST = 5
-SLIGHT = 0.1  # change of the logarithm of a probability by one deviation that is as good as none
+SLIGHT = 0.1  # importance of which an upper bound is shown where it is not known better
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
@@ -103,6 +105,7 @@ def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
     if "distance" in of and math.isfinite(of["reliability_index"]):
         index, method = of["reliability_index"], of["method"].replace("_", " ")
         lines.append(f"reliability index {index:.3g}, design point at a distance of {of['distance']:.3g} ({method})")
+    lines += _region_line(result, of)
     what = "every limit" if of["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
     often = f" (one in {float(f'{1.0 / p:.2g}'):,.0f})".replace(",", " ") if is_known(p) and 0.0 < p < 0.1 else ""
     failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
@@ -111,21 +114,60 @@ def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
     return Screen(verdict, list(_random_rows(result)), [*lines, _comparison(result)])
 
 
+def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
+    """The failure regions with their shares of the probability, and what checks that none is missing."""
+    agrees = f"subset simulation finds {of['cross_check']:.2g}" if "cross_check" in of else ""
+    if "regions" not in result.datasets:
+        yield agrees
+        return
+    shares = result["regions"]["share"].values.tolist()
+    found = f"{counted(len(shares), 'failure region')} found"
+    if len(shares) > 1:
+        listed = [_share(share) for share in shares[:MOST_BEST]]
+        found += f", with {', '.join(listed)}{', ...' if len(shares) > MOST_BEST else ''} of the probability"
+    yield f"{found}; {agrees}" if agrees else found
+
+
 def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
-    """The numbers that scatter, the most important one first."""
+    """The numbers that scatter, the most important one first; values that are sure to a factor of two."""
     if "random_numbers" not in result.datasets:
         return
     numbers = result["random_numbers"]
     for path in sorted(numbers.labels("number"), key=lambda path: -numbers["importance"].sel(number=path).item()):
         of = numbers.sel(number=path)
-        by_mean, deviation, unit = of["by_mean"].item(), of["deviation"].item(), of["mean"].unit
-        doubles = math.log(2.0) * deviation / (by_mean or math.nan)
-        shift = f"{'+' * (doubles > 0)}{rounded(doubles, unit)}" if abs(by_mean) > SLIGHT else ""
+        unit, importance = of["mean"].unit, [of[f"importance{end}"].item() for end in ("", "_low", "_high")]
+        shown = ""
+        if _within_two(*importance):
+            low, high = (_share(end) if is_known(end) else "" for end in importance[1:])
+            shown = _share(importance[0]) + (f" ({low} to {high})" if low != high else "")
+        elif importance[2] < SLIGHT:
+            shown = f"below {_share(math.ceil(100 * importance[2]) / 100)}"
         yield {
             "": parameter_label(path), "mean": rounded(of["mean"].item(), unit),
-            "deviation": rounded(deviation, unit), "design point": rounded(of["design"].item(), unit),
-            "importance": _share(of["importance"].item()), "doubles with the mean": shift,
+            "deviation": rounded(of["deviation"].item(), unit), "design point": rounded(of["design"].item(), unit),
+            "importance (%)": shown.replace(" %", ""), "doubles with the mean": _doubling(of, unit),
         }  # fmt: skip
+
+
+def _doubling(of: Dataset, unit: str) -> str:
+    """By how much the mean moves where the probability doubles; both ways where these are as near."""
+    ways = [tuple(of[f"doubles{end}"].sel(side=side).item() for end in ("", "_low", "_high")) for side in SIDES]
+    known = sorted((way for way in ways if is_known(way[0]) and _within_two(*way)), key=lambda way: abs(way[0]))
+    if not known or any(is_known(way[0]) and abs(way[0]) < abs(known[0][0]) for way in ways):
+        return ""  # the other way is nearer, but not known well enough
+    nearest, low, high = known[0]
+    if not is_known(low):
+        return f"{'+' * (nearest > 0)}{rounded(nearest, unit)}"
+    ends = f" ({rounded(abs(low), unit)} to {rounded(abs(high), unit)})"
+    sign = "±" if len(known) > 1 and abs(known[1][1]) < abs(high) else "+" * (nearest > 0)
+    return f"{sign}{rounded(abs(nearest) if sign == '±' else nearest, unit)}{ends}"
+
+
+def _within_two(value: float, low: float, high: float) -> bool:
+    """Whether an interval is within a factor of two of its value, or not known as the method has none."""
+    if not is_known(low):
+        return True
+    return abs(low) >= 0.5 * abs(value) and abs(high) <= 2.0 * abs(value)
 
 
 def _judged(result: StudyResult) -> str:

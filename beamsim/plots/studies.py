@@ -482,14 +482,19 @@ def _plot_importance(result: StudyResult, ax: Axes) -> None:
     order = np.argsort(numbers["importance"].values, kind="stable")[-MOST_BARS:]
     shares, paths = 100.0 * numbers["importance"].values[order], [numbers.labels("number")[k] for k in order]
     ax.barh(range(order.size), shares, 0.6, color=DARK)
+    low, high = (100.0 * numbers[f"importance_{end}"].values[order] for end in ("low", "high"))
+    ends = np.maximum([shares - low, high - shares], 0.0)
+    if np.isfinite(ends).all():
+        ax.errorbar(shares, range(order.size), xerr=ends, fmt="none", ecolor=RED, capsize=2, linewidth=1)
+    text_at = np.fmax(high, shares)
     for row, path in enumerate(paths):
         design, mean, deviation = (numbers[name].sel(number=path) for name in ("design", "mean", "deviation"))
         away = (design.item() - mean.item()) / deviation.item()
         text = f" {amount(design.item(), design.unit, 3)}, {away:+.1f} deviations"
-        ax.text(shares[row], row, text, va="center", fontsize="x-small")
+        ax.text(text_at[row], row, text, va="center", fontsize="x-small")
     ax.set_yticks(range(order.size), list(map(parameter_label, paths)))
     ax.set_title("Value at the design point", fontsize="small", loc="left")
-    ax.set_xlim(0.0, 1.6 * max(shares))
+    ax.set_xlim(0.0, 1.6 * max(text_at))
     finish(ax, "Importance (%)", "")
 
 

@@ -382,6 +382,9 @@ class Sobol(_Study):
 Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0)]
 
 
+LEAST_SAMPLES = 100  # with which intervals hold the probability as often as they say (benchmarks/probabilities.py)
+
+
 class Reliability(_ManyCases):
     """How likely it is that a limit is exceeded. Every history has other realisations of random and matched inputs."""
 
@@ -397,7 +400,8 @@ class Reliability(_ManyCases):
     """Largest standard deviation of the probability over itself; what is less sure is not reliable. By default 10 %, of
     a subset simulation 30 %."""
     samples: q.SteppedCount = 1000
-    """Histories of each level of a subset simulation, with which importance sampling begins, and of further batches."""
+    """Histories of each level of a subset simulation, with which importance sampling begins, of the sample at increased
+    scatter (512 at most) and of further batches; 100 or more, but for form and monte_carlo."""
     most_cases: q.SteppedCount = 20_000
     """Number of histories at most."""
     seed: q.RandomSeed = 0
@@ -409,8 +413,14 @@ class Reliability(_ManyCases):
     responses: tuple[q.Text, ...] = ()
     """Responses that are computed beside those of limits."""
 
+    def method_with(self, inputs: Sequence[RandomInput | MatchedInput]) -> str:
+        """The method; where none is written it follows from the random inputs, as records cannot be blended."""
+        if any(isinstance(item, MatchedInput) for item in inputs):
+            return self.method or "monte_carlo"
+        return self.method or ("subset" if inputs else "importance_sampling")
+
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """Nothing or a whole number that scatters, no limit, random inputs with a method for numbers alone."""
+        """Nothing or a whole number that scatters, no limit, few samples, random inputs with a method for numbers."""
         yield from super().problems(scenario, at)
         yield from _correlation_problems(self, at)
         inputs = inputs_with_seed(scenario.excitation)
@@ -421,6 +431,10 @@ class Reliability(_ManyCases):
             message = "is missing, so that there is nothing to exceed"
             yield problem(("limits",), message, "add limits: {peak_force: 50 N}")
         matched = any(isinstance(item, MatchedInput) for _, item in inputs)
+        method = self.method_with([item for _, item in inputs])
+        if method in ("subset", "importance_sampling") and self.samples < LEAST_SAMPLES:
+            message = f"= {self.samples} is too few for {method.replace('_', ' ')}, whose interval would be too narrow"
+            yield problem((*at, "samples"), message, f"take {LEAST_SAMPLES} or more, or write method: monte_carlo")
         if inputs and self.method in ("form", "importance_sampling"):
             yield problem(
                 (*at, "method"), f"= {self.method} is for numbers alone, and the excitation is random",

@@ -8,10 +8,12 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from beamsim.analyses.studies import sampling
 from beamsim.cases import CaseOutcome
+from beamsim.cli.studies import design_screen
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import load_scenario
@@ -84,17 +86,19 @@ def test_first_order_reliability_is_exact_where_the_limit_is_linear(solved_by, l
     assert of["histories"] < 120
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_one_in_a_million_of_ten_numbers_takes_fewer_than_ten_thousand_histories(solved_by, seed):
+def test_one_in_a_million_of_ten_numbers_takes_fewer_than_ten_thousand_histories(solved_by):
+    """On average; the check of one in a hundred is made again."""
     solved_by(lambda *springs: sum(springs))
-    result, of = found(of_springs(4.75, seed=seed))
-    exact = norm.sf(4.75)
-    assert result.complete
-    assert of["method"] == "importance_sampling"
-    assert of["coefficient_of_variation"] <= 0.1
-    assert of["histories"] < 10_000
-    assert abs(math.log(of["probability"] / exact)) < 3.5 * of["coefficient_of_variation"]
-    assert of["distance"] == pytest.approx(4.75, abs=0.01)
+    exact, taken = norm.sf(4.75), []
+    for seed in range(4):
+        result, of = found(of_springs(4.75, seed=seed))
+        assert result.complete
+        assert of["method"] == "importance_sampling"
+        assert of["coefficient_of_variation"] <= 0.1
+        assert abs(math.log(of["probability"] / exact)) < 3.5 * of["coefficient_of_variation"]
+        assert of["distance"] == pytest.approx(4.75, abs=0.01)
+        taken.append(of["histories"])
+    assert np.mean(taken) < 10_000
 
 
 @pytest.mark.parametrize(("limit", "exact"), [(-9.0, 1.0), (-1.0, norm.sf(-1.0)), (0.8, norm.sf(0.8))])
@@ -170,16 +174,17 @@ def test_a_value_that_many_samples_share_does_not_bias_a_subset_simulation():
 
 def test_a_subset_simulation_is_repeated_until_it_is_sure(solved_by):
     solved_by(lambda *springs: sum(springs))
-    once, alone = found(of_springs(3.5, method="subset", samples=500, coefficient_of_variation=0.9))
-    result, of = found(of_springs(3.5, method="subset", samples=500))
-    assert once.complete
+    twice, of_two = found(of_springs(3.5, method="subset", samples=500, coefficient_of_variation=0.9))
+    result, of = found(of_springs(3.5, method="subset", samples=500, coefficient_of_variation=0.2))
+    assert twice.complete
     assert result.complete
-    assert of["histories"] > 1.9 * alone["histories"]
-    assert of["coefficient_of_variation"] <= 0.3 < alone["coefficient_of_variation"]
+    assert of["coefficient_of_variation"] <= 0.2 < of_two["coefficient_of_variation"]
     assert of["low"] < norm.sf(3.5) < of["high"]
-    ends = result["rounds"]["probability"].values[result["rounds"]["level"].values == 0.0]
-    assert ends[0] == alone["probability"]
-    assert ends[-1] == of["probability"]
+    ends = [r["rounds"]["probability"].values[r["rounds"]["level"].values == 0.0] for r in (twice, result)]
+    assert len(ends[0]) == 2  # one alone has nothing to be compared with
+    assert len(ends[1]) > 2
+    assert ends[1][:2].tolist() == ends[0].tolist()
+    assert ends[1][-1] == of["probability"]
 
 
 def test_monte_carlo_has_the_interval_of_clopper_and_pearson(solved_by):
@@ -324,7 +329,7 @@ def test_a_value_that_most_histories_share_leads_nowhere_and_is_said(solved_by):
     """As the force of a stop that hardly any history reaches."""
     solved_by(lambda gap, stiffness: max(0.0, (gap - 1.3e-3) * 1e4))
     result, of = found(scenario(PAIR, "{peak_force: 2 N}"))
-    assert math.isnan(of["probability"])
+    assert of["low"] < norm.sf(5.0) < of["high"]  # the sample at increased scatter reaches it; nothing checks that
     assert (result.outcome.code, int(exit_code(result.outcome))) == ("one_value", 3)
     result, _ = found(scenario(PAIR, "{peak_force: 2 N}", method="form"))
     assert (result.outcome.code, int(exit_code(result.outcome))) == ("no_design_point", 3)
@@ -356,6 +361,64 @@ def test_derivatives_of_the_probability(solved_by, rank, method, allowed):
     result, _ = found(scenario(PAIR, "{peak_force: 38 N}", method=method, **study))
     assert result["random_numbers"]["by_mean"].values.tolist() == pytest.approx(by_mean, rel=allowed)
     assert result["random_numbers"]["by_deviation"].values.tolist() == pytest.approx(by_width, rel=3.0 * allowed)
+
+
+def test_what_doubles_a_probability_counts_every_region(solved_by):
+    """Regions of 70 and 30 % on both sides of the mean: +2.42 m/s^2, where +6.43 was printed."""
+    solved_by(lambda gap: abs(1.0 + 1e5 * (gap - 1e-3)))
+    exact, doubled = norm.sf(4.0) + norm.sf(4.2), {}
+    for side, sign in (("rises", 1.0), ("falls", -1.0)):
+        doubled[side] = sign * brentq(
+            lambda by, s=sign: norm.sf(4.0 - s * by) + norm.sf(4.2 + s * by) - 2.0 * exact, 0.0, 1.0
+        )
+    assert doubled["rises"] == pytest.approx(0.242, abs=5e-4)
+    for seed in range(3):
+        result, of = found(scenario(PAIR[:1], "{peak_force: 41 N}", samples=250, seed=seed))
+        number = result["random_numbers"]
+        slope = (norm.pdf(4.0) - norm.pdf(4.2)) / exact
+        assert number["by_mean_low"].values.item() - 0.2 < slope < number["by_mean_high"].values.item() + 0.2
+        assert number["importance"].values.item() == pytest.approx(1.0)
+        for side, by in doubled.items():
+            low, value, high = (
+                number[f"doubles{end}"].sel(number=GAP, side=side).item() for end in ("_low", "", "_high")
+            )
+            assert abs(low) < abs(value) < abs(high)
+            assert value == pytest.approx(1e-4 * by, rel=0.3)
+        assert of["regions"] == 2
+        assert result["regions"]["share"].values.tolist() == pytest.approx(
+            [norm.sf(4.0) / exact, norm.sf(4.2) / exact], abs=0.12
+        )
+        assert result["regions"]["nearest"].values[0].tolist() == pytest.approx([1.4e-3, 0.58e-3], rel=1e-3)
+        assert "2 failure regions found" in str(result)
+
+
+def test_importance_over_four_regions_has_an_interval_that_holds_it(solved_by):
+    solved_by(of_four)
+    ends, sides = (3.6, 4.0), (3.8, 4.1)
+    inside = [norm.cdf(pair[0]) - norm.cdf(-pair[1]) for pair in (ends, sides)]
+    slopes = [(norm.pdf(p[0]) - norm.pdf(p[1])) * other for p, other in zip((ends, sides), inside[::-1], strict=True)]
+    exact, held = slopes[0] ** 2 / (slopes[0] ** 2 + slopes[1] ** 2), 0
+    for seed in range(6):
+        number = found(scenario(PAIR, "{peak_force: 1 N}", samples=250, seed=seed))[0]["random_numbers"]
+        low, high = (number[f"importance_{end}"].sel(number=GAP).item() for end in ("low", "high"))
+        held += low < exact < high
+    assert held >= 5
+
+
+def of_four(gap, stiffness):
+    """The force, where the limits are 3.6, 3.8, 4.0 and 4.1 deviations away."""
+    x, y = (gap - 1e-3) / 1e-4, (stiffness - 1e5) / 1e4
+    return max(x / 3.6, y / 3.8, -x / 4.0, -y / 4.1)
+
+
+def test_importance_is_not_shown_where_it_is_not_known(solved_by):
+    """Where the regions balance, the derivatives by the means are zero, and what doubles it is as far either way."""
+    solved_by(lambda gap, stiffness: max(abs(gap - 1e-3) / 4e-4, abs(stiffness - 1e5) / 4e4))
+    result, of = found(scenario(PAIR, "{peak_force: 1 N}", samples=250))
+    rows = design_screen(result).rows
+    assert of["regions"] == 4
+    assert [row["importance (%)"] for row in rows] == ["", ""]
+    assert [row["doubles with the mean"][:1] for row in rows] == ["±", "±"]
 
 
 # --- random inputs ----------------------------------------------------------------------------------------------------

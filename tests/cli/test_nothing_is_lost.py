@@ -35,7 +35,8 @@ SAMPLE = CHAIN + (
 )
 PROBABILITY = CHAIN + (
     "limits: {peak_displacement: 1.0 mm}\n"
-    "vary: {kind: reliability, samples: 20, most_cases: 40, parameters: [{path: snubbers.stop.gap, deviation: 5 %}]}\n"
+    "vary: {kind: reliability, method: monte_carlo, samples: 20, most_cases: 40,\n"
+    "  parameters: [{path: snubbers.stop.gap, deviation: 5 %}]}\n"
 )
 SWEPT = CHAIN + "sweep: {kind: stepped, from: 4 Hz, to: 6 Hz, points: 5, most_cycles: 20}\n"
 OPTIONS = ("--workers", "1", "--no-plots")

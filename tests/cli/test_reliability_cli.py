@@ -24,7 +24,7 @@ run: {duration: 50 ms, start: {displacement: [0], velocity: [0.5 m/s]}}
 limits: {peak_force: 130 N}
 vary:
   kind: reliability
-  samples: 60
+  samples: 100
   parameters:
     - {path: 'run.start.velocity[0]', deviation: 10 %}
     - {path: snubbers.stop.stiffness, deviation: 20 %, distribution: lognormal}
@@ -39,7 +39,7 @@ excitation:
   psd: [{frequency: 5 Hz, density: 0.01 g^2/Hz}, {frequency: 40 Hz, density: 0.01 g^2/Hz}]
 run: {duration: 0.2 s, sample_rate: 1 kHz, start: rest}
 limits: {peak_force: 60 N}
-vary: {kind: reliability, samples: 60, coefficient_of_variation: 80 %}
+vary: {kind: reliability, samples: 100, coefficient_of_variation: 80 %}
 """
 
 
@@ -94,11 +94,11 @@ def test_the_first_order_has_no_interval_and_says_so():
 
 
 def test_too_few_histories_are_not_reliable():
-    changes = ("--set", "vary.method=monte_carlo", "--set", "vary.most_cases=120")
+    changes = ("--set", "vary.method=monte_carlo", "--set", "vary.most_cases=200")
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", *changes)
     assert done.exit_code == 3
     assert "not reliable" in done.output
-    assert "after 120 histories" in done.output.replace("\n", " ")
+    assert "after 200 histories" in done.output.replace("\n", " ")
 
 
 def test_a_history_just_beyond_the_limit_under_noise_is_a_case():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from beamsim.labelled import Layout, Variable
 
-_CASE, _PARAMETER, _RESPONSE, _MODAL, _LIMIT, _OBJECTIVE, _NUMBER, _DESIGN, _SAMPLE, _ROUND = (
+_CASE, _PARAMETER, _RESPONSE, _MODAL, _LIMIT, _OBJECTIVE, _NUMBER, _DESIGN, _SAMPLE, _ROUND, _REGION, _SIDE = (
     ("case",), ("parameter",), ("response",), ("modal_response",), ("limit",), ("objective",), ("number",),
-    ("design",), ("sample",), ("round",),
+    ("design",), ("sample",), ("round",), ("region",), ("side",),
 )  # fmt: skip
 CASES = Layout(
     "cases",
@@ -135,10 +135,43 @@ RANDOM_NUMBERS = Layout(
         "deviation": Variable(_NUMBER, "{unit}", "standard deviation of its distribution"),
         "design": Variable(_NUMBER, "{unit}", "value at the design point"),
         "importance": Variable(_NUMBER, "1", "share of the squared derivatives by the means, each times the deviation"),
+        "importance_low": Variable(_NUMBER, "1", "lower end of its 95 % interval; NaN where the method has none"),
+        "importance_high": Variable(_NUMBER, "1", "upper end of it"),
         "by_mean": Variable(
             _NUMBER, "1", "derivative of the logarithm of the probability by the mean, times the deviation"
         ),
+        "by_mean_low": Variable(_NUMBER, "1", "lower end of its 95 % interval; NaN where the method has none"),
+        "by_mean_high": Variable(_NUMBER, "1", "upper end of it"),
         "by_deviation": Variable(_NUMBER, "1", "the same by the deviation, times the deviation"),
+        "doubles": Variable(
+            _NUMBER + _SIDE,
+            "{unit}",
+            "change of the mean for which the probability doubles; NaN without one of less than three deviations",
+        ),
+        "doubles_low": Variable(
+            _NUMBER + _SIDE, "{unit}", "smallest size of it in the 95 % interval; NaN where the method has none"
+        ),
+        "doubles_high": Variable(_NUMBER + _SIDE, "{unit}", "largest size of it"),
+        "side": Variable(_SIDE, "1", "whether the mean rises or falls", str),
+    },
+    optional=True,
+)
+REGIONS = Layout(
+    "regions",
+    "Of a study of reliability, the failure regions with more than 1 % of the probability, the one with most first.",
+    {
+        "region": Variable(_REGION, "1", "number of the region", int),
+        "share": Variable(_REGION, "1", "its share of the probability"),
+        "distance": Variable(_REGION, "1", "distance of its nearest point from the medians, in standard deviations"),
+        "on_limit": Variable(
+            _REGION,
+            "1",
+            "whether gradients lead to the nearest point; else it is the nearest of some samples",
+            bool,
+            flags=("nearest of some samples", "nearest point"),
+        ),
+        "number": Variable(_NUMBER, "1", "path of the number in the scenario", str),
+        "nearest": Variable(_NUMBER + _REGION, "{unit}", "value of the number at the nearest point"),
     },
     optional=True,
 )

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.studies.layouts import CASES, RANDOM_NUMBERS, REALISATIONS, ROUNDS, RUNS, SOBOL
+from beamsim.analyses.studies.layouts import CASES, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
 from beamsim.analyses.studies.objectives import judged, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
 from beamsim.analyses.studies.responses import means
@@ -34,7 +34,8 @@ PROBABILITY = record({"share": Number, "low": Number, "high": Number})
 RELIABILITY = record(
     {"event": Text,
      **dict.fromkeys(("probability", "coefficient_of_variation", "low", "high", "histories"), Number)},
-    {"method": Text, "distance": Number, "reliability_index": Number, "design_point": Plain},
+    {"method": Text, "design_point": Plain,
+     **dict.fromkeys(("distance", "reliability_index", "regions", "cross_check"), Number)},
 )  # fmt: skip
 VARIED = record({"values": Number, "unit": Text}, {"smallest": Number, "largest": Number, "chosen_from": list[Text]})
 PLAIN_NUMBERS = (  # of responses: what has no unit
@@ -69,9 +70,10 @@ _SUMMARY = (
     Entry("not_reliable", "1", "cases whose responses are not reliable"),
     Entry("compared", "1", "cases that are compared with a finer model; the others are not"),
     Entry("reliability", "", "probability that limits are exceeded, with the ends of its 95 % interval and its "
-             "coefficient of variation; reliability_index; method, event, target of the coefficient, histories and how "
-             "many of them failed; design_point by path with its distance in standard deviations; and by path what a "
-             "number has to do with it", form=RELIABILITY),
+             "coefficient of variation; reliability_index; method, event, target of the coefficient and histories; "
+             "the number of failure regions with more than 1 % of it, and cross_check, the probability by "
+             "independent subset simulations; design_point by path with its distance in standard deviations",
+             form=RELIABILITY),
     Entry("passing", "1", "cases that meet every limit"),
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin",
              form=Text),
@@ -112,7 +114,7 @@ class StudyResult(Result):
 
     KIND = "designs"
     SUMMARY = _SUMMARY
-    DATASETS = (CASES, REALISATIONS, SOBOL, RUNS, RANDOM_NUMBERS, ROUNDS)
+    DATASETS = (CASES, REALISATIONS, SOBOL, RUNS, RANDOM_NUMBERS, REGIONS, ROUNDS)
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""

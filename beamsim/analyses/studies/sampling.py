@@ -2,7 +2,9 @@
 
 Subset simulation (S. K. Au and J. L. Beck, Probabilistic Engineering Mechanics 16, 2001) comes to rare events by
 levels; its chains take steps that keep the normal distribution (I. Papaioannou et al., ibid. 41, 2015), whose length
-follows their acceptance. OpenTURNS finds the nearest point of the limit state and draws about several of them.
+follows their acceptance. A level is the best value that is left behind, and only what is better goes on, so that the
+probability has no bias (C.-E. Bréhier et al., Annals of Applied Probability 26, 2016). OpenTURNS finds the nearest
+point of the limit state.
 """
 
 from __future__ import annotations
@@ -20,9 +22,9 @@ from beamsim.typing import Floats, Ints
 
 KEPT = 0.1  # share of the samples of a level from which those of the next one start
 ACCEPTANCE = 0.44  # of steps, at which chains move fastest
-MOST_REGIONS, APART = 4, 0.5  # design points, and the largest cosine between the directions of two
-WIDTH = 1.1  # standard deviation about design points, where the limit state may curve
 STEP, NEAR = 1e-4, 1e-5  # of differences, and errors at which the search for the nearest point ends
+LEAST_SCATTER = 4  # estimates whose own scatter is known
+MOST_CALLS = 20  # of the limit state for each variable, in a search for the nearest point
 FOUND = 0.03  # distance from the limit, in standard deviations, from which the end of the search is no point of it
 
 
@@ -44,6 +46,10 @@ class Points(NamedTuple):
 
 LimitState = Callable[[Points], Floats]
 """(n,) values, not positive beyond the limit."""
+
+
+class _TooMany(Exception):
+    """A search asks for more values than it may."""
 
 
 class Estimate(NamedTuple):
@@ -75,9 +81,15 @@ def average(terms: Sequence[Floats]) -> Estimate:
 
 
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:
-    """That of independent estimates, where each is as sure as the others."""
-    mean = sum(of.probability for of in estimates) / len(estimates)
-    spread = math.sqrt(sum((of.probability * of.variation) ** 2 for of in estimates)) / len(estimates)
+    """That of independent estimates, where each is as sure as the others.
+
+    From four of them on their own scatter counts if it is larger than what they state.
+    """
+    each, count = np.array([of.probability for of in estimates]), len(estimates)
+    mean = float(each.mean())
+    spread = math.sqrt(sum((of.probability * of.variation) ** 2 for of in estimates)) / count
+    if count >= LEAST_SCATTER:
+        spread = max(spread, float(each.std(ddof=1)) / math.sqrt(count))
     return Estimate(mean, spread / mean)
 
 
@@ -87,7 +99,8 @@ class SubsetLevel(NamedTuple):
     estimate: Estimate  # of the probability to be within it
     inside: Points  # samples within it
     values: Floats  # of the limit state there
-    edge: float  # the largest of them that is within; zero at the limit
+    ancestors: Ints  # the chains of the first level from which the samples descend
+    edge: float  # value that those within do not reach; zero at the limit
 
 
 def subset_levels(
@@ -109,25 +122,31 @@ def subset_levels(
     points, chains, width = drawn(generator, count, origin), max(1, round(count * KEPT)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
     before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before
+    ancestors = np.arange(values.size)
     while True:
         order = np.argsort(values, kind="stable")
-        edge = max(0.0, float(values[order[chains - 1]]))
-        inside = values <= edge
+        edge = max(0.0, float(values[order[min(chains, values.size - 1)]]))  # of the best that is left behind
+        bound = math.nextafter(edge, -math.inf) if edge > max(0.0, float(values[order[0]])) else edge
+        inside = values <= bound
         probability *= float(inside.mean())
         hits = inside.reshape(-1, steps).sum(axis=1)
         own = _relative_variance(hits)
         variance += own
         if parents.size:  # what two levels have in common, by the chains that descend from each chain
             variance += max(0.0, _relative_variance(np.bincount(parents, hits, minlength=families)) - own - before)
-        yield SubsetLevel(Estimate(probability, math.sqrt(variance)), points.some(inside), values[inside], edge)
+        estimate = Estimate(probability, math.sqrt(variance))
+        yield SubsetLevel(estimate, points.some(inside), values[inside], ancestors[inside], edge)
         if edge == 0.0 or inside.mean() > 0.5:
             return
         first = order[: int(inside.sum())]
-        many = first.size > 1.25 * chains  # share the value of the edge, not a sample that a chain repeats a few times
-        first = generator.choice(first, chains, replace=False) if many else first[:chains]
+        if first.size > chains:  # share the value of the edge
+            first = generator.choice(first, chains, replace=False)
+        else:  # some that were left behind have that value, too
+            first = np.append(first, generator.choice(first, chains - first.size))
         before, parents, families = own, first // steps, hits.size
-        points, values, width = _chains(state, generator, points.some(first), values[first], edge, width)
+        points, values, width = _chains(state, generator, points.some(first), values[first], bound, width)
         steps = values.size // chains
+        ancestors = np.repeat(ancestors[first], steps)
 
 
 def _relative_variance(sums: Floats | Ints) -> float:
@@ -187,9 +206,13 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
     -------
     (d,) point, and whether it is one.
     """
-    ot, raised, slope = library(), list[Exception](), 1.0
+    ot, raised, slope, calls = library(), list[Exception](), 1.0, 0
 
     def values(u: Any) -> Any:
+        nonlocal calls
+        calls += len(u)
+        if calls > MOST_CALLS * (start.size + 2):
+            raise _TooMany
         try:
             return state(points_at(np.asarray(u, dtype=float)))[:, None] / slope
         except Exception as error:  # OpenTURNS would make another one of it
@@ -215,22 +238,3 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
         if raised:
             raise raised[0] from None
         return start, False
-
-
-def directions(u: Floats) -> Floats:
-    """Of points (n, d) those nearest to the origin in directions that are apart."""
-    chosen: list[Floats] = []
-    for point in u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]:
-        unit = point / np.linalg.norm(point)
-        if len(chosen) < MOST_REGIONS and all(unit @ c / np.linalg.norm(c) < APART for c in chosen):
-            chosen.append(point)
-    return np.array(chosen)
-
-
-def about(centres: Floats, u: Floats) -> Any:
-    """A mixture of normal distributions of OpenTURNS: half of it about centres (k, d), half like samples (n, d)."""
-    ot, size = library(), u.shape[1]
-    spread = ot.CovarianceMatrix((1.1 * np.cov(u, rowvar=False).reshape(size, size) + 0.05 * np.eye(size)).tolist())
-    near = [ot.Normal(centre.tolist(), ot.CovarianceMatrix((WIDTH**2 * np.eye(size)).tolist())) for centre in centres]
-    shares = [0.5 / len(near)] * len(near)
-    return ot.Mixture([*near, ot.Normal(u.mean(axis=0).tolist(), spread)], [*shares, 0.5])

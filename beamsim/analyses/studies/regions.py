@@ -1,0 +1,161 @@
+"""Failure regions in the space of independent standard normal variables: how they are found, and densities over them.
+
+They are looked for without gradients, in a space-filling sample at increased scatter; each is then located by its
+nearest point. A sample that lies beyond the tangent plane of a known nearest point belongs to that region (compare the
+multiple design points of A. Der Kiureghian and T. Dakessian, Structural Safety 20, 1998).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.analyses.studies.sampling import LimitState, Points, library, nearest_point, points_at
+from beamsim.typing import Bools, Floats, Ints
+
+MOST_REGIONS = 12  # located; what lies between them is covered by the widest density
+NEGLIGIBLE = 1e-4  # of the largest probability beyond a tangent plane
+APART = 0.5  # standard deviations between nearest points of two regions
+WIDTH = 1.1  # standard deviation about nearest points, where the limit state may curve
+DEFENSIVE = 0.1  # share of samples at increased scatter, which find what is not known yet
+LEAST_SHARE = 0.05  # of the other samples about each region
+STEPS, TRIED = 3, 8  # of the search without gradients, and samples of each
+
+
+class Region(NamedTuple):
+    """A failure region, located by its point that is nearest to the origin."""
+
+    point: Floats  # (d,)
+    on_limit: bool  # whether the search by gradients ended there, so that the limit state is zero
+
+    @property
+    def distance(self) -> float:
+        """Distance of the point from the origin, in standard deviations."""
+        return float(np.linalg.norm(self.point))
+
+
+def increased_scatter(count: int, size: int, scale: float, seed: int) -> Floats:
+    """A space-filling sample, (count, size), of normal variables with a standard deviation of ``scale``."""
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
+    sobol = qmc.Sobol(size, rng=np.random.default_rng(seed))
+    shares = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))[:count]
+    return scale * np.asarray(ndtri(np.clip(shares, 1e-12, 1.0 - 1e-12)))
+
+
+class Regions:
+    """The failure regions that are known, the nearest one first found.
+
+    Parameters
+    ----------
+    state : limit state.
+    generator : of the search without gradients.
+    """
+
+    def __init__(self, state: LimitState, generator: np.random.Generator) -> None:
+        self.found: list[Region] = []
+        self._state, self._generator = state, generator
+
+    def beyond(self, u: Floats) -> Bools:
+        """(n,) whether points beyond the limit belong to known regions."""
+        if not self.found:
+            return np.zeros(len(u), dtype=bool)
+        return np.asarray(np.max(self._excess(u), axis=1) >= -1e-3)
+
+    def nearest(self, u: Floats) -> Ints:
+        """(n,) the region that each point belongs to."""
+        return np.asarray(np.argmax(self._excess(u), axis=1))
+
+    def _excess(self, u: Floats) -> Floats:
+        """(n, regions) distance of points beyond the tangent plane of each region."""
+        points = np.array([region.point for region in self.found])
+        distances = np.maximum(np.linalg.norm(points, axis=1), 1e-9)
+        return np.asarray(u @ (points / distances[:, None]).T - distances)
+
+    def look(self, u: Floats) -> bool:
+        """Locate the regions of points beyond the limit (n, d); whether a new one that matters was found."""
+        new, tries = False, 0
+        left = u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]
+        while len(left := left[~self.beyond(left)]) and len(self.found) < MOST_REGIONS and tries < MOST_REGIONS:
+            tries += 1
+            region = self._located(left[0])
+            left = left[1:]
+            if all(np.linalg.norm(region.point - other.point) > APART for other in self.found):
+                self.found.append(region)
+                new = new or self.matters()[-1]
+        return new
+
+    def _located(self, start: Floats) -> Region:
+        """The region of a point beyond the limit: by gradients, else by samples that come ever nearer."""
+        point = start
+        for _ in range(STEPS):
+            shrunk = point * self._generator.uniform(0.4, 1.0, (TRIED, 1))
+            tried = shrunk * (self._generator.random(shrunk.shape) < 0.8)
+            fails = tried[self._state(points_at(tried)) <= 0.0]
+            if len(fails):
+                nearest = fails[np.argmin(np.linalg.norm(fails, axis=1))]
+                point = nearest
+        found, on_limit = nearest_point(self._state, point)
+        if on_limit and np.linalg.norm(found) <= np.linalg.norm(point) + APART:
+            return Region(found, True)
+        return Region(point, False)
+
+    def expected(self) -> Floats:
+        """(regions,) probability beyond the tangent plane of each."""
+        from scipy.special import ndtr
+
+        return np.asarray(ndtr(-np.array([region.distance for region in self.found])))
+
+    def matters(self) -> Bools:
+        """(regions,) whether the probability beyond the tangent plane of each is not negligible."""
+        expected = self.expected()
+        return np.asarray(expected >= NEGLIGIBLE * expected.max())
+
+    def critical(self) -> Points | None:
+        """The nearest point of all regions; none where no region is known."""
+        if not self.found:
+            return None
+        return points_at(min(self.found, key=lambda region: region.distance).point[None])
+
+    def density(self, u: Floats, weights: Floats, scale: float) -> Any:
+        """A mixture of normal distributions, of OpenTURNS: about each region, and at increased scatter.
+
+        Parameters
+        ----------
+        u, weights : (n, d), (n,) samples beyond the limit and their weights, whose spread in each region it has.
+        scale : of the increased scatter.
+        """
+        ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.matters())
+        of = self.nearest(u) if len(u) else np.zeros(0, dtype=int)
+        parts, shares = [_normal(np.zeros(size), scale**2 * np.eye(size))], [DEFENSIVE]
+        expected = self.expected()[chosen]
+        seen = np.array([weights[of == j].sum() for j in chosen])
+        share = expected / expected.sum() + (seen / seen.sum() if seen.sum() > 0.0 else 0.0)
+        share = np.maximum(share / share.sum(), LEAST_SHARE)
+        share *= (1.0 - DEFENSIVE) / share.sum()
+        for j, part in zip(chosen, share, strict=True):
+            own, w = u[of == j], weights[of == j]
+            fitted = len(own) >= 2 * size + 2
+            parts.append(_normal(self.found[j].point, WIDTH**2 * np.eye(size)))
+            shares.append(float(part) * (0.5 if fitted else 1.0))
+            if fitted:
+                parts.append(_like(own, w))
+                shares.append(0.5 * float(part))
+        return ot.Mixture(parts, shares)
+
+
+def _normal(mean: Floats, covariance: Floats) -> Any:
+    ot = library()
+    return ot.Normal(mean.tolist(), ot.CovarianceMatrix(covariance.tolist()))
+
+
+def _like(u: Floats, weights: Floats) -> Any:
+    """A normal distribution with mean and spread of weighted samples (n, d), somewhat wider."""
+    share = weights / weights.sum()
+    mean = share @ u
+    count = 1.0 / float(share @ share)  # of samples of equal weight that say as much
+    spread = (u - mean).T @ (share[:, None] * (u - mean))
+    trust = count / (count + u.shape[1] + 2.0)
+    return _normal(mean, 1.1 * (trust * spread + (1.0 - trust) * np.eye(u.shape[1])) + 0.05 * np.eye(u.shape[1]))
