@@ -317,8 +317,7 @@ class Dataset(Mapping[str, LabelledArray]):
 
     def records(self, dim: str, kind: type[_Record]) -> list[_Record]:
         """The rows of a table along a dimension as named tuples of a kind, whose fields are the columns."""
-        fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
-        return [kind(**row) for row in self.rows(dim, *fields)]
+        return [kind(**row) for row in self.rows(dim, *kind.__annotations__)]
 
     def read(self) -> Items:
         """The items of the dataset, all of whose values are read from their file if they were not, and kept."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 
 from beamsim.analyses.identify.fit import (
+    Best,
     Fit,
     Sought,
     UnpredictableError,
@@ -20,7 +22,7 @@ from beamsim.analyses.identify.result import ComparedModes, Findings
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import together
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import Path, path_text
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import choices_at, value_at, with_values, yaml_with_units
 from beamsim.structures.assembly import assemble
@@ -74,22 +76,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
         If no combination of supports has a case with as many modes as were measured.
     """
     numbers, words = sought_numbers(scenario, section.update)
-    start, tried, refused = np.zeros(len(numbers)), [], {}
-    for choice in product(*(choices_at(scenario, place) for place in words)):
-        text = ", ".join(choice)
-        try:
-            case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
-            fit = _fit(case, section, numbers)
-            tried.append((text, case, fit, fit.best(start)))
-        except ScenarioError as error:  # a support that holds the snubber's point, for example
-            refused[text] = error.problems[0]
-        except UnpredictableError:
-            measured = len(section.measured_without)
-            modes = int(np.sum(free_frequencies(case, section.snubber, measured) > 0))
-            refused[text] = too_few_modes("measured_without", measured, modes)
-    if not tried:
-        raise ScenarioError(next(iter(refused.values())))
-    tried.sort(key=lambda each: each[3].misfit)
+    start = np.zeros(len(numbers))
+    tried, refused = _fits_of_words(scenario, section, numbers, words)
     _, case, fit, best = tried[0]
     freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
     # an unknown standard deviation is that of the residuals
@@ -117,6 +105,34 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     before = ComparedModes.of(predicted, section.measured_without, int(np.sum(predicted == 0)))
     outcome = together(at_bounds(scenario, parameters))
     return Findings([dataset], summary, warnings, profiles, {BEFORE: before}, outcome), updated
+
+
+def _fits_of_words(
+    scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought], words: Sequence[Path]
+) -> tuple[list[tuple[str, Scenario, Fit, Best]], dict[str, Problem]]:
+    """The fits with every combination of words, kinds of supports, the best one first, and why others have none.
+
+    Parameters
+    ----------
+    scenario, section : as of `update_model`.
+    numbers, words : that are sought.
+    """
+    tried, refused = [], dict[str, Problem]()
+    for choice in product(*(choices_at(scenario, place) for place in words)):
+        text = ", ".join(choice)
+        try:
+            case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
+            fit = _fit(case, section, numbers)
+            tried.append((text, case, fit, fit.best(np.zeros(len(numbers)))))
+        except ScenarioError as error:  # a support that holds the snubber's point, for example
+            refused[text] = error.problems[0]
+        except UnpredictableError:
+            measured = len(section.measured_without)
+            modes = int(np.sum(free_frequencies(case, section.snubber, measured) > 0))
+            refused[text] = too_few_modes("measured_without", measured, modes)
+    if not tried:
+        raise ScenarioError(next(iter(refused.values())))
+    return sorted(tried, key=lambda each: each[3].misfit), refused
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:

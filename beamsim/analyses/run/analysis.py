@@ -139,12 +139,7 @@ def solved(
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    if scenario.run is None:
-        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    if isinstance(scenario.run.start, OrbitStart):
-        scenario, system = built_at_orbit(scenario, shared)
-    else:
-        system = build_system(scenario, shared)
+    scenario, system = _built(scenario, shared)
     everything, needed = entries is None, EVERYTHING if entries is None else Needed.of(scenario, entries)
     settings, times = not_none(scenario.run), output_times(scenario)
     if everything or needed.statistics:
@@ -163,8 +158,7 @@ def solved(
     if everything and motion.contact is not None:
         datasets["contact"] = contact_of_run(system, motion.contact)
     if system.inputs:
-        units = [{"unit": each.unit} for each in system.inputs]
-        datasets["inputs"] = INPUTS.table(system.inputs, units)
+        datasets["inputs"] = INPUTS.table(system.inputs, [{"unit": each.unit} for each in system.inputs])
     result = RunResult(
         scenario=scenario,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
@@ -174,15 +168,10 @@ def solved(
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, figures, spectra, needed, evaluation)
     if everything and sampled is not None:
-        unknown = dict[str, float]()
-        aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
-        summary["aliased_in_histories"] = aliased or None
-    jumps = evaluation.computed(
-        "jumps",
-        lambda: list(acceleration_jumps(motion, summary["peak_acceleration_g"])),
-        list[AccelerationJump](),
-        minor=True,
-    )
+        compute, unknown = partial(aliased_in_histories, motion, sampled), dict[str, float]()
+        summary["aliased_in_histories"] = evaluation.computed("aliasing", compute, unknown, minor=True) or None
+    peak_g, none = summary["peak_acceleration_g"], list[AccelerationJump]()
+    jumps = evaluation.computed("jumps", lambda: [*acceleration_jumps(motion, peak_g)], none, minor=True)
     warnings += [jump.warning for jump in jumps]
     summary["acceleration_jump_g"] = {of.probe: of.size_g for of in sorted(jumps, key=attrgetter("size_g"))} or None
     fields, notes = _asked_for(result, motion, summary, needed, evaluation)
@@ -190,8 +179,16 @@ def solved(
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, dashpots=dashpots_of(system.modes), **figures_of_parts(result, summary))
-    result = replace(result, wall_time_s=clock.perf_counter() - begin)
-    return Solution(motion, result)
+    return Solution(motion, replace(result, wall_time_s=clock.perf_counter() - begin))
+
+
+def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+    """A scenario with what its start resolves to, and its system; see `solved`."""
+    if scenario.run is None:
+        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
+    if isinstance(scenario.run.start, OrbitStart):
+        return built_at_orbit(scenario, shared)
+    return scenario, build_system(scenario, shared)
 
 
 def _warnings(motion: RunMotion) -> list[str]:

@@ -6,10 +6,10 @@ Every chunk of a motion in closed form is marched, evaluated once and forgotten.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -348,39 +348,20 @@ def exact_motion_of(
     Raises
     ------
     ScenarioError
-        Where something is asked for that needs the whole motion, which does not fit into the memory; where the input
-        has too many pieces, or the filter of the accelerations would need too many panels.
+        Where what is asked for needs more memory, pieces of the input or panels of a filter than there may be.
     """
     march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
-    flow, kept_s, latest_s = march.flow, math.inf, math.inf
-    if not march.one_chunk:
-        _refuse_what_needs_all(system, settings)
-        kept_s = settings.memory / BYTES_A_PIECE * not_none(flow.record).step  # of a motion that fits into the memory
-        latest_s = min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf)
+    flow, latest = march.flow, None if march.one_chunk else _LatestPart.of(march, system, settings)
     sampled = times if needed.derived and (needed.entries is None or needed.statistics) else times[:1]
     recorder = HistoryRecorder(flow, system.channels.without(STRESS), sampled, Overdue(stop))
     impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
-    values, overdue = ChunkValues(system, settings, flow, times, needed), Overdue(stop)
-    latest, states, asked, known = list[Trajectory](), [np.zeros((0, flow.size))], needed.state_times, 0
+    states = _StateRecorder(needed.state_times) if needed.state_times.size else None
+    values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
-        for chunk in march.chunks():
-            try:
-                with asked_by(overdue, at_once=True):
-                    part, found = chunk, values.computed(chunk)
-            except Interrupted:
-                part, found = values.computed_of_beginning(chunk)
-                march.end_with(part)
-            values.include(part, *found)
-            for observer in (recorder, impacts, stresses, plates):
+        for part in _evaluated(march, values, Overdue(stop)):
+            for observer in (recorder, impacts, stresses, plates, latest, states):
                 if observer is not None:
                     observer.add(part)
-            latest = [each for each in (*latest, part) if each.end > part.end - latest_s] or [part]
-            if asked[known:].size:
-                first, known = known, reached(part.end, asked).size
-                states.append(part.states_at(np.minimum(asked[first:known], part.end)))
-    trajectory = latest[0] if len(latest) == 1 else Trajectory.joined(latest)
-    if trajectory.end - latest_s > trajectory.time[0]:
-        trajectory = trajectory.between(trajectory.end - latest_s, trajectory.end)
     return RunMotion(
         system=system,
         method="exact",
@@ -392,17 +373,81 @@ def exact_motion_of(
         contact_share=march.contact_share,
         histories=recorder.histories,
         contact=values.contact,
-        states=np.concatenate(states),
+        states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,
-        trajectory=trajectory,
+        trajectory=part if latest is None else latest.trajectory,
         impacts=impacts,
         stresses=stresses,
         plates=plates,
         memory={"memory_bytes": round(settings.memory)}
         | ({"contact_states_kept": len(flow.states)} if flow.dropped else {}),
-        compared_s=None if march.one_chunk else COMPARED_SHARE * kept_s,
-        warnings=() if march.one_chunk else (_forgotten(march, settings, latest_s, COMPARED_SHARE * kept_s),),
+        **({} if latest is None else latest.fields(march, settings)),
     )
+
+
+def _evaluated(march: MotionInChunks, values: ChunkValues, overdue: Overdue) -> Iterator[Trajectory]:
+    """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
+    for chunk in march.chunks():
+        try:
+            with asked_by(overdue, at_once=True):
+                part, found = chunk, values.computed(chunk)
+        except Interrupted:
+            part, found = values.computed_of_beginning(chunk)
+            march.end_with(part)
+        values.include(part, *found)
+        yield part
+
+
+class _StateRecorder:
+    """States of a motion that is given chunk by chunk, at (nt,) increasing times, s."""
+
+    def __init__(self, times: Floats) -> None:
+        self._times, self._known, self._of_chunks = times, 0, list[Floats]()
+
+    def add(self, chunk: Trajectory) -> None:
+        """Take the states at the times in the next chunk."""
+        first, self._known = self._known, reached(chunk.end, self._times).size
+        self._of_chunks.append(chunk.states_at(np.minimum(self._times[first : self._known], chunk.end)))
+
+    @property
+    def states(self) -> Floats:
+        """(nt, 2n or more), up to where the motion ended."""
+        return np.concatenate(self._of_chunks)
+
+
+class _LatestPart:
+    """The last part of a motion that is given chunk by chunk and does not fit into the memory.
+
+    Parameters
+    ----------
+    length_s : s, of the part.
+    compared_s : s, length of the first part, which is compared with a finer model.
+    """
+
+    def __init__(self, length_s: float, compared_s: float) -> None:
+        self.length_s, self.compared_s, self._chunks = length_s, compared_s, list[Trajectory]()
+
+    @classmethod
+    def of(cls, march: MotionInChunks, system: StructuralSystem, settings: Run) -> _LatestPart:
+        """That of which there are spectra; raises ScenarioError where something needs the whole motion."""
+        _refuse_what_needs_all(system, settings)
+        kept_s = settings.memory / BYTES_A_PIECE * not_none(march.flow.record).step  # of a motion that fits
+        return cls(min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf), COMPARED_SHARE * kept_s)
+
+    def add(self, chunk: Trajectory) -> None:
+        """Keep the next chunk, and of those before it what belongs to the part."""
+        self._chunks = [each for each in self._chunks if each.end > chunk.end - self.length_s] + [chunk]
+
+    def fields(self, march: MotionInChunks, settings: Run) -> dict[str, Any]:
+        """What of the result of a march and its settings depends on the part."""
+        return {"compared_s": self.compared_s, "warnings": (_forgotten(march, settings, self),)}
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The part, shorter where the motion ended early."""
+        whole = self._chunks[0] if len(self._chunks) == 1 else Trajectory.joined(self._chunks)
+        begin = whole.end - self.length_s
+        return whole.between(begin, whole.end) if begin > whole.time[0] else whole
 
 
 def _longer(
@@ -417,21 +462,14 @@ def _longer(
     )
 
 
-def _forgotten(march: MotionInChunks, settings: Run, latest_s: float, compared_s: float) -> str:
-    """What becomes of a motion that does not fit into the memory.
-
-    Parameters
-    ----------
-    march, settings : of the run.
-    latest_s : s, length of the last part, of which there are spectra.
-    compared_s : s, that of the first part, which is compared with that of a finer model.
-    """
+def _forgotten(march: MotionInChunks, settings: Run, latest: _LatestPart) -> str:
+    """What becomes of a motion that does not fit into the memory, and of its last part there are spectra."""
     kept = f"the motion is kept {march.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if march.outcome.interrupted:
         return kept
-    kept += f"; spectra and rms_* are those of the last {min(latest_s, march.end):.3g} s"
+    kept += f"; spectra and rms_* are those of the last {min(latest.length_s, march.end):.3g} s"
     if settings.convergence != "off":
-        kept += f", a finer model is compared on the first {compared_s:.3g} s"
+        kept += f", a finer model is compared on the first {latest.compared_s:.3g} s"
     return kept
 
 

@@ -164,42 +164,29 @@ def _spectra(
         excitation has this frequency; they replace what is nearer than a bin.
     rate_hz : Hz, of samples.
     """
-    forced, duration = 0.0 < excitation_hz < np.inf, records[0].duration
+    duration = records[0].duration
     curves, levels = [], [record.levels() for record in records]
     columns: dict[str, list[Any]] = {name: [] for name in SPECTRA.variables if name.startswith("line_")}
-    for number, (label, record, window) in enumerate(zip(labels, records, windows, strict=True)):
+    shapes = [Window.named(window) for window in windows]
+    for number, (label, record, shape) in enumerate(zip(labels, records, shapes, strict=True)):
         check_stop()
-        shape = Window.named(window)
         curves.append(np.abs(record.amplitudes(shape)))
         if resting(label.name, label.quantity, figures) or not np.isfinite(levels[number].peak):
             continue
         fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
-        size, remainder, separating = _steadiness(fit, duration)
-        frequency = np.array([0.0, *fit.frequency_hz])
-        of_lines = {
-            "signal": [number] * size.size,
-            "order": frequency / excitation_hz if forced else np.full(size.size, np.nan),
-            "frequency_hz": frequency,
-            "amplitude": size,
-            "amplitude_db": amplitude_db(size, levels[number].peak),
-            "phase_deg": np.degrees(np.angle(np.append(fit.mean + 0j, fit.amplitude))),
-            "kind": ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)],
-            "remainder": remainder,
-            "separating_duration_s": separating,
-            "relative_change": np.full(size.size, np.nan),
-        }
-        for name, values in of_lines.items():
-            columns[f"line_{name}"].extend(values)
-    amplitude = np.array(curves)
+        kinds = ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)]
+        numbers = _line_columns(fit, levels[number].peak, excitation_hz, duration)
+        numbers |= {"signal": [number] * len(kinds), "kind": kinds}
+        for name, column in numbers.items():
+            columns[f"line_{name}"].extend(column)
+    amplitude, units = np.array(curves), [{"unit": label.unit} for label in labels]
     values = {
         "excitation_hz": excitation_hz,
         "start_s": records[0].start,
         "duration_s": duration,
         "resolution_hz": LOBE / duration,
         "rate_hz": rate_hz,
-        "signal": [label.signal for label in labels],
-        "name": [label.name for label in labels],
-        "quantity": [label.quantity for label in labels],
+        **{name: [getattr(label, name) for label in labels] for name in ("signal", "name", "quantity")},
         "window": windows,
         "rms": [level.rms for level in levels],
         "frequency_hz": np.arange(amplitude.shape[1]) / duration,
@@ -208,8 +195,31 @@ def _spectra(
         "line": 1 + np.arange(len(columns["line_signal"])),
         **columns,
     }
-    units = [{"unit": label.unit} for label in labels]
     return SPECTRA.dataset(values, {"signal": units, "line": [units[k] for k in columns["line_signal"]]})
+
+
+def _line_columns(fit: LineFit, peak: float, excitation_hz: float, duration: float) -> dict[str, Any]:
+    """Columns of the table of lines for those of one signal, the mean first.
+
+    Parameters
+    ----------
+    fit : of the signal.
+    peak : its largest magnitude.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    duration : s, of the record.
+    """
+    size, remainder, separating = _steadiness(fit, duration)
+    frequency = np.array([0.0, *fit.frequency_hz])
+    return {
+        "order": frequency / (excitation_hz if 0.0 < excitation_hz < np.inf else np.nan),
+        "frequency_hz": frequency,
+        "amplitude": size,
+        "amplitude_db": amplitude_db(size, peak),
+        "phase_deg": np.degrees(np.angle(np.append(fit.mean + 0j, fit.amplitude))),
+        "remainder": remainder,
+        "separating_duration_s": separating,
+        "relative_change": np.full(size.size, np.nan),
+    }
 
 
 def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
