@@ -21,7 +21,7 @@ _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
 _SEPARATED = 0.02  # of what one line leaves near it, that two may leave
 _PROMISING = 0.3  # the same for a pair on a grid of frequencies, which is then fitted with all lines
 _ON_ORDER = 0.02  # bins from an order of the excitation, of one of two lines that were separated
-_MOST_PAIRS = 12  # fits of pairs in one spectrum
+_MOST_FAILURES = 3  # pairs of one spectrum that explain nothing, before its lines are taken as not steady
 _MOST_LINES = 50
 _ORDERS_OF_A_SHORT_RECORD = 10
 
@@ -149,14 +149,17 @@ def _refined(
 
 
 def _separated(record: SpectrumRecord, fit: LineFit, excitation_hz: float, view: View) -> LineFit:
-    """The lines, with two lines wherever two explain the curve near one that is none of a steady line."""
-    tried, fits = set[float](), _MOST_PAIRS
-    while fits and len(fit.lines) < min(_MOST_LINES, (record.size - 1) // 4):
+    """The lines, with two lines wherever two explain the curve near one that is none of a steady line.
+
+    Where `_MOST_FAILURES` pairs explain nothing, from where most is left, amplitudes change, and no other pair is tried.
+    """
+    tried, failures = set[float](), 0
+    while len(fit.lines) < min(_MOST_LINES, (record.size - 1) // 4):
         better = None
         for replaced, pair in _promising_pairs(fit, tried, record.duration):
-            fits -= 1
             better = _with_pair(record, fit, replaced, pair, excitation_hz, view)
-            if better is not None or not fits:
+            failures += better is None
+            if better is not None or failures == _MOST_FAILURES:
                 break
         if better is None:
             break
