@@ -42,6 +42,7 @@ MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 SPREAD = 15  # points of the grid that a value is spread to
 SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^2) - 1)), -1 < z < 1
 OVERSAMPLING = 2  # of the grid
+_FREQUENCIES = 64  # in a row of the matrix of them
 FAST = 2.0  # times the highest frequency: faster functions are integrated by parts ...
 LONG = 20.0  # ... where a segment is longer than so many of their time constants
 NODES_OF_ENDS, TURN_OF_ENDS = 40, 1.2  # times about an end, and the turn, rad, between two at the highest frequency
@@ -247,8 +248,11 @@ def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, cou
         spread_to_grid(position * times, np.ascontiguousarray(value), SPREAD, SHARPNESS, grid)
     node, weight = _rule(3 * SPREAD)
     spread = 0.5 * SPREAD * weight * np.exp(SHARPNESS * (np.sqrt(1.0 - node**2) - 1.0))
-    turn = np.pi * SPREAD / points * np.arange(count)
-    transform = np.cos(np.multiply.outer(turn, node)) @ spread  # of the spreading function
+    turn = 1j * np.pi * SPREAD / points * node
+    coarse, fine = np.arange(0, count, _FREQUENCIES), np.arange(_FREQUENCIES)
+    # of the spreading function: the exponential at a frequency is a product of two
+    transform = (np.exp(np.multiply.outer(coarse, turn)) * spread) @ np.exp(np.multiply.outer(turn, fine))
+    transform = transform.real.ravel()[:count]
     return np.asarray(np.fft.rfft(grid, axis=0)[:count] / transform[:, None])
 
 

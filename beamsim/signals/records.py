@@ -272,11 +272,10 @@ class MotionRecord(SpectrumRecord):
     def amplitudes(self, window: Window) -> Complexes:
         """See `SpectrumRecord`; up to the highest frequency."""
         count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
-        omega = 2.0 * np.pi / self.duration * np.arange(count, dtype=np.float64)
         total = window.cosines[0] * self.duration
         seen = self.part.weighted(window.exponentials)[self.column, : 2 * count : 2]
         mean = float(seen[0].real) / total
-        out = (seen - mean * window.transform(omega, self.duration)) * (2.0 / total)
+        out = (seen - mean * self.duration * _transform_on_bins(window, count)) * (2.0 / total)
         out[0] = mean
         return np.asarray(out)
 
@@ -474,6 +473,12 @@ def parabola_top(around: Floats) -> float:
     a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
     curvature = a - 2 * b + c
     return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
+
+
+@lru_cache(maxsize=4)
+def _transform_on_bins(window: Window, count: int) -> Complexes:
+    """(count,) transform of a window of length one at multiples of 2 pi; the records of one part of a motion share it."""
+    return window.transform(2.0 * np.pi * np.arange(count, dtype=np.float64), 1.0)
 
 
 @lru_cache(maxsize=4)
