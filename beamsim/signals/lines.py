@@ -151,7 +151,7 @@ def _refined(
 def _separated(record: SpectrumRecord, fit: LineFit, excitation_hz: float, view: View) -> LineFit:
     """The lines, with two lines wherever two explain the curve near one that is none of a steady line.
 
-    Where `_MOST_FAILURES` pairs explain nothing, from where most is left, amplitudes change, and no other pair is tried.
+    After `_MOST_FAILURES` pairs that explain nothing, from where most is left, amplitudes change: no other is tried.
     """
     tried, failures = set[float](), 0
     while len(fit.lines) < min(_MOST_LINES, (record.size - 1) // 4):

@@ -477,7 +477,7 @@ def parabola_top(around: Floats) -> float:
 
 @lru_cache(maxsize=4)
 def _transform_on_bins(window: Window, count: int) -> Complexes:
-    """(count,) transform of a window of length one at multiples of 2 pi; the records of one part of a motion share it."""
+    """(count,) transform of a window of length one at multiples of 2 pi, shared by records of one length."""
     return window.transform(2.0 * np.pi * np.arange(count, dtype=np.float64), 1.0)
 
 
