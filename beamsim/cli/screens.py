@@ -166,7 +166,9 @@ class Changes:
         first = {keys[key] for key in first_of_keys(self._result, keys)}
         means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_CHANGE}  # within their standard error
         change = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
-        apart = ", but for what is marked ^" if self._printed & self._jumping else ""
+        marked = self._printed & (self._jumping - self._doubtful - self._after)
+        apart = ", but for what is marked ^" if marked else ""
+        scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
         if STANDINGS[self._result.outcome.gravest].first_line:
             verdict = ""  # the title says it
         elif model["reason"]:
@@ -174,9 +176,8 @@ class Changes:
         elif not model["modes"]:
             verdict = "all modes kept"
         elif first_of_keys(self._result, summary.get("after_parting", ())):
-            verdict = f"one of many motions, means within {change}"
+            verdict = f"one of many motions, means within {change}{scatter}{apart}"
         else:
-            scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
             verdict = f"converged within {change}{scatter}{apart}"
         error = summary.get("energy_error")
         return ", ".join(filter(None, (verdict, f"energy error {error:.0e}" if is_known(error) else "")))

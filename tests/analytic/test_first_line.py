@@ -179,3 +179,15 @@ def test_one_of_many_motions_is_said_first_of_what_is_read_first(after, sure):
     assert ("converged within" in first) is not sure
     assert any(" ~" in line for line in others)
     assert any(line.startswith("~ one of many motions") for line in others)
+
+
+def test_means_that_differ_within_their_standard_error_are_counted_of_one_of_many_motions():
+    model = {"modes": 3, "first_modes": 2, "reason": ""}
+    changes = {
+        "peak_force_n": {"stop": 0.05},
+        "peak_displacement_m": {"one": 0.01},
+        "max_displacement_m": {"one": 0.01},
+    }
+    after = [f"{entry}.{place}" for entry, of in changes.items() for place in of]
+    first, *_ = doubting("run_chain", after_parting=after, convergence=changes, convergence_model=model).splitlines()
+    assert "one of many motions, means within 1 %, 1 mean within the standard error" in first

@@ -3,31 +3,25 @@
 import json
 
 import pytest
-from shipped import PATHS, asked, recorded, shipped, unfit
+from shipped import PATHS, asked, shipped, unfit
 
 import beamsim
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
+from tests.helpers.screens import ResultFacts
+from tests.helpers.sentences import contradictions
 
 SHORTENED = {
-    "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
+    "chain_bumpers sweep": ("sweep.from=10 Hz", "sweep.to=11 Hz"),
     "coexisting_motions sweep": ("sweep.starts.number=20", "sweep.disturbances=[]"),
+    "continuation_60_120hz sweep": ("sweep.from=96 Hz", "sweep.to=120 Hz", "sweep.seek_at=0"),
+    "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
     "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
-    "sweep_one_sided_2g sweep": ("sweep.rate=8 oct/min",),
-    "sweep_up_down sweep": ("sweep.rate=8 oct/min",),
+    "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
+    "sweep_one_sided_2g sweep": ("sweep.rate=16 oct/min",),
+    "sweep_up_down sweep": ("sweep.rate=16 oct/min",),
 }
 """Config and command -> overrides that make it short."""
-
-ELSEWHERE = (
-    "one_sided_", "prestressed_", "backlash_", "point_force_",  # tests/reference/test_thesis_cases.py
-    "ms_", "nnm_forced_mode_",  # tests/reference/test_multiple_scales_thesis.py
-    "vibeams sweep",  # tests/reference/test_vibeams.py
-    "nnm_chain_mass_", "nnm_thesis_mode_",  # docs/site_pages/validation.py, and docs/site_pages/gallery.py:
-    "chain_two_dof", "continuation_60_120hz", "crushed_stop", "identify_snubber", "nnm_first", "plate_panel",
-    "random_vibration", "shock_panel", "snubber_rubber", "two_panels run", *recorded(SHORTENED),
-)  # fmt: skip
-"""Beginnings of config and command, of those that other tests or the documents compute as a whole; tests/sameness makes
-the checks of this file as well."""
 
 
 def test_advice_that_does_not_fit_is_found():
@@ -51,20 +45,36 @@ def test_config_loads(path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "command"),
-    [
-        pytest.param(path, command, id=f"{path.stem} {command}")
-        for path in PATHS
-        for command in asked(path)
-        if not f"{path.stem} {command}".startswith(ELSEWHERE)
-    ],
+    [pytest.param(path, command, id=f"{path.stem} {command}") for path in PATHS for command in asked(path)],
 )
-def test_config_does_what_it_asks_for(path, command, tmp_path):
-    alone = [f"{command}.convergence=off"] if command in ("run", "sweep") else []  # of each analysis in tests/analytic
-    changes = [word for change in [*SHORTENED.get(f"{path.stem} {command}", ()), *alone] for word in ("--set", change)]
-    arguments = [command, str(path), *changes, "--json", "--no-plots", "-o", f"{tmp_path}/"]
-    result = invoke(*arguments)
-    assert result.exit_code == 0, result.output
-    summary = json.loads(result.stdout)
-    assert summary.get("energy_error", 0.0) < 1e-8
-    assert not list(unfit(beamsim.load_scenario(path, changes[1::2]), [summary["status"], *summary["warnings"]]))
-    assert list(tmp_path.glob("*.h5"))
+def test_config_does_what_it_asks_for_and_its_screen_says_what_came_out(path, command, tmp_path):
+    """No verdict, heading, sentence or remedy of the screen contradicts a number of the file."""
+    changes = [word for change in SHORTENED.get(f"{path.stem} {command}", ()) for word in ("--set", change)]
+    done = invoke(command, path, *changes, "--no-plots", "-o", f"{tmp_path}/")
+    assert done.exit_code == 0, done.output
+    (file,) = tmp_path.glob("*.h5")
+    facts = ResultFacts(file, command)
+    assert contradictions(done.stdout, facts) == []
+    assert facts.summary.get("energy_error", 0.0) < 1e-8
+    texts = [facts.attributes["status"], *json.loads(facts.attributes["warnings"])]
+    assert not list(unfit(beamsim.load_scenario(path, changes[1::2]), texts))
+
+
+STUDIES = {
+    "design_robust": ("vary.tolerances.samples=3", "vary.tolerances.quantile=0.5", "vary.parameters[0].points=2"),
+    "design_stiffness_gap": ("vary.parameters[0].points=3", "vary.parameters[1].points=3"),
+    "design_tolerances": ("vary.samples=10",),
+    "design_two_motions": ("vary.samples=12",),
+    "exceedance": ("vary.samples=30", "limits.peak_force=21 N"),
+}
+"""Study -> overrides that make it short."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [p for p in PATHS if shipped(p).study is not None], ids=lambda path: path.stem)
+def test_the_screen_of_a_study_says_what_came_out(path, tmp_path):
+    changes = [word for change in STUDIES.get(path.stem, ()) for word in ("--set", change)]
+    done = invoke("sweep", path, *changes, "--no-plots", "--workers", 1, "-o", f"{tmp_path}/")
+    assert done.exit_code == 0, done.output
+    (file,) = tmp_path.glob("*.h5")
+    assert contradictions(done.stdout, ResultFacts(file, "sweep")) == []

@@ -29,17 +29,6 @@ def asked(path):
     return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.study is not None)]
 
 
-def recorded(shortened):
-    """Config and command of what tests/sameness computes; ``shortened`` are the overrides with which that is enough."""
-    numbers = Path(__file__).parents[1] / "sameness" / "numbers.yaml"
-    for case in yaml.safe_load(numbers.read_text(encoding="utf-8")).values():
-        if len(case.get("run", ())) == 1:
-            command, config, *_ = case["run"][0].split()
-            name = f"{config.removesuffix('.yaml')} {command}"
-            if {*case.get("set", ())} <= {"run.convergence=off", *shortened.get(name, ())}:
-                yield name
-
-
 def unfit(scenario, texts):
     """Notes that advise what a scenario has, or what changes nothing in it."""
     written = {
