@@ -22,6 +22,8 @@ class Case:
     values: tuple[Value, ...]  # of each varied parameter
     realisation: int = 0  # within the tolerances; 0 is the case itself
     compared: bool = False  # whether its values are compared with those of a finer model
+    within: int = -1  # of a further realisation: the number of the case within whose tolerances it is
+    deviations: tuple[float, ...] = ()  # of a further realisation, as shares of the tolerances
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class CaseOutcome:
     given: tuple[Value, ...] = ()  # values of the varied parameters
     warnings: tuple[str, ...] = ()
     compared: bool = False  # whether its values were compared with those of a finer model
+    within: int = -1  # as of its `Case`
+    deviations: tuple[float, ...] = ()
 
     @property
     def failed(self) -> bool:
@@ -66,12 +70,13 @@ class Evaluator:
     most : number of cases that are allowed, each with all of its realisations.
     realisations : of each case.
     compared : whether each case is compared with a finer model.
+    most_further : number of further realisations that are allowed, of all cases together.
     known, each : as of `beamsim.trust.studies.design_study`.
     """
 
     def __init__(
         self, solving: AbstractContextManager[Callable[[Iterable[Case]], Iterator[CaseOutcome]]], *, most: int,
-        realisations: int = 1, compared: bool = False, known: Iterable[CaseOutcome] = (),
+        realisations: int = 1, compared: bool = False, most_further: int = 0, known: Iterable[CaseOutcome] = (),
         each: Callable[[CaseOutcome], None] | None = None,
     ) -> None:  # fmt: skip
         self.most = most
@@ -80,7 +85,8 @@ class Evaluator:
         self.ended = ""  # "interrupted", or "most_cases" where more were asked for than are allowed
         self._known = {(outcome.index, outcome.compared): outcome for outcome in known}
         self._each, self._count, self._solving, self._open = each, realisations, solving, ExitStack()
-        self._compared = compared
+        self._compared, self._most_further = compared, most_further
+        self.further: list[Case] = []  # further realisations of cases, in the order in which they were asked for
 
     def __enter__(self) -> Self:
         return self
@@ -115,7 +121,32 @@ class Evaluator:
             self.ended = "interrupted"
             raise Ended
 
+    @property
+    def room(self) -> int:
+        """Number of further realisations that are still allowed."""
+        return self._most_further - len(self.further)
+
+    def within(self, case: int, deviations: Sequence[tuple[float, ...]]) -> list[CaseOutcome]:
+        """The outcomes of further realisations of a case that was asked for.
+
+        They are numbered after all realisations of all cases that are allowed.
+
+        Parameters
+        ----------
+        case : its number.
+        deviations : of each realisation, as shares of the tolerances; no more than there is `room` for.
+        """
+        first, values = self.most * self._count + len(self.further), self.rows[case]
+        new = [Case(first + k, values, 0, self._compared, case, each) for k, each in enumerate(deviations)]
+        self.further += new
+        if not self._solve(new):
+            self.ended = "interrupted"
+            raise Ended
+        return [self.outcomes[each.number] for each in new]
+
     def _case(self, index: int, compared: bool) -> Case:
+        if index >= self.most * self._count:
+            return replace(self.further[index - self.most * self._count], compared=compared)
         return Case(index, self.rows[index // self._count], index % self._count, compared)
 
     def _solve(self, cases: Sequence[Case]) -> bool:
@@ -123,14 +154,15 @@ class Evaluator:
         missing = dict[int, Case]()
         for case in cases:
             known = self._known.get((case.number, case.compared))
-            if known is not None and known.given == case.values:
+            if known is not None and (known.given, known.deviations) == (case.values, case.deviations):
                 self.outcomes[case.number] = known
             else:
                 missing[case.number] = case
         for outcome in self._solved(list(missing.values())) if missing else ():
             if outcome.outcome.interrupted:
                 continue
-            found = replace(outcome, compared=missing.pop(outcome.index).compared)
+            case = missing.pop(outcome.index)
+            found = replace(outcome, compared=case.compared, within=case.within, deviations=case.deviations)
             self.outcomes[found.index] = found
             if self._each is not None:
                 self._each(found)

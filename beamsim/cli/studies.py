@@ -10,6 +10,7 @@ from beamsim.analyses.studies.dependence import SIDES
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.analyses.studies.result import StudyResult
+from beamsim.analyses.studies.worst import SAMPLED
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.labelled import Dataset
 from beamsim.outcomes import OnLimit
@@ -39,7 +40,7 @@ def design_screen(result: StudyResult) -> Screen:
     if "reliability" in s:
         return _probability_screen(result, s["reliability"])
     lines = [f"best: {s['objective']}{_of_quantile(result)}"] if s.get("best") else []
-    lines += _limit_lines(result)
+    lines += [*_worst_lines(result), *_limit_lines(result)]
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
     if result.kind == "optimise":
@@ -70,6 +71,27 @@ def design_screen(result: StudyResult) -> Screen:
     for name, of in shown[:SHOWN]:
         lines += _remarks(result, name, within.get("responses", {}).get(name, of))
     return Screen(_judged(result), rows, [*lines, _comparison(result)])
+
+
+def _worst_lines(result: StudyResult) -> Iterator[str]:
+    """The worst of the best case within its tolerances, where it is, and how it was found."""
+    if (worst := result.summary.get("worst")) is None:
+        return
+    tolerances, count = result.summary["tolerances"]["parameters"], counted(worst["further_cases"], "further case")
+    how = "" if worst["kind"] == SAMPLED else f" with {count} of at most {worst['most_further_cases']}"
+    yield f"worst of the best case within its tolerances: {worst['kind']}{how}"
+    for name, of in worst["by"].items():
+        at = ", ".join(_deviation_text(path, x, tolerances[path]) for path, x in of["deviations"].items() if x)
+        value, sample = (rounded(of[key], result.judge_units[name]) for key in ("value", "of_sample"))
+        called = limit_label(name) if name in result.limits else name.replace("_", " ")
+        yield f"worst {called} {value}, in the sample {sample}; at {at or 'the case itself'}"
+
+
+def _deviation_text(path: str, share: float, tolerance: Mapping[str, Any]) -> str:
+    """A number with its deviation: ``tip stiffness +15 %``."""
+    size = abs(share) * tolerance["tolerance"]
+    text = f"{100.0 * size:.3g} %" if tolerance["relative"] else amount(size, tolerance["unit"], 3)
+    return f"{parameter_label(path)} {'-' if share < 0.0 else '+'}{text}"
 
 
 def _comparison(result: StudyResult) -> str:
@@ -243,6 +265,7 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
             most = "".join(f", {label} {value}" for label, value in with_them)
         met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
         by = f" ({item['statistic']})" if "statistic" in item else ""
+        by += f" (worst {item['worst']})" if "worst" in item else ""
         limit = f"limit {of['limit']}, margin {of['margin']}"
         yield f"{name} {of['verdict']} {where} {of['value']}{by}{at}, {limit}{most}{met}"
     if "probability" in result.summary and len(result.limits) > 1:
@@ -299,6 +322,8 @@ def _best_rows(result: StudyResult, best: Sequence[Mapping[str, Any]]) -> list[d
         if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
             row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
             row["limit"] = limit_label(item["limit"])
+        if "worst" in item:
+            row["worst"] = item["worst"]
         rows.append(row)
     return rows
 

@@ -18,6 +18,7 @@ from beamsim.analyses.studies.plan import ParameterColumn
 from beamsim.analyses.studies.responses import means, place_of, quantity_of
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import varies
+from beamsim.analyses.studies.worst import SAMPLED
 from beamsim.labelled import Dataset
 from beamsim.plots.drawing import (
     DARK,
@@ -278,7 +279,7 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
             )  # fmt: skip
         ax.margins(y=0.2)
 
-    what = "Realisations of the best case" if "nominal" in of else "Cases"
+    what = "Sampled realisations of the best case" if "nominal" in of else "Cases"
     return Chart((_titled(name), unit), (what, ""), curves, whole="y", more=more, y_ends=(0.0, None))
 
 
@@ -318,10 +319,13 @@ def _judgement(result: StudyResult) -> str:
     tolerances = result.summary.get("tolerances")
     if tolerances is None:
         return ""
+    of, worst = f"{tolerances['realisations']} realisations within the tolerances", result.summary.get("worst")
+    how = "" if worst is None or worst["kind"] == SAMPLED else f", of the best case {worst['kind']}"
     if len(result.parameters) == 1 or result.kind == "zip":
-        return f"   (bands: {tolerances['realisations']} realisations within the tolerances)"
-    which = "worst" if tolerances["quantile"] == 1.0 else f"{100 * tolerances['quantile']:.4g} % quantile"
-    return f"   ({which} of {tolerances['realisations']} realisations within the tolerances)"
+        return f"   (bands: sample of {of}{how})"
+    if tolerances["quantile"] < 1.0:
+        return f"   ({100 * tolerances['quantile']:.4g} % quantile of {of})"
+    return f"   (worst of a sample of {of}{how})"
 
 
 def design_figures(result: StudyResult) -> dict[str, Picture]:
@@ -545,12 +549,17 @@ def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
 
 
 def _band(result: StudyResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
-    """The smallest and largest value of each case within the tolerances."""
+    """The smallest and largest value of each case within the tolerances, of the sample and of further realisations."""
     realised = _realised(result)
-    values = next(
-        (realised[name] for name in _of(result, quantity) if place_of(name) == place and name in realised), None
-    )
-    return None if values is None else (values.min(axis=1), values.max(axis=1))
+    name = next((name for name in _of(result, quantity) if place_of(name) == place and name in realised), None)
+    if name is None:
+        return None
+    low, high = realised[name].min(axis=1), realised[name].max(axis=1)
+    if (further := result.datasets.get("further_realisations")) is not None:
+        of, values = further["further_case"].values, further["value"].sel(response=name).values
+        np.minimum.at(low, of, values)
+        np.maximum.at(high, of, values)
+    return low, high
 
 
 def _realised(result: StudyResult) -> dict[str, Floats]:

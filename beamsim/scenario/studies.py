@@ -253,6 +253,9 @@ class Tolerances(Schema):
     quantile: q.Quantile = 1.0
     """Limits and the objective judge a case by this quantile of its values, counted from the good side; by default by
     the worst of them."""
+    worst_cases: q.NotNegativeWhole | None = None
+    """Largest number of further cases that are solved to find the worst of the best design within its tolerances, where
+    the worst judges; by default 50 for each number. 0: the worst is that of the sample."""
     parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
     """The numbers with a tolerance. That of a varied number is about its value in each case."""
     correlations: tuple[Correlation, ...] = ()
@@ -279,6 +282,11 @@ class Tolerances(Schema):
                     message = f"= {number.path} is varied in part, as {other.path}"
                     remedy = f"write the path as it is varied: {other.path}, with the same `also`"
                     yield problem(place, message, remedy)
+
+    @property
+    def search_budget(self) -> int:
+        """Further cases that are solved at most to find the worst of the best design."""
+        return 50 * len(self.parameters) if self.worst_cases is None else self.worst_cases
 
     def check(self) -> None:
         """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""

@@ -328,7 +328,7 @@ def _outcome(case: Any) -> CaseOutcome:
         If it is damaged.
     """
     outcome = Outcome.from_dict(case["outcome"])
-    read = {name: tuple(case[name]) for name in ("given", "warnings")}
+    read = {name: tuple(case[name]) for name in ("given", "warnings", "deviations")}
     found = CaseOutcome(**{**case, **read, "outcome": outcome})
     responses = [value for item in found.values.values() for value in (item if isinstance(item, list) else [item])]
     margins = [value for margin in found.margins.values() for value in margin.values()]
@@ -336,6 +336,7 @@ def _outcome(case: Any) -> CaseOutcome:
         type(found.index) is int and found.index >= 0 and type(found.compared) is bool
         and all(_is_number(value) or isinstance(value, str) for value in responses)
         and _is_number(found.processor_time_s)
+        and type(found.within) is int and all(_is_number(value) for value in found.deviations)
         and isinstance(case["given"], list)
         and isinstance(case["warnings"], list) and all(isinstance(text, str) for text in found.warnings)
         and all(value is None or isinstance(value, str | bool) or _is_number(value) for value in margins)

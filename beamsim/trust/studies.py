@@ -28,6 +28,7 @@ from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.search import search, unsettled
 from beamsim.analyses.studies.summary import result_of
 from beamsim.analyses.studies.table import worth_comparing
+from beamsim.analyses.studies.worst import Changes, WorstSearch
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.errors import BeamsimError, allowing_hours
@@ -37,11 +38,15 @@ from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
 from beamsim.results.values import BY_NAME, limited
 from beamsim.scenario import Scenario, Source, scenario_of
+from beamsim.scenario.parameters import with_values
+from beamsim.scenario.run import SensitiveParameter
+from beamsim.scenario.studies import Value, tolerances_of
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep
 from beamsim.trust.convergence import COMPARISON, doubt_about
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
+from beamsim.typing import not_none
 
 
 def solve_case(
@@ -170,23 +175,38 @@ def design_study(
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
             each(outcome)
-        tell(of_cases, len(evaluate.outcomes) / total)
+        tell(of_cases, min(1.0, len(evaluate.outcomes) / total))
 
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
     with asked_by(stop):
         with Evaluator(
             working(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
             realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
+            most_further=plan.study.realisations.most_further,
         ) as evaluate:  # fmt: skip
-            ended, histories = _evaluated(plan, evaluate, progress)
-        result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+            worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))
+            ended, histories = _evaluated(plan, evaluate, progress, worst)
+        finished = [case for case, done in worst.finished.items() if done]
+        result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended, finished)
         if evaluate.ended == "interrupted":
             return result.interrupted(COMPARISON) if result.finished else result
         return _with_runs(result if histories is None else concluded(result, histories))
 
 
-def _evaluated(plan: StudyPlan, evaluate: Evaluator, progress: Progress) -> tuple[Outcome | None, Exceedance | None]:
-    """Solve the cases of a plan and compare those that decide: why a search ended, and what histories say."""
+def _evaluated(
+    plan: StudyPlan, evaluate: Evaluator, progress: Progress, worst: WorstSearch
+) -> tuple[Outcome | None, Exceedance | None]:
+    """Solve the cases of a plan, search the worst of the best and compare those that decide.
+
+    Parameters
+    ----------
+    plan, evaluate, progress : of the study.
+    worst : the search for the worst within tolerances.
+
+    Returns
+    -------
+    Why a search for the best design ended, and what histories say.
+    """
     ended: Outcome | None = None
     histories: Exceedance | None = None
     with suppress(Ended):
@@ -196,11 +216,41 @@ def _evaluated(plan: StudyPlan, evaluate: Evaluator, progress: Progress) -> tupl
             ended = search(plan, evaluate)
         else:
             evaluate([case.values for case in plan.cases if not case.realisation])
-    if evaluate.ended != "interrupted" and plan.convergence is None:
-        with suppress(Ended):
-            while chosen := worth_comparing(plan, evaluate.outcomes):
-                evaluate.compare(chosen)
+    with suppress(Ended):
+        while evaluate.ended != "interrupted":  # either may make another case the best
+            if plan.kind != "reliability" and worst.go_on():
+                continue
+            if plan.convergence is not None or not (chosen := worth_comparing(plan, evaluate.outcomes)):
+                break
+            evaluate.compare(chosen)
     return (unsettled(plan.most) if evaluate.ended == "most_cases" else ended), histories
+
+
+def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Changes:
+    """How the responses of a case change within its tolerances, by the exact derivatives of its run.
+
+    None where it is no run, or a number has no derivative; the corners then follow from the sample.
+
+    Parameters
+    ----------
+    plan : of the study.
+    case : its number.
+    values : of the varied parameters in it.
+    """
+    study = plan.study
+    if study.analysis != "run":
+        return {}
+    numbers = tuple(
+        SensitiveParameter(path=each.path, also=each.also, tolerance=each.tolerance)
+        for each in not_none(tolerances_of(plan.scenario)).parameters
+    )
+    try:
+        scenario = with_values(study.scenario(Case(case, values)), {("run", "sensitivities"): numbers}).rechecked()
+        result = solve_case(scenario, "run", entries=entries_of(study.asked, scenario))
+    except BeamsimError:
+        return {}
+    found = result.summary.get("sensitivities", {})
+    return {name: {path: (of["change_below"], of["change"]) for path, of in by.items()} for name, by in found.items()}
 
 
 def _with_runs(result: StudyResult) -> StudyResult:

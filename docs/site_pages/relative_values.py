@@ -174,6 +174,7 @@ DEFAULTS = {
     "_Study.responses": "all that the analysis computes",
     "Reliability.method": "`importance_sampling`; with random inputs `subset`, with a matched record `monte_carlo`",
     "Reliability.coefficient_of_variation": "10 %, of a subset simulation 30 %; of the probability",
+    "Tolerances.worst_cases": "50 for each number with a tolerance",
     "Optimise.responses": "the objectives and what limits are compared with",
     "Optimise.minimise": "the smallest margin of the limits, which is to be large",
     "Optimise.maximise": "none beside `minimise`",

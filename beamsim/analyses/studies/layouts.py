@@ -93,6 +93,24 @@ REALISATIONS = Layout(
     },
     optional=True,
 )  # fmt: skip
+_FURTHER = ("further",)
+FURTHER = Layout(
+    "further_realisations",
+    "Further realisations within the tolerances, with which the worst of the best cases was searched.",
+    {
+        "further": Variable(_FURTHER, "1", "number of the further realisation", int),
+        "further_case": Variable(_FURTHER, "1", "number of the case, from 0", int, names="cases/case"),
+        "further_outcome": Variable(_FURTHER, "", "how the realisation ended", str),
+        "number": Variable(_NUMBER, "1", "path of the number that has a tolerance", str),
+        "deviation": Variable(_NUMBER + _FURTHER, "1", "deviation of the number as a share of its tolerance"),
+        "response": Variable(_RESPONSE, "1", "name of the response", str),
+        "value": Variable(
+            _RESPONSE + _FURTHER, "{unit}",
+            "value of the response; NaN where the realisation has none: {long_name}",
+        ),
+    },
+    optional=True,
+)  # fmt: skip
 _INDEX = (*_RESPONSE, *_PARAMETER)
 SOBOL = Layout(
     "sobol",

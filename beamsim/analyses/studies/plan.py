@@ -52,6 +52,7 @@ class Realisations:
     # (realisations, parameters) in shares of the tolerances, from -1 to 1; the first row, zero, is the case itself
     deviations: Floats = field(default_factory=lambda: np.zeros((1, 0)))
     quantile: float = 1.0  # by which a case is judged, counted from the good side
+    most_further: int = 0  # realisations that are solved to find the worst of the best cases
 
     @classmethod
     def of(cls, scenario: Scenario) -> Realisations:
@@ -62,17 +63,33 @@ class Realisations:
         parameters = tolerated_parameters(scenario)
         units = tuple(replace(p.number, low=-1.0, high=1.0, spacing="linear") for p in parameters)
         sample: Any = latin_hypercube(units, asked.samples, asked.seed, asked.correlations)
-        return cls(parameters, np.vstack([np.zeros(len(parameters)), np.transpose(sample)]), asked.quantile)
+        return cls(
+            parameters,
+            np.vstack([np.zeros(len(parameters)), np.transpose(sample)]),
+            asked.quantile,
+            asked.search_budget,
+        )
 
     @property
     def count(self) -> int:
         """Number of realisations of each case, the case itself among them."""
         return int(self.deviations.shape[0])
 
-    def values(self, case: Scenario, realisation: int) -> dict[Path, float]:
-        """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there."""
+    @property
+    def judged_by_worst(self) -> bool:
+        """Whether a case is judged by the worst that its tolerances allow, and not by a quantile."""
+        return self.count > 1 and self.quantile == 1.0
+
+    def values(self, case: Scenario, deviations: Iterable[float]) -> dict[Path, float]:
+        """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there.
+
+        Parameters
+        ----------
+        case : the scenario without deviations.
+        deviations : of each number, as a share of its tolerance.
+        """
         values: dict[Path, float] = {}
-        for parameter, deviation in zip(self.parameters, self.deviations[realisation], strict=True):
+        for parameter, deviation in zip(self.parameters, deviations, strict=True):
             written = value_at(case, parameter.number.places[0])
             if written is None:
                 message = "has a tolerance, and no value in this case"
@@ -123,8 +140,9 @@ class Study:
     def scenario(self, case: Case) -> Scenario:
         """The scenario of a case; raises a ScenarioError if it is invalid."""
         scenario = with_parameters(self.case, self.varied, case.values)
-        if case.realisation:
-            scenario = with_values(scenario, self.realisations.values(scenario, case.realisation))
+        if case.realisation or case.deviations:
+            deviations = case.deviations or self.realisations.deviations[case.realisation].tolist()
+            scenario = with_values(scenario, self.realisations.values(scenario, deviations))
         if case.compared:
             scenario = with_values(scenario, {(self.section, "convergence"): "on"})
         return scenario.rechecked()

@@ -10,10 +10,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.studies.layouts import CASES, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
+from beamsim.analyses.studies.layouts import CASES, FURTHER, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
 from beamsim.analyses.studies.objectives import judged, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
 from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.worst import OBJECTIVE
 from beamsim.labelled import LabelledArray
 from beamsim.outcomes import Outcome
 from beamsim.results.result import CONVERGENCE, Result
@@ -43,7 +44,8 @@ PLAIN_NUMBERS = (  # of responses: what has no unit
     "total_order_low", "total_order_high", "share", "low", "high", "case", "margin", "limit",
 )  # fmt: skip
 BEST = record(
-    {"case": Number, "value": Number, "parameters": Plain}, {"margin": Number, "limit": Text, "values": ByName}
+    {"case": Number, "value": Number, "parameters": Plain},
+    {"margin": Number, "limit": Text, "values": ByName, "worst": Text},
 )
 TOLERANCES = record({
     "parameters": by_name(record({"tolerance": Number, "relative": Flag, "unit": Text})),
@@ -51,14 +53,18 @@ TOLERANCES = record({
 })  # fmt: skip
 RANGE = record(
     {"smallest": Number, "largest": Number},
-    {"smallest_at": Plain, "largest_at": Plain,
+    {"smallest_at": Plain, "largest_at": Plain, "smallest_is": Text, "largest_is": Text,
      "populations": list_of(record(dict.fromkeys(("smallest", "largest", "cases"), Number)))},
+)  # fmt: skip
+WORST_WITHIN = record(
+    {"case": Number, "kind": Text, "further_cases": Number, "most_further_cases": Number,
+     "by": by_name(record({"value": Number, "of_sample": Number, "deviations": Plain}))},
 )  # fmt: skip
 WORST = record(
     dict.fromkeys(("limit", "value"), Number) | {"at": Text, "verdict": Text},
     {**dict.fromkeys(("margin", "margin_db", "lowest", "highest", "case", "cases_exceeding", "cases_not_reliable",
                       "cases_undecided", "interval_low", "interval_high", "decided_after_s", "reached"), Number),
-     "exceeded": Flag, "statistic": Text, "parameters": Plain, "probability": PROBABILITY},
+     "exceeded": Flag, "statistic": Text, "parameters": Plain, "probability": PROBABILITY, "worst": Text},
 )  # fmt: skip
 _SUMMARY = (
     Entry("analysis", of="cases/analysis"),
@@ -85,8 +91,13 @@ _SUMMARY = (
              "parameters, smallest margin and its limit", form=list_of(BEST)),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
              "unit", form=TOLERANCES),
+    Entry("worst", "", "of the best case, where the worst within the tolerances judges it: by limit and objective the "
+             "worst value, the worst of the sample, and the deviations there as shares of the tolerances; kind says "
+             "whether it is searched, searched in part (search not finished) or sampled; and how many further cases "
+             "all searches solved, of how many that were allowed", form=WORST_WITHIN),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
-             "what responses have of a sample, over the realisations; and the probability that every limit is met",
+             "what responses have of a sample, over the realisations; whether smallest and largest are searched or "
+             "sampled; and the probability that every limit is met",
              form=record({"responses": by_name(RANGE)}, {"probability": PROBABILITY})),
     Entry("margins", "", "by limit, of the worst case: limit, value, lowest and highest, margin, at, case, parameters; "
              "the verdict on all cases, the number of cases that exceed the limit and of those with the verdict not "
@@ -114,7 +125,7 @@ class StudyResult(Result):
 
     KIND = "designs"
     SUMMARY = _SUMMARY
-    DATASETS = (CASES, REALISATIONS, SOBOL, RUNS, RANDOM_NUMBERS, REGIONS, ROUNDS)
+    DATASETS = (CASES, REALISATIONS, FURTHER, SOBOL, RUNS, RANDOM_NUMBERS, REGIONS, ROUNDS)
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
@@ -125,6 +136,8 @@ class StudyResult(Result):
         """That of values which the name does not say; see `Result.unit_of`."""
         if entry.name == "tolerances" and keys[-1] == "tolerance":
             return "" if record["relative"] else str(record["unit"])
+        if entry.name == "worst":
+            return self.judge_units[place[-1]] if keys[-1] in ("value", "of_sample") else ""
         if entry.name == "varied" and keys[-1] != "values":
             return str(record["unit"])
         if not keys or keys[-1] in PLAIN_NUMBERS or (entry.name == "margins" and keys[0] != "parameters"):
@@ -149,6 +162,13 @@ class StudyResult(Result):
     def limits(self) -> dict[str, float]:
         """The limits by name, in SI units."""
         return {name: value.item() for name, value in self["cases"].by_label("limit_value").items()}
+
+    @cached_property
+    def judge_units(self) -> dict[str, str]:
+        """Units of what judges cases: limits and objectives by name, and "objective"."""
+        aims = {name: of.unit for name, of in self["cases"].by_label("objective_value").items()}
+        limits = {name: of.unit for name, of in self["cases"].by_label("limit_value").items()}
+        return {OBJECTIVE: next(iter(aims.values()), "1")} | aims | limits
 
     @property
     def count(self) -> int:
@@ -209,6 +229,12 @@ class StudyResult(Result):
         if "realisations" not in self.datasets:
             return worst_of([values[name].values for name in names], large_is_good=asked)
         realised, quantile = self["realisations"].by_label("value"), self.summary["tolerances"]["quantile"]
-        return judged(
+        found = judged(
             worst_of([realised[name].values for name in names], large_is_good=asked), quantile, large_is_good=asked
         )
+        if "further_realisations" in self.datasets:
+            further, worse = self["further_realisations"], np.minimum if asked else np.maximum
+            values = further.by_label("value")
+            each = worst_of([values[name].values for name in names], large_is_good=asked)
+            worse.at(found, further["further_case"].values, each)
+        return found

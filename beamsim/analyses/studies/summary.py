@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.studies.layouts import CASES, REALISATIONS, SOBOL
+from beamsim.analyses.studies.layouts import CASES, FURTHER, REALISATIONS, SOBOL
 from beamsim.analyses.studies.plan import StudyPlan, varied_seeds
-from beamsim.analyses.studies.responses import describe
+from beamsim.analyses.studies.responses import describe, means
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import (
     rank_correlations,
@@ -20,6 +21,7 @@ from beamsim.analyses.studies.statistics import (
     varies,
 )
 from beamsim.analyses.studies.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
+from beamsim.analyses.studies.worst import SAMPLED, SEARCHED, UNFINISHED, Judge, judges_of
 from beamsim.cases import CaseOutcome, probability
 from beamsim.labelled import Dataset
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
@@ -35,8 +37,9 @@ Indices = Mapping[str, Mapping[str, Floats]]
 
 
 def result_of(
-    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
-) -> StudyResult:
+    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None,
+    finished: Collection[int] = (),
+) -> StudyResult:  # fmt: skip
     """The result of the cases that are solved.
 
     Parameters
@@ -45,6 +48,7 @@ def result_of(
     outcomes : by index; may be those of some cases only.
     wall_time_s : of the study, s.
     ended : how a search ended; None while it goes on.
+    finished : numbers of the cases whose worst was searched to the end.
 
     Returns
     -------
@@ -56,8 +60,10 @@ def result_of(
     if plan.searches:
         ended = _search_ended(table, ended)
     datasets = {"cases": _cases(table)}
-    if table.shape[1] > 1:
+    if table.count > 1:
         datasets["realisations"] = _realisations(table)
+    if table.further:
+        datasets["further_realisations"] = _further(table)
     if indices:
         orders = next(iter(indices.values()))
         values = {order: np.stack([of[order] for of in indices.values()]) for order in orders}
@@ -67,7 +73,9 @@ def result_of(
         scenario=scenario,
         outcome=_outcome(table) if ended is None else ended,
         datasets=datasets,
-        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_warnings_of_cases(table)),
+        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, finished),
+            *_warnings_of_cases(table),
+        ),
         wall_time_s=wall_time_s,
     ).with_summary(
         cases=table.shape[0],
@@ -77,9 +85,10 @@ def result_of(
         not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest),
         compared=int(table.compared.sum()),
         responses=_extremes(table),
-        **_about_best(table),
+        **_about_best(table, finished),
         tolerances=_tolerances(plan),
-        scatter=_scatter(table),
+        worst=_worst(table, finished),
+        scatter=_scatter(table, finished),
         sensitivity=_sensitivity(table, indices) or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in table.outcomes.values()),
     )  # fmt: skip
@@ -143,19 +152,34 @@ def _words(names: Mapping[str, Any], output_units: Mapping[str, str]) -> list[di
 
 def _realisations(table: StudyTable) -> Dataset:
     """The dataset of the realisations within tolerances."""
-    realisations, (cases, count) = table.plan.study.realisations, table.shape
+    realisations, cases, count = table.plan.study.realisations, table.shape[0], table.count
     tolerances = [_tolerance(parameter) for parameter in realisations.parameters]
     values = {
         "case": 1 + np.arange(cases),
         "realisation": np.arange(count),
         "response": list(table.responses),
-        "value": np.array(list(table.responses.values())),
+        "value": np.array([column[:, :count] for column in table.responses.values()]),
         "number": [parameter.number.path for parameter in realisations.parameters],
         "deviation": realisations.deviations.T,
         **{name: [of[name] for of in tolerances] for name in ("tolerance", "relative")},
     }
     words = {"response": _words(table.responses, table.plan.scenario.output_units), "number": tolerances}
     return REALISATIONS.dataset(values, words)
+
+
+def _further(table: StudyTable) -> Dataset:
+    """The dataset of the further realisations, with which the worst of cases was searched."""
+    every = [(case, outcome) for case, of in table.further.items() for outcome in of]
+    values = {
+        "further": 1 + np.arange(len(every)),
+        "further_case": [case for case, _ in every],
+        "further_outcome": [outcome.outcome.text for _, outcome in every],
+        "number": [parameter.number.path for parameter in table.plan.study.realisations.parameters],
+        "deviation": np.array([outcome.deviations for _, outcome in every]).T,
+        "response": list(table.responses),
+        "value": np.array([[outcome.values.get(name, np.nan) for _, outcome in every] for name in table.responses]),
+    }
+    return FURTHER.dataset(values, {"response": _words(table.responses, table.plan.scenario.output_units)})
 
 
 def _tolerance(parameter: ToleratedParameter) -> dict[str, Any]:
@@ -177,7 +201,14 @@ def _varied(values: Any, unit: str) -> dict[str, Any]:
     return {"values": len(different), "unit": unit, **ends}
 
 
-def _about_best(table: StudyTable) -> dict[str, Any]:
+def _kind_of_worst(table: StudyTable, case: int, finished: Collection[int]) -> str | None:
+    """Whether the worst that judges a case is sampled or searched; None where no worst judges it."""
+    if not table.plan.study.realisations.judged_by_worst:
+        return None
+    return SEARCHED if case in finished else UNFINISHED if case in table.further else SAMPLED
+
+
+def _about_best(table: StudyTable, finished: Collection[int]) -> dict[str, Any]:
     """What the summary says of limits and objectives."""
     plan, values, best = table.plan, table.aims[0][1], table.best
     worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
@@ -193,8 +224,12 @@ def _about_best(table: StudyTable) -> dict[str, Any]:
             more["values"] = {name: float(aim[case]) for name, aim in table.objectives.items()}
         if table.passing_shares is not None:
             more["passing_share"] = float(table.passing_shares[case])
+        if (kind := _kind_of_worst(table, case, finished)) is not None:
+            more["worst"] = kind
         return {**item, **more, "parameters": plan.values_in(case)}
 
+    for of in (of for of in worst.values() if "case" in of):
+        of |= {} if (kind := _kind_of_worst(table, of["case"], finished)) is None else {"worst": kind}
     sampled = table.limits and table.drawn.any()
     return {
         "passing": int(table.passing.sum()) if table.limits else None,
@@ -227,10 +262,11 @@ def _near_best(table: StudyTable) -> dict[str, Any] | None:
 
 def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
     """The margins of one case alone."""
-    count = table.shape[1]
+    count = table.count
     if case * count not in table.outcomes:
         return {}
     own = {r: table.outcomes[case * count + r] for r in range(count)}
+    own |= {of.index: replace(of, within=0) for of in table.further.get(case, ())}
     alone = StudyTable(table.plan.of([own[0].given]), own)
     if not alone.every_response:
         return {}
@@ -263,7 +299,7 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
     if np.isnan(sizes).all():  # of which no case has a value
         return {**margins_of(table.plan.scenario.limits, {})[name], **about}
     case = int(np.nanargmin(sizes))
-    outcome = table.outcomes[case * table.shape[1] + int(of.deciding[case])]
+    outcome = table.outcome(case, int(of.deciding[case]))
     found = {**UNKNOWN, **outcome.margins.get(name, {})}
     return {**found, "case": case, "parameters": table.plan.values_in(case), **about}
 
@@ -295,21 +331,72 @@ def _tolerances(plan: StudyPlan) -> dict[str, Any] | None:
     return {"realisations": realisations.count, "quantile": realisations.quantile, "parameters": parameters}
 
 
-def _scatter(table: StudyTable) -> dict[str, Any] | None:
-    """What the best case ranges over within its tolerances, or the only one; known realisations only."""
-    cases, count = table.shape
+def _worst(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | None:
+    """Of the best case by limit and objective the worst value within the tolerances, and where it is."""
+    realisations = table.plan.study.realisations
+    if not (table.best and realisations.judged_by_worst):
+        return None
+    case, found = int(table.best[0]["case"]), {}
+    for judge in judges_of(table.plan):
+        sample = [table.outcome(case, r) for r in range(table.count)]
+        every = [*sample, *table.further.get(case, ())]
+        worst = max(every, key=lambda of: np.nan_to_num(judge.badness(of), nan=-np.inf))
+        deviations = worst.deviations or realisations.deviations[worst.index - case * table.count].tolist()
+        found[judge.name] = {
+            "value": judge.sign * judge.badness(worst),
+            "of_sample": judge.sign * float(np.nanmax([judge.badness(of) for of in sample])),
+            "deviations": {p.number.path: x for p, x in zip(realisations.parameters, deviations, strict=True)},
+        }
+    kind = _kind_of_worst(table, case, finished)
+    return {
+        "case": case, "kind": kind, "further_cases": sum(map(len, table.further.values())),
+        "most_further_cases": realisations.most_further, "by": found,
+    }  # fmt: skip
+
+
+def _scatter(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | None:
+    """What the best case ranges over within its tolerances, or the only one; known realisations only.
+
+    Smallest and largest values are those of all realisations that are solved, statistics those of the sample.
+    """
+    cases, count = table.shape[0], table.count
     if count == 1 or not table.responses or not (table.best or cases == 1):
         return None
     case = int(table.best[0]["case"]) if table.best else 0
     rows = {name: column[case] for name, column in table.responses.items()}
-    known = {name: values[np.isfinite(values)] for name, values in rows.items()}
-    ranges = {
-        name: {"nominal": float(rows[name][0]), "smallest": float(values.min()), "largest": float(values.max()),
-               **statistics(values)}
-        for name, values in known.items() if values.size
-    }  # fmt: skip
-    met = {"probability": probability(table.meets[case, 1:])} if table.limits else {}
+    ranges = {}
+    for name, every in rows.items():
+        known, sample = every[np.isfinite(every)], every[:count][np.isfinite(every[:count])]
+        if not sample.size:
+            continue
+        ends = {"smallest": float(known.min()), "largest": float(known.max())}
+        ranges[name] = {"nominal": float(every[0]), **ends, **_kinds_of_ends(table, case, name, finished)}
+        ranges[name] |= {key: value for key, value in statistics(sample).items() if key not in ends}
+    met = {"probability": probability(table.meets[case, 1:count])} if table.limits else {}
     return {"case": case, "responses": ranges, **met}
+
+
+def _kinds_of_ends(table: StudyTable, case: int, name: str, finished: Collection[int]) -> dict[str, str]:
+    """Whether the smallest and the largest value of a response within the tolerances are sampled or searched.
+
+    Parameters
+    ----------
+    table, case : of the study, and the number of the case.
+    name : of the response.
+    finished : numbers of the cases whose worst was searched to the end.
+    """
+
+    def searched(judge: Judge) -> bool:
+        """Whether the search by a judge was one for this response: its place is the worst one."""
+        named = [other for other in table.responses if any(means(asked, other) for asked in judge.asked)]
+        ends = {other: np.nanmax(judge.sign * table.responses[other][case]) for other in named}
+        return name in ends and len(judge.asked) == 1 and ends[name] == max(ends.values())
+
+    kinds = {"smallest_is": SAMPLED, "largest_is": SAMPLED}
+    if (kind := _kind_of_worst(table, case, finished)) is not None:
+        for judge in (judge for judge in judges_of(table.plan) if searched(judge)):
+            kinds["largest_is" if judge.sign > 0.0 else "smallest_is"] = kind
+    return kinds
 
 
 def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dict[str, Any]]]:
@@ -343,6 +430,20 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
 
 
+def _about_worst(table: StudyTable, finished: Collection[int]) -> Iterator[str]:
+    """A note where the budget ended the search for the worst of the best case, or left none for it."""
+    most = table.plan.study.realisations.most_further
+    if not table.best or not most or sum(map(len, table.further.values())) < most:
+        return
+    case = int(table.best[0]["case"])
+    if _kind_of_worst(table, case, finished) in (SAMPLED, UNFINISHED):
+        key = f"{getattr(table.plan.scenario.study, 'section', 'vary')}.tolerances.worst_cases"
+        yield (
+            f"{key} = {most} ended the search for the worst of case {case + 1} before its end: give more, or the worst "
+            "may be worse than is printed"
+        )
+
+
 def _about_seeds(plan: StudyPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
     inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
@@ -362,12 +463,12 @@ def _about_seeds(plan: StudyPlan) -> list[str]:
 
 def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
     """The warnings of the cases, those that differ by numbers alone as one: the first, and in how many cases."""
-    total, count = table.shape
+    total = table.shape[0]
     found: dict[str, tuple[str, set[int]]] = {}
     for index in sorted(table.outcomes):
         for text in table.outcomes[index].warnings:
             if text not in table.plan.scenario.warnings:
-                found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(index // count)
+                found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(table.case_of(index))
     for text, numbers in found.values():
         first = "" if total == 1 else f"case {min(numbers) + 1}: "
         more = f" (and in {len(numbers) - 1} more of {total} cases)" if len(numbers) > 1 else ""

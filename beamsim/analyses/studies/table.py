@@ -53,11 +53,58 @@ class StudyTable:
     plan: StudyPlan
     outcomes: Mapping[int, CaseOutcome]
 
+    @property
+    def count(self) -> int:
+        """Number of realisations of each case in the sample, the case itself among them."""
+        return self.plan.study.realisations.count
+
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Number of cases and of realisations of each."""
-        count = self.plan.study.realisations.count
-        return len(self.plan.cases) // count, count
+        """Number of cases and of realisations of each, further ones included."""
+        cases, width = self.places.shape
+        return cases, width
+
+    @cached_property
+    def further(self) -> dict[int, list[CaseOutcome]]:
+        """By case its further realisations, with which its worst was searched, in the order of their solution."""
+        found: dict[int, list[CaseOutcome]] = {}
+        for index in sorted(self.outcomes):
+            if self.outcomes[index].deviations:
+                found.setdefault(self.outcomes[index].within, []).append(self.outcomes[index])
+        return found
+
+    @cached_property
+    def order(self) -> Ints:
+        """(n,) index of the outcome at each place: those of the sample, then further ones."""
+        further = [outcome.index for of in self.further.values() for outcome in of]
+        return np.append(np.arange(len(self.plan.cases)), further).astype(np.int64)
+
+    @cached_property
+    def places(self) -> Ints:
+        """(cases, realisations) where each outcome is in the order.
+
+        A case with fewer further realisations than another one has the case itself in their place.
+        """
+        places = np.arange(len(self.plan.cases)).reshape(-1, self.count)
+        more = np.repeat(places[:, :1], max(map(len, self.further.values()), default=0), axis=1)
+        last = places.size
+        for case, of in self.further.items():
+            more[case, : len(of)] = last + np.arange(len(of))
+            last += len(of)
+        return np.hstack([places, more])
+
+    @cached_property
+    def _at(self) -> dict[int, int]:
+        """By index of an outcome its place in the order."""
+        return {index: place for place, index in enumerate(self.order.tolist())}
+
+    def case_of(self, index: int) -> int:
+        """The number of the case that an outcome belongs to."""
+        return self.outcomes[index].within if self.outcomes[index].deviations else index // self.count
+
+    def outcome(self, case: int, realisation: int) -> CaseOutcome:
+        """One of those of a case."""
+        return self.outcomes[int(self.order[self.places[case, realisation]])]
 
     # Responses and outcomes
 
@@ -68,9 +115,9 @@ class StudyTable:
         for index in sorted(self.outcomes):
             for name, value in self.outcomes[index].values.items():
                 if name not in columns:
-                    columns[name] = np.full((len(self.plan.cases), *np.shape(value)), np.nan)
-                columns[name][index] = value
-        return {name: column.reshape(*self.shape, *column.shape[1:]) for name, column in columns.items()}
+                    columns[name] = np.full((self.order.size, *np.shape(value)), np.nan)
+                columns[name][self._at[index]] = value
+        return {name: column[self.places] for name, column in columns.items()}
 
     @cached_property
     def responses(self) -> dict[str, Floats]:
@@ -84,8 +131,9 @@ class StudyTable:
 
     def holds(self, condition: Callable[[CaseOutcome], bool]) -> Bools:
         """Where the outcome is known and fulfils a condition."""
-        numbers = [number for number, outcome in self.outcomes.items() if condition(outcome)]
-        return np.isin(np.arange(len(self.plan.cases)), numbers).reshape(self.shape)
+        holds = np.zeros(self.order.size, dtype=bool)
+        holds[[self._at[index] for index, outcome in self.outcomes.items() if condition(outcome)]] = True
+        return np.asarray(holds[self.places])
 
     @cached_property
     def known(self) -> Bools:
@@ -110,8 +158,8 @@ class StudyTable:
     @cached_property
     def gravest(self) -> list[CaseOutcome | None]:
         """(cases,) of each the first of the realisations whose outcomes are the gravest; None where none is known."""
-        grave, (_, count) = list(OutcomeKind), self.shape
-        rows = ([self.outcomes.get(first + r) for r in range(count)] for first in range(0, self.known.size, count))
+        grave = list(OutcomeKind)
+        rows = ([self.outcomes.get(index) for index in of] for of in self.order[self.places].tolist())
         known = ([of for of in row if of is not None] for row in rows)
         return [max(row, key=lambda of: grave.index(of.outcome.gravest), default=None) for row in known]
 
@@ -121,7 +169,7 @@ class StudyTable:
         first: dict[int, CaseOutcome] = {}
         for index in sorted(self.outcomes):
             if self.outcomes[index].failed:
-                first.setdefault(index // self.shape[1], self.outcomes[index])
+                first.setdefault(self.case_of(index), self.outcomes[index])
         return first
 
     @cached_property
@@ -142,14 +190,13 @@ class StudyTable:
         return {name: self._columns_of(name, limit) for name, limit in given.items()}
 
     def _columns_of(self, name: str, limit: float) -> LimitColumns:
-        items = [UNKNOWN] * self.known.size
-        for number, outcome in self.outcomes.items():
-            items[number] = {**UNKNOWN, **outcome.margins.get(name, {})}
+        items = [UNKNOWN] * self.order.size
+        for index, outcome in self.outcomes.items():
+            items[self._at[index]] = {**UNKNOWN, **outcome.margins.get(name, {})}
         value, low, high = (
-            np.array([item[key] for item in items], dtype=float).reshape(self.shape)
-            for key in ("value", "lowest", "highest")
+            np.array([item[key] for item in items], dtype=float)[self.places] for key in ("value", "lowest", "highest")
         )
-        verdict = np.array([item["verdict"] for item in items], dtype=np.str_).reshape(self.shape)
+        verdict = np.array([item["verdict"] for item in items], dtype=np.str_)[self.places]
         quantile = self.plan.study.realisations.quantile
         return LimitColumns(limit, value, low, high, verdict, deciding(value, quantile, large_is_good=False))
 
@@ -175,8 +222,8 @@ class StudyTable:
 
     @cached_property
     def passing_shares(self) -> Floats | None:
-        """(cases,) share of the realisations that meet every limit; None without limits or tolerances."""
-        return self.meets.mean(axis=1) if self.limits and self.shape[1] > 1 else None
+        """(cases,) share of the sample that meets every limit; None without limits or tolerances."""
+        return self.meets[:, : self.count].mean(axis=1) if self.limits and self.count > 1 else None
 
     # Objectives
 
@@ -284,7 +331,8 @@ def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable
     count = plan.study.realisations.count
     number = next(k for k in range(len(outcomes) + 1) if any(k * count + r not in outcomes for r in range(count)))
     kept = {k: outcomes[k] for k in range(number * count)}
-    return StudyTable(plan.of([kept[k * count].given for k in range(number)]), kept)
+    further = {k: outcome for k, outcome in outcomes.items() if outcome.deviations and outcome.within < number}
+    return StudyTable(plan.of([kept[k * count].given for k in range(number)]), kept | further)
 
 
 def costs(plan: StudyPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
@@ -351,4 +399,5 @@ def worth_comparing(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> lis
         for item in table.best if table.front is not None else table.best[:1]:
             case = item["case"]
             wanted[case, [0, *(of.deciding[case] for of in table.limits.values())]] = True
-    return np.flatnonzero(wanted & usable & ~compared).tolist()
+    chosen: list[int] = np.unique(table.order[table.places[wanted & usable & ~compared]]).tolist()
+    return chosen
