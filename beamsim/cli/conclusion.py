@@ -185,4 +185,14 @@ def analysed(
             return then(resolve_name(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
 
     name = given.case.name
-    concluded(kind, target, given, computed, f"{doing} {name}", f"evaluating the motion of {name}")
+    label = f"{doing} {name}{_cycles_to_march(scenario) if kind == 'run' else ''}"
+    concluded(kind, target, given, computed, label, f"evaluating the motion of {name}")
+
+
+def _cycles_to_march(scenario: Scenario) -> str:
+    """How many cycles of a swept sine a run has, on which its time depends; empty without any."""
+    assert scenario.run is not None
+    cycles = [
+        part.cycles_in(scenario.run.duration) for _, part in scenario.excitation.items if part.kind == "swept_sine"
+    ]
+    return f" ({max(cycles):.0f} cycles)" if cycles else ""

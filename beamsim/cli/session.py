@@ -313,7 +313,7 @@ class Progress:
         self._afterwards = afterwards or label
         self.begin = clock.monotonic()  # s
         self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known
-        self._last = 0.0
+        self._last, self._reached = 0.0, self.begin  # the fraction of the latest call that raised it, and its time
         self._allowed_hours = allowed_hours.get()
         self._interval = (0.0, 0.0)  # time and fraction where the present one begins
         self._paces: list[float] = []  # s for the whole, at the rate of each interval
@@ -326,7 +326,10 @@ class Progress:
         TooLongError
             If the rest would take longer than is allowed at the fastest rate up to now.
         """
-        now, self._last = clock.monotonic(), min(max(fraction, 0.0), 1.0)
+        now, before = clock.monotonic(), self._last
+        self._last = min(max(fraction, 0.0), 1.0)
+        if self._last != before:
+            self._reached = now
         if self._first is None:
             self._first = self._interval = now, self._last
         took, gained = now - self._interval[0], self._last - self._interval[1]
@@ -346,7 +349,8 @@ class Progress:
     def state(self) -> tuple[str, float | None, float | None]:
         """What is being done, the fraction that is done, and the time left if it goes on as before, s.
 
-        Fraction and time are None where they are not known.
+        Fraction and time are None where they are not known. The time is what was left when the fraction was reached,
+        less what has passed since: parts of which no fraction is known may follow.
         """
         if self._first is None:
             return self._label, None, None
@@ -354,8 +358,10 @@ class Progress:
             return self._afterwards, None, None
         since, begin = self._first
         gained = self._last - begin
-        left = None if gained <= 0.0 else (clock.monotonic() - since) * (1.0 - self._last) / gained
-        return self._label, self._last, left
+        if gained <= 0.0:
+            return self._label, self._last, None
+        left = (self._reached - since) * (1.0 - self._last) / gained - (clock.monotonic() - self._reached)
+        return self._label, self._last, left if left > 0.0 else None
 
     def __str__(self) -> str:
         label, fraction, remaining = self.state()

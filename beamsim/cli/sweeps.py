@@ -115,7 +115,11 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
             raise KeyboardInterrupt
         return result
 
-    concluded("sweep", target, given, computed, "sweeping")
+    sweep, cycles = scenario.sweep, ""
+    if sweep is not None and sweep.kind == "swept_sine":
+        levels = f" at each of {len(sweep.levels)} levels" if len(sweep.levels) > 1 else ""
+        cycles = f" ({sweep.cycles:.0f} cycles{levels})"
+    concluded("sweep", target, given, computed, f"sweeping {given.case.name}{cycles}")
 
 
 def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:

@@ -156,7 +156,8 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[s
         words += _swept(scenario, part)
     tones = () if swept else part.frequencies_hz
     if part.kind in _INPUTS:
-        words += _INPUTS[part.kind](part, known)
+        run = {} if scenario.run is None else {"duration": scenario.run.duration}
+        words += _INPUTS[part.kind](part, run if part.kind == "swept_sine" else known)
     elif 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
     return f"{', '.join(words)}{_place(scenario, part)}"
@@ -207,11 +208,13 @@ def _matched(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
     yield amount(part.duration, "s")
 
 
-def _swept_input(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
-    """Range and rate of a swept sine."""
+def _swept_input(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+    """Range and rate of a swept sine, and the cycles of a run."""
     yield f"{part.from_:.6g} to {part.to:.6g} Hz"
     low, high = sorted((part.from_, part.to))
     cycles = swept_cycles(low, high, part.rate, "")
+    if "duration" in known:
+        cycles = min(cycles, part.cycles_in(known["duration"]))
     yield f"{60.0 * part.rate.value:.4g} {part.rate.unit.replace('/s', '/min')}, {cycles:.0f} cycles"
 
 

@@ -632,6 +632,13 @@ class SweptSineInput(Driven, FrequencyRange):
     phase: q.Angle = 0.0
     """Phase of the sine at t = 0."""
 
+    def cycles_in(self, duration: float) -> float:
+        """Cycles in the first seconds of the sweep; in general not whole."""
+        rate = self.rate.value if self.to > self.from_ else -self.rate.value
+        if self.rate.unit == "Hz/s":
+            return (self.from_ + 0.5 * rate * duration) * duration
+        return self.from_ * math.expm1(rate * duration * math.log(2.0)) / (rate * math.log(2.0))
+
     def check(self) -> None:
         """Refuse an empty range, no level or two, and levels that cannot act there."""
         if (self.level is None) == (not self.profile):

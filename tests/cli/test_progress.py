@@ -2,13 +2,19 @@
 
 import io
 import threading
+from contextlib import contextmanager
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import yaml
 
+from beamsim.cli import conclusion
 from beamsim.cli import session as module
 from beamsim.cli.session import Progress, duration, progress_of
 from beamsim.errors import TooLongError, allowing_hours
+from beamsim.scenario import load_scenario
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
@@ -47,6 +53,59 @@ def test_share_and_time_left(at):
     assert str(progress) == "sweeping: 0 % done, 30 s so far"  # how long the rest takes is not known yet
     progress(0.25)
     assert str(progress) == "sweeping: 25 % done, about 2 min remain"
+
+
+def test_the_time_left_passes_while_nothing_is_reported(at):
+    """A quarter in 30 s leaves 90 s; 60 s later 30 s are left, and later it is not known."""
+    progress = Progress("sweeping")
+    progress(0.0)
+    at(30.0)
+    progress(0.25)
+    at(90.0)
+    progress(0.25)
+    assert str(progress) == "sweeping: 25 % done, about 30 s remain"
+    at(130.0)
+    assert str(progress) == "sweeping: 25 % done, 2 min so far"
+
+
+SWEPT = """
+chain: {masses: [1 kg], springs: [1 kN/m]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]
+excitation: {kind: swept_sine, applied_to: base, from: 4 Hz, to: 40 Hz, rate: 60 oct/min, level: 2}
+run: {duration: 2 s, sample_rate: 1 kHz}
+"""
+
+
+def test_a_swept_sine_has_its_cycles_in_the_label(monkeypatch, tmp_path):
+    """From 4 Hz at an octave a second: 4 (2^2 - 1) / ln 2 = 17.3 cycles in 2 s."""
+    labels, shares = [], []
+
+    @contextmanager
+    def recorded(label, **_):
+        labels.append(label)
+        yield shares.append
+
+    monkeypatch.setattr(conclusion, "progress_of", recorded)
+    (tmp_path / "case.yaml").write_text(SWEPT)
+    done = invoke("run", tmp_path / "case.yaml", "--no-plots", "-o", tmp_path / "case.h5")
+    assert done.exit_code == 0, done.output
+    assert labels[0] == "simulating case.yaml (17 cycles)"
+    assert "60 oct/min, 17 cycles" in done.output
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0  # of the finer model, too
+    assert any(0.0 < share < 1.0 for share in shares)
+
+
+@pytest.mark.parametrize(("rate", "cycles"), [("60 oct/min", 4 * 3 / np.log(2)), ("6 Hz/s", 4 * 2 + 0.5 * 6 * 4)])
+def test_cycles_of_a_part_of_a_sweep(rate, cycles, tmp_path):
+    """The integral of the frequency, up and down."""
+    data = yaml.safe_load(SWEPT)
+    data["excitation"]["rate"] = rate
+    assert load_scenario(data).excitation.cycles_in(2.0) == pytest.approx(cycles, rel=1e-12)
+    end = 16.0
+    data["excitation"] |= {"from": end, "to": 2.0}
+    down = 2 * end - 12.0 if "Hz/s" in rate else end * (1 - 0.25) / np.log(2)
+    assert load_scenario(data).excitation.cycles_in(2.0) == pytest.approx(down, rel=1e-12)
 
 
 def test_what_an_earlier_run_did_does_not_count_as_fast(at):
