@@ -29,17 +29,6 @@ LEAST_ADDRESS_SPACE = 1_000_000 * 1024
 
 def main() -> None:
     """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.outcomes.ExitCode`."""
-    gc.set_threshold(500_000)  # modules being imported are no garbage; searching among them takes a tenth of a run
-    # the matrices are small: more threads would make the linear algebra slower
-    for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(library, "1")
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
-    os.environ["MPLBACKEND"] = "agg"  # nothing is shown on a screen, and an unknown backend would stop the import
-    prepare_streams()
-    if obstacle := unusable_surroundings():
-        print(f"beamsim: {obstacle}", file=sys.stderr)
-        sys.exit(2)
-
     heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
     ending: BaseException | None = None
 
@@ -50,11 +39,11 @@ def main() -> None:
         ending = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
         raise ending  # again, if a library has dropped the one before
 
-    for number in heeded:
-        signal.signal(number, stop)
-    warnings.showwarning = show_warning
     try:
+        for number in heeded:  # before anything else, which may take its time on a busy machine
+            signal.signal(number, stop)
         try:
+            _prepare()
             from beamsim.cli.app import app
 
             app(prog_name="beamsim")
@@ -64,6 +53,27 @@ def main() -> None:
             gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _prepare() -> None:
+    """Set what the process needs before any library is loaded.
+
+    Raises
+    ------
+    SystemExit
+        Where no command can work in these surroundings.
+    """
+    gc.set_threshold(500_000)  # modules being imported are no garbage; searching among them takes a tenth of a run
+    # the matrices are small: more threads would make the linear algebra slower
+    for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(library, "1")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
+    os.environ["MPLBACKEND"] = "agg"  # nothing is shown on a screen, and an unknown backend would stop the import
+    prepare_streams()
+    if obstacle := unusable_surroundings():
+        print(f"beamsim: {obstacle}", file=sys.stderr)
+        sys.exit(2)
+    warnings.showwarning = show_warning
 
 
 def _being_handled() -> Iterator[BaseException]:

@@ -16,7 +16,7 @@ import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.session import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
-from beamsim.outcomes import COMPLETE, asked_by, exit_code
+from beamsim.outcomes import COMPLETE, Interrupted, asked_by, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
 from beamsim.store.results import load
@@ -125,6 +125,24 @@ def test_a_fit_keeps_the_best_so_far():
     assert fit.starts == 1
     assert fit.misfit < 0.1 * fit.misfit_before
     assert "profiles" not in part.datasets
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [1, 300, 3000])
+def test_a_fit_to_sweeps_ends_wherever_it_is_asked(asked):
+    """A branch that ends on request is none that fails: the fit was refused, or ended in an internal error."""
+    scenario, count = load_scenario(CONFIGS / "identify_sweep.yaml"), 0
+
+    def stop():
+        nonlocal count
+        count += 1
+        return count > asked
+
+    try:
+        part = beamsim.identify_stiffness(scenario, read_tests(scenario, CONFIGS), stop=stop)
+    except Interrupted:  # before anything was found
+        return
+    assert part.outcome.interrupted
 
 
 # --- as a process -----------------------------------------------------------------------------------------------------
@@ -494,3 +512,48 @@ def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, 
     # which are finished if that takes less than a second
     if function not in ("energies_of_segments", "sampled_stored_energy"):
         assert returned == []
+
+
+# --- at any time ------------------------------------------------------------------------------------------------------
+
+TIMED = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), {number}))
+signal.setitimer(signal.ITIMER_PROF, {at})
+from beamsim.cli import main
+main()
+"""
+LONG = {
+    "run": ("run", "one_sided_65hz.yaml", "--set", "run.duration=20 s"),
+    "random": ("run", "random_vibration.yaml", "--set", "run.duration=10 s"),
+    "sweep": ("sweep", "sweep_up_down.yaml"),
+    "continuation": ("sweep", "continuation_60_120hz.yaml"),
+    "coexisting": ("sweep", "coexisting_motions.yaml"),
+    "study": ("sweep", "design_stiffness_gap.yaml", "--workers", "1"),
+    "workers": ("sweep", "design_stiffness_gap.yaml", "--workers", "2"),
+    "nnm": ("nnm", "nnm_first.yaml"),
+    "identify": ("identify-stiffness", "identify_nonlinear.yaml"),
+    "identify_sweep": ("identify-stiffness", "identify_sweep.yaml"),
+    "validate": ("validate", "random_vibration.yaml", "--sketch"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("at", [0.3, 0.7, 1.5, 2.5, 5.0])
+@pytest.mark.parametrize("name", LONG)
+def test_a_signal_at_any_time_ends_a_command_with_its_exit_code(name, at, tmp_path):
+    """After so many seconds of processor time it is importing, loading, solving, writing or drawing."""
+    number = signal.SIGINT if (list(LONG).index(name) + int(10 * at)) % 2 else signal.SIGTERM
+    command, case, *options = LONG[name]
+    child = [sys.executable, "-c", TIMED.format(number=int(number), at=at), command, str(CONFIGS / case), *options]
+    done = subprocess.run(child, check=False, capture_output=True, text=True, cwd=tmp_path, timeout=600)
+    assert "Traceback" not in done.stderr, done.stderr
+    assert "internal error" not in done.stderr, done.stderr
+    if done.returncode == 0:  # it had ended before
+        return
+    assert done.returncode == 128 + number, done.stderr
+    for file in tmp_path.glob("*.h5"):
+        assert load(file).outcome.cut_short or "the whole result is in" in done.stderr
+    assert not list(tmp_path.glob("*.tmp*"))

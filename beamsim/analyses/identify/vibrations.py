@@ -62,6 +62,7 @@ from beamsim.outcomes import (
     asked_by,
     asked_to_stop,
     check_stop,
+    finishing,
     interruption,
     tell,
     together,
@@ -182,7 +183,8 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     Findings.
     """
     fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
-    fit.residuals(best.x)
+    with finishing():
+        fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(vibrations.scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
@@ -196,11 +198,13 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     scale, warnings = _scatter(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
-    records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
+    with finishing():
+        records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
     both = zip(tests, vibrations.last, strict=True)
     warnings += _yielding(vibrations.scenario, fit.numbers)
-    warnings += [said for test, last in both for said in test.doubts(last)]
+    with finishing():
+        warnings += [said for test, last in both for said in test.doubts(last)]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
@@ -483,7 +487,12 @@ class _Vibrations:
         predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
         for t, test in enumerate(self.tests):
             near, before = self.guesses[t] if self.guesses else (None, None)
-            predictions.append(test.predicted(test.case(scenario), near, self.shared))
+            try:
+                predictions.append(test.predicted(test.case(scenario), near, self.shared))
+            except UnpredictableError:
+                if asked_to_stop():  # and a branch that ends for that is none that fails
+                    raise Interrupted from None
+                raise
             check_stop()
             self.responses[0] += 1
             compared.append(test.compared(predictions[t], gains[test.number], before if beside else None))
