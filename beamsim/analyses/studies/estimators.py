@@ -23,6 +23,7 @@ RARER, HIT = 1e-2, 1.645  # regions of this share of the probability are to be h
 UNKNOWN_DISTANCE = 4.5  # of regions, where a subset simulation does not say it
 AGREES, MOST_CHECKS = 2.5, 4  # standard deviations of a difference by chance; subset simulations that decide it
 MOST_IN_BATCH = 250  # samples between two fits of the density that they are drawn from
+NEW = 0.3  # share of the probability of a new region, from which samples that were drawn without it are forgotten
 MISSED = 0.1  # share of the probability of a region that no sample of a subset simulation may leave out
 OTHER_METHOD = "write method: importance_sampling"
 MORE = "give more most_cases"
@@ -254,15 +255,17 @@ def _padded(of: Estimator, points: sampling.Points, values: Floats) -> tuple[sam
 
 
 def _sampled(of: Estimator, u: Floats) -> bool:
-    """Sample about the known regions until the estimate is sure; false as soon as a new one is found.
+    """Sample about the known regions until the estimate is sure; false as soon as a new one has much of it.
+
+    What a new region with little of it adds is kept: to forget such batches would make the estimate too low.
 
     ``u`` (n, d) are samples beyond the limit, whose spread the first density has.
     """
     from scipy.stats import norm
 
     means: list[sampling.Estimate] = []
-    weights, new, count = np.ones(len(u)), False, min(of.samples, MOST_IN_BATCH)
-    while not new:
+    weights, count = np.ones(len(u)), min(of.samples, MOST_IN_BATCH)
+    while True:
         density = of.regions.density(u, weights, of.scale)
         drawn = np.asarray(density.getSample(count))
         weight = np.exp(norm.logpdf(drawn).sum(axis=1) - np.ravel(density.computeLogPDF(drawn)))
@@ -272,10 +275,11 @@ def _sampled(of: Estimator, u: Floats) -> bool:
         failures = of.failures
         u, weights = failures.points.u, failures.weights
         sure = of.note(_combined(means, of._shares(len(means))))
-        new = of.regions.look(drawn[beyond])
-        if sure and not new:
+        stray = weight[beyond] @ ~of.regions.beyond(drawn[beyond])
+        if of.regions.look(drawn[beyond]) and stray > NEW * (weight @ beyond):
+            return False
+        if sure:
             return True
-    return False
 
 
 def _weighted(terms: Floats) -> sampling.Estimate:
