@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Changes, Screen, limit_lines, more_rows, rounded
+from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, rounded
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
@@ -24,19 +24,19 @@ LARGEST_DRIFT = 1e-6  # relative; over some fifty periods the round-off of a sta
 
 def continuation_screen(result: ContinuationResult) -> Screen:
     """By level the largest displacement and where, special points and how much is stable; the largest forces."""
-    s, changes = result.summary, Changes(result)
+    s, errors = result.summary, Errors(result)
     of_branches = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     levels = list({repr(key): key for key in zip(*of_branches, strict=True)}.values())  # nan is not equal to itself
-    rows = [_followed(result, changes, *key) for key in levels[: 2 * SHOWN]]
+    rows = [_followed(result, errors, *key) for key in levels[: 2 * SHOWN]]
     lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
     for entry, unit, what in (("peak_force_n", "N", "force"), ("peak_moment_n_m", "N m", "moment")):
         hardest = sorted(s.get(entry, {}).items(), key=lambda item: -item[1])[:SHOWN]
-        forces = [f"{changes.number(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
+        forces = [f"{errors.number(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
     lines += [*_special_lines(result), *_several(result)]
     lines += [
-        f"peak of {name} {changes.number(of['value'], s['output_unit'][name], 'peak_output', name)} at "
+        f"peak of {name} {errors.number(of['value'], s['output_unit'][name], 'peak_output', name)} at "
         f"{_parameter(of['parameter'], result.unit)}"
         for name, of in list(s.get("peak_output", {}).items())[:SHOWN]
     ]
@@ -47,7 +47,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     for of in s.get("multiple_scales", ()):
         lines.append(f"multiple scales: differences from the exact motions {_vanishing(of['observed_orders'])}")
     lines += limit_lines(result)
-    return Screen(changes.verdict(), rows, [*lines, *changes.legend()])
+    return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
 def _vanishing(orders: Sequence[float | None]) -> str:
@@ -57,7 +57,7 @@ def _vanishing(orders: Sequence[float | None]) -> str:
     return f"vanish with orders {', '.join(f'{order:.2f}' if is_known(order) else 'unknown' for order in orders)}"
 
 
-def _followed(result: ContinuationResult, changes: Changes, level: float, period: int) -> dict[str, str]:
+def _followed(result: ContinuationResult, errors: Errors, level: float, period: int) -> dict[str, str]:
     """The row of the branches of a level whose motions have the same period."""
 
     def here(item: Mapping[str, Any]) -> bool:  # of files, whose level is nan or missing where it is the parameter
@@ -77,7 +77,7 @@ def _followed(result: ContinuationResult, changes: Changes, level: float, period
     }
     if peak is not None:
         place = f"{peak['probe']} level {peak['level']:.6g} period {period}"
-        size = changes.number(peak["value_m"], "m", "peak_displacement_m", place)
+        size = errors.number(peak["value_m"], "m", "peak_displacement_m", place)
         row["largest displacement"] = f"{size} at {_parameter(peak['parameter'], result.unit, 4)}, {peak['probe']}"
     row["stable"] = "all" if stable == points else f"{stable} of {points} points"
     return row
@@ -131,8 +131,8 @@ def _parameter(value: float, unit: str, digits: int = 6) -> str:
 
 def coexisting_screen(result: CoexistingResult) -> Screen:
     """Each motion with its share of the starts and its peaks; what leaves it."""
-    s, changes = result.summary, Changes(result)
-    rows = [_motion(result, changes, motion) for motion in s["motions"][:MOST_ROWS]]
+    s, errors = result.summary, Errors(result)
+    rows = [_motion(result, errors, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = (
         (f"{counted(count, 'start')} at {hz} Hz did not settle", count) for hz, count in s["not_settled"].items()
     )
@@ -141,10 +141,10 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += limit_lines(result)
     said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
-    return Screen(f"{said}, {changes.verdict()}", rows, [*lines, *changes.legend()])
+    return Screen(f"{said}, {errors.verdict()}", rows, [*lines, *errors.legend()])
 
 
-def _motion(result: CoexistingResult, changes: Changes, motion: Mapping[str, Any]) -> dict[str, str]:
+def _motion(result: CoexistingResult, errors: Errors, motion: Mapping[str, Any]) -> dict[str, str]:
     """The row of a motion: displacement of the first probe, force of the snubber that is hit hardest."""
     row = {"": _called(motion)}
     if is_known(motion["share"]):  # of an unstable motion, which no start comes to, there is none
@@ -155,7 +155,7 @@ def _motion(result: CoexistingResult, changes: Changes, motion: Mapping[str, Any
         ("displacement", next(iter(of), ""), "peak_displacement_m", "m", of),
         ("peak force", max(forces, key=lambda name: forces[name], default=""), "peak_force_n", "N", forces),
     ):
-        row[what] = f"{changes.number(sizes[name], unit, entry, name)}, {name}" if name else ""
+        row[what] = f"{errors.number(sizes[name], unit, entry, name)}, {name}" if name else ""
     cycles, size = motion["period_cycles"], motion["largest_multiplier"]
     kind = f"period {cycles}, multiplier {size:.3f}" if cycles else motion["kind"]
     return row | {"motion": kind if motion["stable"] else f"unstable, {kind}"}
@@ -179,7 +179,7 @@ def _left_by(record: Mapping[str, Any]) -> str:
 
 def nnm_screen(result: NormalModeResult) -> Screen:
     """Forced motions at phase resonance where there are some, else the points of the backbone that decide."""
-    s, changes = result.summary, Changes(result)
+    s, errors = result.summary, Errors(result)
     first, last = s["start"], s["end"]
     stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
     followed = f"mode {s['mode']}: {s['points']} points, {stable}, in {result.parameter.replace('_', ' ')}"
@@ -188,16 +188,16 @@ def nnm_screen(result: NormalModeResult) -> Screen:
         span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")
         followed += f", {span} at {extent(first['energy_j'], last['energy_j'], 'J')}"
     else:
-        rows = [_on_backbone(result, changes, name, s[name], name) for name in ("start", "end")]
+        rows = [_on_backbone(result, errors, name, s[name], name) for name in ("start", "end")]
         for point in s.get("requested_points") or ():
             place = f"{point['quantity']} {point['value']:.6g} branch {point['branch']}"
-            rows.append(_on_backbone(result, changes, "asked for", point, place))
+            rows.append(_on_backbone(result, errors, "asked for", point, place))
     lines = [f"{followed}; linear frequency {amount(s['linear_frequency_hz'], 'Hz')}", *_departures(result)]
-    return Screen(changes.verdict(), rows, [*lines, *changes.legend()])
+    return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
 def _on_backbone(
-    result: NormalModeResult, changes: Changes, name: str, point: Mapping[str, Any], place: str
+    result: NormalModeResult, errors: Errors, name: str, point: Mapping[str, Any], place: str
 ) -> dict[str, str]:
     """The row of a point: parameter, frequency and energy, and of a point asked for more.
 
@@ -210,7 +210,7 @@ def _on_backbone(
     row = {
         "": name,
         "stiffness factor": f"{point['parameter']:.4g}" if result.parameter == "stiffness_factor" else "",
-        "frequency": changes.number(point["frequency_hz"], "Hz", "frequency_hz", place),
+        "frequency": errors.number(point["frequency_hz"], "Hz", "frequency_hz", place),
         "energy": rounded(point["energy_j"], "J"),
     }
     return row | ({"stable": "yes" if point["stable"] else "no"} if "stable" in point else {})

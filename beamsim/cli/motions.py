@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.analyses.run.result import RunResult
 from beamsim.cli.screens import (
     SHOWN,
-    Changes,
+    Errors,
     Screen,
     contact_levels,
     limit_lines,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
-    s, changes = result.summary, Changes(result)
+    s, errors = result.summary, Errors(result)
     limits = limits_by_place(result) if s.get("margins") else {}
     lines, stress = list[str](), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
@@ -41,42 +41,42 @@ def run_screen(result: RunResult) -> Screen:
         if is_known(y := s.get("largest_bending_stress_across_m")):
             at["y"] = y
         where = ", ".join(f"{axis} = {amount(place, 'm') if place else '0'}" for axis, place in at.items())
-        lines.append(f"bending stress {changes.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
+        lines.append(f"bending stress {errors.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
     histories = result["histories"]
     names = list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
     for entry, lines_of in OF_SOME_RUNS.items():
         if s.get(entry):
-            lines += lines_of(result, changes)
+            lines += lines_of(result, errors)
     lines += limit_lines(result, names) if limits else []
     lines += _against(result) if s.get("against") else []
-    rows = [_place(s, changes, name, limits) for name in names]
-    return Screen(changes.verdict(), rows, [*lines, *changes.legend()])
+    rows = [_place(s, errors, name, limits) for name in names]
+    return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
-def _output_peaks(result: RunResult, changes: Changes) -> Iterator[str]:
+def _output_peaks(result: RunResult, errors: Errors) -> Iterator[str]:
     s = result.summary
     outputs = (
-        f"{name} {changes.number(peak, s['output_unit'][name], 'peak_output', name)}"
+        f"{name} {errors.number(peak, s['output_unit'][name], 'peak_output', name)}"
         for name, peak in s["peak_output"].items()
     )
     yield f"peaks of outputs: {first_of(list(outputs), SHOWN)}"
 
 
-def _inputs(result: RunResult, _: Changes) -> Iterator[str]:
+def _inputs(result: RunResult, _: Errors) -> Iterator[str]:
     """Inputs that were changed before they act: clipped, filtered, corrected."""
     rows = result["inputs"].rows("number")
     stated = {row["path"] for row in rows if row["treatment"]}  # sizes are in the line of what was understood
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
-def _matched(result: RunResult, _: Changes) -> Iterator[str]:
+def _matched(result: RunResult, _: Errors) -> Iterator[str]:
     of = result.summary["matched"]
     band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
     ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
     yield f"base motion: spectrum {ends} from the curve, {band}"
 
 
-def _largest_of_test(result: RunResult, _: Changes) -> Iterator[str]:
+def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     random = result["random"]
     signals = sorted(random.rows("signal")[1:], key=lambda signal: signal["quantity"] != "force")
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
@@ -85,12 +85,12 @@ def _largest_of_test(result: RunResult, _: Changes) -> Iterator[str]:
     yield from limits_in_test(result)
 
 
-def _sensitivities(result: RunResult, _: Changes) -> Iterator[str]:
+def _sensitivities(result: RunResult, _: Errors) -> Iterator[str]:
     changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
     yield from (f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN])
 
 
-def _fatigue(result: RunResult, _: Changes) -> Iterator[str]:
+def _fatigue(result: RunResult, _: Errors) -> Iterator[str]:
     for name, body in result.summary["fatigue"].items():
         yield f"damage of {name} {damage_text(result, body)}"
 
@@ -103,7 +103,7 @@ def _against(result: RunResult) -> Iterator[str]:
     yield f"{compared['method']}: displacements differ by at most {apart}{diverge}"
 
 
-OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Changes], Iterable[str]]] = {
+OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Errors], Iterable[str]]] = {
     "gapping": contact_levels,
     "peak_output": _output_peaks,
     "inputs": _inputs,
@@ -159,30 +159,30 @@ def _expected_peak(signal: Mapping[str, Any]) -> str:
     return f"{expected} ({low} to {high}, 95 %)"
 
 
-def _place(s: Mapping[str, Any], changes: Changes, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
+def _place(s: Mapping[str, Any], errors: Errors, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
     """The row of a probe, of a snubber, or of both."""
     headings = "", "peak force", "peak moment", "in contact, times", "displacement", "acceleration"
     row = dict.fromkeys(headings, "") | {"": name}
     for heading, entry, unit in (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m")):
         if name in s.get(entry, ()):
-            row[heading] = changes.number(s[entry][name], unit, entry, name)
+            row[heading] = errors.number(s[entry][name], unit, entry, name)
     if name in s["contact_share"]:
-        share = percent(s["contact_share"][name]) + changes.mark("contact_share", name)
-        row["in contact, times"] = f"{share}, {s['contacts'][name]}{changes.mark('contacts', name)}"
+        share = percent(s["contact_share"][name]) + errors.mark("contact_share", name)
+        row["in contact, times"] = f"{share}, {s['contacts'][name]}{errors.mark('contacts', name)}"
     if name in s["max_displacement_m"]:
         low, high = (
-            changes.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
+            errors.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
             for entry in ("min_displacement_m", "max_displacement_m")
         )
         first, _, unit = low.partition(" ")
         row["displacement"] = f"{first if high.partition(' ')[2].startswith(unit) else low} to {high}"
-        row["acceleration"] = changes.number(s["peak_acceleration_g"][name], "g", "peak_acceleration_g", name)
+        row["acceleration"] = errors.number(s["peak_acceleration_g"][name], "g", "peak_acceleration_g", name)
     return row | {"limit": "; ".join(limits.get(name, ()))}
 
 
 def sweep_screen(result: SweepResult) -> Screen:
     """The largest values of each curve, with their frequency and place."""
-    s, changes = result.summary, Changes(result)
+    s, errors = result.summary, Errors(result)
     of = (
         ("peak_force_n", "force", "N", "peak force"), ("peak_displacement_m", "displacement", "m", "displacement"),
         ("peak_acceleration_g", "absolute_acceleration", "g", "acceleration"),
@@ -197,18 +197,18 @@ def sweep_screen(result: SweepResult) -> Screen:
             place = max(values, key=lambda at: values[at], default="")
             at = at_frequency(curve, quantity, place)
             where = f", {place}" if len(values) > 1 else ""
-            row[heading] = f"{changes.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
+            row[heading] = f"{errors.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else ""
         shares = s.get("contact_share", {}).get(name, {})
         row["in contact"] = ", ".join(
-            percent(share) + changes.mark("contact_share", f"{name} {at}") for at, share in shares.items()
+            percent(share) + errors.mark("contact_share", f"{name} {at}") for at, share in shares.items()
         )
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
     lines = [
-        *contact_levels(result, changes), *list(_output_lines(result, changes))[:SHOWN],
-        *profile_jumps(result.scenario), *notches, *limit_lines(result), *changes.legend(),
+        *contact_levels(result, errors), *list(_output_lines(result, errors))[:SHOWN],
+        *profile_jumps(result.scenario), *notches, *limit_lines(result), *errors.legend(),
     ]  # fmt: skip
-    return Screen(changes.verdict(), rows, lines)
+    return Screen(errors.verdict(), rows, lines)
 
 
 def in_gravities(curve: SweepCurve) -> str:
@@ -247,13 +247,13 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     return f"{where} ({from_equilibrium} from equilibrium at {amount(offset, 'm')})"
 
 
-def _output_lines(result: SweepResult, changes: Changes) -> Iterator[str]:
+def _output_lines(result: SweepResult, errors: Errors) -> Iterator[str]:
     """By curve and output its peak, what it is and where."""
     for curve, peaks in result.summary.get("peak_output", {}).items():
         for name, peak in peaks.items():
             output = result["cycles"].sel(output=name)
             quantity, unit, at = (str(output[f"output_{column}"].item()) for column in ("quantity", "unit", "at"))
-            size = changes.number(peak, unit, "peak_output", f"{curve} {name}")
+            size = errors.number(peak, unit, "peak_output", f"{curve} {name}")
             yield f"peak of {curve} {name} {size}, {quantity.replace('_', ' ')}, {at}"
 
 

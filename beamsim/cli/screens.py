@@ -16,7 +16,7 @@ from beamsim.kinds import KINDS
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.plots.understood import understood
-from beamsim.results.result import ALLOWED_CHANGE, Result
+from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limit_label, limit_unit, longer_run, read_first
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
@@ -25,11 +25,13 @@ from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import figure_in_words
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
-DIGITS = 3  # at most; fewer where the convergence supports no more
+DIGITS = 3  # at most; fewer where the last ones would be smaller than the second digit of the error
 WIDTH = 160  # characters, above which records stand side by side instead of below each other
 MOST_ROWS = 24  # of a table
 NONE = "-"
-SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
+SMALLEST_ERROR = 1e-6  # relative; less is not told apart from round-off
+GROWING = ("peak_acceleration_g", "rms_acceleration_g")  # entries that grow with the modes where a force jumps
+NO_LIMIT = "no limit: grows with the modes"
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 
 
@@ -97,8 +99,8 @@ def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
     return [key for key in keys if read_first(result.scenario, modes, key)]
 
 
-class Changes:
-    """How much the values of a summary change with a finer model, as their numbers show it and as text.
+class Errors:
+    """The errors of the values of a summary, from a finer model, as their numbers show them and as text.
 
     Parameters
     ----------
@@ -108,25 +110,27 @@ class Changes:
     def __init__(self, result: Result) -> None:
         self._result = result
         self._known = {
-            (entry, place): change
+            (entry, place): error
             for entry, of in result.summary.get("convergence", {}).items()
-            for place, change in (of if isinstance(of, Mapping) else {"": of}).items()
+            for place, error in (of if isinstance(of, Mapping) else {"": of}).items()
         }
         self._doubtful, self._after = (
             {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name, ()))}
             for name in ("doubtful", "after_parting")
         )
-        self._jumping = {("peak_acceleration_g", place) for place in result.summary.get("acceleration_jump_g") or ()}
+        self._jumping = {
+            (entry, place) for entry in GROWING for place in result.summary.get("acceleration_jump_g") or ()
+        }
         self._printed: set[tuple[str, str]] = set()
 
     def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
-        """A number with its unit, to the digits that its convergence supports, with a mark of a doubt.
+        """A number with its unit, to the second digit of its error, with a mark of a doubt.
 
         Parameters
         ----------
         value : in ``unit``.
         unit : SI, or g.
-        entry, place : of the summary, whose change counts: a value that changes by 5 % has two digits.
+        entry, place : of the summary, whose error counts.
         size : magnitude that chooses prefix and decimals, by default that of the value.
 
         Returns
@@ -135,27 +139,25 @@ class Changes:
         """
         if not is_known(value):
             return "unknown"
-        change = self._known.get((entry, place))
-        digits = min(max(math.ceil(-math.log10(change)), 1), DIGITS) if change else DIGITS
+        digits = significant_digits(value if size is None else size, self._known.get((entry, place), 0.0))
         return rounded(value, unit, digits, size) + self.mark(entry, place)
 
     def mark(self, entry: str, place: str = "") -> str:
         """The mark of a value that is printed: of a doubt, of one of many motions, or of a jump; else empty."""
         key = entry, place
         self._printed.add(key)
-        return " *" if key in self._doubtful else " ~" if key in self._after else " ^" if key in self._jumping else ""
+        return " ^" if key in self._jumping else " *" if key in self._doubtful else " ~" if key in self._after else ""
 
     def legend(self) -> Iterator[str]:
         """What the marks of the numbers mean."""
-        if self._printed & self._doubtful:
-            yield "* changes by more than 2 % with a finer model"
-        if self._printed & (self._after - self._doubtful):
+        if self._printed & (self._doubtful - self._jumping):
+            yield f"* off by more than {100 * ALLOWED_ERROR:g} %"
+        if self._printed & (self._after - self._doubtful - self._jumping):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
-        if self._printed & (self._jumping - self._doubtful - self._after):
-            largest = amount(max(self._result.summary["acceleration_jump_g"].values()), "g", DIGITS)
+        if self._printed & self._jumping:
             yield (
-                f"^ jumps by up to {largest} where a dashpot meets the structure, and by more with more modes: give "
-                "run.low_pass"
+                "^ has no limit, it grows with the modes, since the force of a dashpot jumps at touch-down: give "
+                "run.low_pass, a damping of the body, or a point mass at the contact"
             )
 
     def verdict(self) -> str:
@@ -164,9 +166,9 @@ class Changes:
         model = summary.get("convergence_model") or {"reason": "not known"}
         keys = {".".join(key): key for key in self._printed - self._jumping}
         first = {keys[key] for key in first_of_keys(self._result, keys)}
-        means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_CHANGE}  # within their standard error
-        change = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
-        marked = self._printed & (self._jumping - self._doubtful - self._after)
+        means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_ERROR}  # within their standard error
+        error = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
+        marked = self._printed & self._jumping
         apart = ", but for what is marked ^" if marked else ""
         scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
         if STANDINGS[self._result.outcome.gravest].first_line:
@@ -176,32 +178,53 @@ class Changes:
         elif not model["modes"]:
             verdict = "all modes kept"
         elif first_of_keys(self._result, summary.get("after_parting", ())):
-            verdict = f"one of many motions, means within {change}{scatter}{apart}"
+            verdict = f"one of many motions, means within {error}{scatter}{apart}"
         else:
-            verdict = f"converged within {change}{scatter}{apart}"
-        error = summary.get("energy_error")
-        return ", ".join(filter(None, (verdict, f"energy error {error:.0e}" if is_known(error) else "")))
+            verdict = f"converged within {error}{scatter}{apart}"
+        balance = summary.get("energy_error")
+        return ", ".join(filter(None, (verdict, f"energy error {balance:.0e}" if is_known(balance) else "")))
 
     def text(self, entry: str, place: str, *, several: bool = False) -> str:
-        """The change of a value in words; of a list of several the largest."""
+        """The error of a value in words; of a list of several the largest."""
         keys = {key for key in self._known if key[0] == entry} if several and not place else {(entry, place)}
         self._printed |= keys
-        change = max((self._known[key] for key in keys if key in self._known), default=None)
+        error = max((self._known[key] for key in keys if key in self._known), default=None)
         after = bool(keys & self._after)
-        if change is None:  # without a finer model the motion may be one of many, too
+        if keys & self._jumping:
+            return f"NOT CONVERGED, {NO_LIMIT}" if keys & self._doubtful else NO_LIMIT
+        if error is None:  # without a finer model the motion may be one of many, too
             return ONE_OF_MANY if after else ""
-        size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
+        size = f"error {percent(error, 2 if error < 0.995 else 3)}"
+        if error < SMALLEST_ERROR:
+            size = f"error below {percent(SMALLEST_ERROR)}" if error else "no error"
         if keys & self._doubtful:
             size = f"NOT CONVERGED, {size}"
-        elif change > ALLOWED_CHANGE:
+        elif error > ALLOWED_ERROR:
             size = f"{size}, within the standard error of its mean"
         return f"{ONE_OF_MANY}, {size}" if after else size
 
     def others(self) -> Iterator[tuple[str, str]]:
-        """The changes of values that the summary holds in another form, such as lines of spectra."""
+        """The errors of values that the summary holds in another form, such as lines of spectra."""
         for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
             if (entry, place) not in self._printed:
                 yield figure_in_words(f"{entry}.{place}" if place else entry), self.text(entry, place)
+
+
+def significant_digits(value: float, error: float) -> int:
+    """How many digits of a value are printed: up to the second one of its error, at most `DIGITS`.
+
+    Parameters
+    ----------
+    value : in any unit.
+    error : relative.
+
+    >>> significant_digits(197.66, 0.033), significant_digits(197.66, 0.6), significant_digits(0.0, 0.1)
+    (3, 2, 3)
+    """
+    if not error or not value or not math.isfinite(error * value):
+        return DIGITS
+    last = math.floor(math.log10(error * abs(value))) - 1
+    return min(max(math.floor(math.log10(abs(value))) - last + 1, 1), DIGITS)
 
 
 def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
@@ -251,7 +274,7 @@ def understood_of(result: Result) -> str:
     return understood(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
 
 
-def contact_levels(result: Result, changes: Changes) -> Iterator[str]:
+def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
     """From which level on the linear motion first opens or closes snubbers, where that is not with every motion.
 
     Where the level of a test differs between frequencies, it says also where the test comes closest to that.
@@ -260,7 +283,7 @@ def contact_levels(result: Result, changes: Changes) -> Iterator[str]:
     closest = result.summary.get("closest_to_test", {})
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
-            text = predicted(result, of)[0] + changes.mark("gapping_ratio", name)
+            text = predicted(result, of)[0] + errors.mark("gapping_ratio", name)
             text += _closest(result, closest[name]) if name in closest else ""
             names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):

@@ -1,6 +1,6 @@
 """The printed table of a result of any kind, made of its summary and of what the entries of the summary declare.
 
-Values by place are tables by section: the largest force of a snubber is beside its other values, each with its change
+Values by place are tables by section: the largest force of a snubber is beside its other values, each with its error
 in the convergence check. Every record, and every list of records, is a table of its own.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
-from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Changes, aligned, understood_of
+from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Errors, aligned, understood_of
 from beamsim.cli.session import show
 from beamsim.kinds import KINDS
 from beamsim.plots.style import amount, shown_in, value_text
@@ -49,16 +49,16 @@ def all_rows(kind: str, result: Result) -> Iterator[Row]:
 def table_rows(result: Result) -> Iterator[Row]:
     """Label and text of the rows of a summary, section by section."""
     tables: dict[str, dict[str, dict[str, str]]] = {}
-    changes = Changes(result)
+    errors = Errors(result)
     for entry in (described(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
         value = result.summary.get(entry.name)
         if value is not None:
-            for cell in _Printed(result, entry, changes).cells(value, entry.form):
+            for cell in _Printed(result, entry, errors).cells(value, entry.form):
                 if cell.text:
                     tables.setdefault(cell.title, {}).setdefault(cell.row, {})[cell.column] = cell.text
     for title, table in tables.items():
         yield from _labelled(title, _table_lines(table))
-    yield from _labelled("other changes", aligned(list(changes.others()), gap=2))
+    yield from _labelled("other errors", aligned(list(errors.others()), gap=2))
     if (used := result.command_processor_time_s) is not None:
         yield "processor time of the command", f"{amount(used, 's')}, with its workers"
     yield "wall time", amount(result.wall_time_s, "s")
@@ -112,7 +112,7 @@ class _Printed(NamedTuple):
 
     result: Result
     entry: Entry
-    changes: Changes
+    errors: Errors
 
     def cells(self, value: Any, form: Any, place: tuple[str, ...] = ()) -> Iterator[Cell]:
         """The cells of a value at a place, whose type the entry declares."""
@@ -165,7 +165,7 @@ class _Printed(NamedTuple):
     def _text(
         self, value: Any, place: tuple[str, ...], keys: tuple[str, ...] = (), record: Mapping[str, Any] | None = None
     ) -> str:
-        """A value with its unit, when a largest one is reached, and its change."""
+        """A value with its unit, when a largest one is reached, and its error."""
         unit = self.result.unit_of(self.entry, place, keys, record or {})
         if self.entry.shown and isinstance(value, Sequence):
             value = value[: self.result.summary[self.entry.shown]]
@@ -174,8 +174,8 @@ class _Printed(NamedTuple):
         if named == "margin" and (value == math.inf or (record or {}).get("value") == 0.0):
             text = "infinite"  # which result files hold as not known
         at = "" if keys else self._reached(place)
-        change = self.changes.text(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
-        return ", ".join(filter(None, (f"{text}{at}", change)))
+        error = self.errors.text(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
+        return ", ".join(filter(None, (f"{text}{at}", error)))
 
     def _reached(self, place: tuple[str, ...]) -> str:
         """When, or at which frequency, a largest value is reached."""

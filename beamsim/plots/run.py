@@ -39,7 +39,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
-from beamsim.results.result import ALLOWED_CHANGE
+from beamsim.results.result import ALLOWED_ERROR
 from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.summaries import place_in_words
@@ -50,7 +50,7 @@ MOST_STATES = 2**16  # samples in a phase portrait or force-deflection loop
 CELLS = 20, 120  # along each axis of a phase portrait that is a density, at least and at most
 MOST_BANDS = 400  # of the spectrum of a random motion
 SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown
-DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
+DOUBTFUL_LINES = f"lines that are off by more than {100 * ALLOWED_ERROR:g} %"
 DECAYING_LINES = "lines, weighted to the beginning"
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_TOLD = 0.01  # of the power of a response, outside the band of the input
@@ -123,14 +123,14 @@ def _faces(result: RunResult) -> Iterator[Guide]:
 
 def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str = "") -> str:
     """Which values of an entry have not converged, as a note: all, or those of one quantity."""
-    changes = result.summary.get("convergence", {}).get(figure, {})
+    errors = result.summary.get("convergence", {}).get(figure, {})
     listed = result.summary.get("doubtful", ())
-    doubtful = [name for name in changes if f"{figure}.{name}" in listed]
+    doubtful = [name for name in errors if f"{figure}.{name}" in listed]
     places = {name: place_in_words(figure, name) for name in doubtful}
     if quantity:  # the last word of a place
         places = {name: name.rpartition(" ")[0] for name in doubtful if name.rpartition(" ")[2] == quantity}
-    texts = [f"{of} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]
-    said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(places) > 4)}"
+    texts = [f"{of} {100 * errors[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]
+    said = f"{called} not converged; error: {', '.join(texts)}{', …' * (len(places) > 4)}"
     return said if places else ""
 
 
@@ -180,12 +180,12 @@ def in_bands(frequency: Floats, levels: Floats, count: int) -> tuple[Floats, Flo
 def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Iterator[Curve]:
     """The lines of a spectrum, that of a signal with this number, by their kind, and those that are doubtful."""
     of_signal = spectra["line_signal"].values == signal
-    frequency, level, kinds, change = (
+    frequency, level, kinds, error = (
         spectra[f"line_{name}"].values[of_signal]
         for name in ("frequency_hz", "amplitude_db", "kind", "relative_change")
     )
     falls = spectra["window"].values[signal] == "decaying"
-    doubtful = (frequency <= end * unit) & (change > ALLOWED_CHANGE)
+    doubtful = (frequency <= end * unit) & (error > ALLOWED_ERROR)
     for kind, mark in (*_LINE_MARKS.items(), ("doubtful", "s")):
         these = doubtful if kind == "doubtful" else kinds == kind
         label, style = DECAYING_LINES if kind == "other" and falls else "", {"color": DARK, "markerfacecolor": "white"}

@@ -27,7 +27,7 @@ from beamsim.summaries import figure_in_words, place_in_words
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
 
-CHANGES_SHOWN = 60
+ERRORS_SHOWN = 60
 FIRST = (
     "srs", "random", "displacement", "response_.*", "contact(_force.*)?", "backbone|frequency_energy", "maps|slices",
     "acceleration", "spectrum",
@@ -46,8 +46,8 @@ CHECKS = {
     "energy balance error": "Work put in, energy stored and energy dissipated, each computed by itself; over the "
     "larger of the stored energy and the work exchanged.",
     "reduction": "modes and static vectors of the model, with a bound of what they leave out",
-    "convergence": "the case solved again with a finer model; the change of every value is in the appendix, and "
-    "more is missing of one that converges slowly",
+    "convergence": "the case solved again with a finer model; the error of every value that follows from it is in "
+    "the appendix",
     "exact and reference": "the same case integrated in time by SciPy",
 }
 """By label of the printed table what a row says about the other values."""
@@ -225,16 +225,16 @@ def _given(body: Any) -> Iterator[str]:
 
 
 def _trust(result: Result) -> Iterator[str]:
-    """The warnings, and all changes with the finer model."""
+    """The warnings, and the errors of all values."""
     yield labelled(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
     doubtful = set(result.summary.get("doubtful") or ())
     known = sorted(named(result.summary.get("convergence") or {}), key=lambda each: -each[1])
-    changes = []
-    for key, change in known[:CHANGES_SHOWN]:
+    errors = []
+    for key, error in known[:ERRORS_SHOWN]:
         value, _, place = key.partition(".")
         mark = "! " if key in doubtful else ""
-        changes.append([figure_in_words(value), place_in_words(value, place), f"{mark}{100 * change:.2g} %"])
-    more = f" (the {CHANGES_SHOWN} largest of {len(known)})" if len(known) > CHANGES_SHOWN else ""
-    yield table(Cells(("value", "of", "change"), changes, f"Change of every value with the finer model{more}"))
+        errors.append([figure_in_words(value), place_in_words(value, place), f"{mark}{100 * error:.2g} %"])
+    more = f" (the {ERRORS_SHOWN} largest of {len(known)})" if len(known) > ERRORS_SHOWN else ""
+    yield table(Cells(("value", "of", "error"), errors, f"Error of every value, from a finer model{more}"))
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
     yield labelled([("made with", f"beamsim {result.beamsim_version}, {packages}"), ("created", result.created)])

@@ -6,6 +6,7 @@ further than their tables of force and deflection go, and random inputs whose si
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping
@@ -72,10 +73,10 @@ FINER_MODEL = record(
                    "round_off_parts_s"), Number),
 )  # fmt: skip
 MARGINS = Entry(
-    "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its change with a finer "
-    "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded; of a "
-    "random motion which statistic the value is, the 95 % interval of the largest in the test, and where that spans "
-    "the limit (undecided) how long a run is about to decide, nan if none does",
+    "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its error, from a "
+    "finer model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded; "
+    "of a random motion which statistic the value is, the 95 % interval of the largest in the test, and where that "
+    "spans the limit (undecided) how long a run is about to decide, nan if none does",
     form=by_name(MARGIN)
 )  # fmt: skip
 GAPPING = Entry(
@@ -111,16 +112,17 @@ OF_MODES = (
     Entry("highest_frequency_hz", section="modes", of="modes/highest_frequency_hz"),
 )
 CONVERGENCE = (
-    Entry("convergence", "1", "by value, and by its place where there are several, its relative change with 1.5 times "
-             "the modes and twice the elements", form=dict[str, Number | ByName]),
-    Entry("doubtful", "", "values that change by more than 2 %: value.place", form=list[str]),
+    Entry("convergence", "1", "by value, and by its place where there are several, its relative error: 9/8 of its "
+             "change (4/3 of it with plates) with three times the modes and twice the elements",
+             form=dict[str, Number | ByName]),
+    Entry("doubtful", "", "values with an error of more than 2 %: value.place", form=list[str]),
     Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
-             "many: value.place; their changes are those of means where the excitation goes on", form=list[str]),
+             "many: value.place; their errors are those of means where the excitation goes on", form=list[str]),
     Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
              "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
              "processor time, and why there is no comparison", "convergence", form=FINER_MODEL),
 )  # fmt: skip
-ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
+ALLOWED_ERROR = 0.02  # relative error of a value, from a finer model, that is not doubtful
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
 """Last in the table; its row says what the solver did."""
 
@@ -344,7 +346,7 @@ def _untrusted_reduction(outcome: Outcome, scenario: Scenario, modes: Dataset) -
         f"{modes['highest_frequency_hz'].item():.6g} Hz is bounded only by {bound:.2g} of its size, more than "
         f"{WORTHLESS_REDUCTION:g}",
         *outcome.unless_complete,
-        remedy=scenario.more_modes(modes["kept_modes"].item()), bound=bound,
+        remedy=scenario.more_modes(math.ceil(1.5 * modes["kept_modes"].item())), bound=bound,
     )  # fmt: skip
 
 

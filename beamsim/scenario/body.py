@@ -640,6 +640,9 @@ class Body(Schema):
         """Order of magnitude of a low natural frequency, Hz."""
         return 0.0
 
+    mesh_order: ClassVar[float] = 4.0
+    """Order with which its values converge as its elements get smaller."""
+
     def refined(self) -> Self:
         """The body with twice the elements; itself where it has no mesh of its own."""
         return self
@@ -648,6 +651,11 @@ class Body(Schema):
     def mass_points(self) -> tuple[Point, ...]:
         """Places of the point masses on a body with a mesh, m."""
         return ()
+
+    def mass_at(self, point: Point) -> float:
+        """Sum of the point masses at a place of a body with a mesh, kg."""
+        masses = getattr(self, "point_masses", ())
+        return float(sum(each.mass for at, each in zip(self.mass_points, masses, strict=True) if at == point))
 
     @property
     def depth(self) -> float:

@@ -586,9 +586,9 @@ class Scenario(Schema):
         """Whether a motion begins with Maxwell branches that have not relaxed."""
         return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
-    def more_modes(self, kept: int) -> str:
-        """What of the reduction gives a model of 1.5 times so many modes; empty where all are kept."""
-        wanted, written = math.ceil(1.5 * kept), self.reduction
+    def more_modes(self, wanted: int) -> str:
+        """What of the reduction gives a model of so many modes; empty where all are kept."""
+        written = self.reduction
         if written is None:
             return f"give reduction: {{modes: {wanted}}}"
         if written.highest_frequency is not None:
@@ -598,17 +598,24 @@ class Scenario(Schema):
     @property
     def bare_dashpots(self) -> tuple[str, ...]:
         """Snubbers with a dashpot at points of bodies with a mesh that have no point mass there."""
-        bodies = self.all_bodies
         return tuple(
             located.item.name
             for located in self.located_snubbers
-            if located.item.damping is not None
-            and any(
-                (body := bodies[place.body or located.body]).refined() is not body
-                and body.point_of(place) not in body.mass_points
-                for place in located.item.places
-            )
+            if located.item.damping is not None and math.isinf(self.inverse_mass(located))
         )
+
+    def inverse_mass(self, located: Located) -> float:
+        """Sum of 1 / m over the places of a snubber on bodies with a mesh, 1/kg, m being the point mass there.
+
+        It is that of the squared shapes of all modes at the contact: infinite where there is no point mass.
+        """
+        bodies, total = self.all_bodies, 0.0
+        for place in located.item.places:
+            body = bodies[place.body or located.body]
+            if body.refined() is not body:
+                mass = body.mass_at(body.point_of(place))
+                total += 1.0 / mass if mass else math.inf
+        return total
 
     def listed(self, *keys: str) -> Iterator[Located]:
         """What the scenario has in these lists, then what is listed in the bodies and in hinges under these keys."""

@@ -11,6 +11,7 @@ Maxwell branches have states of their own. Each undamped mode has the eigenvalue
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -505,7 +506,8 @@ def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:
     return (
         f"the reduced model may not be accurate: up to {modes['highest_frequency_hz'].item():.4g} Hz and at the "
         "frequencies of the excitation the error of its receptance at contacts and loads is bounded by "
-        f"{modes['reduction_bound'].item():.2g} of its size; {scenario.more_modes(modes['kept_modes'].item())}"
+        f"{modes['reduction_bound'].item():.2g} of its size; "
+        f"{scenario.more_modes(math.ceil(1.5 * modes['kept_modes'].item()))}"
     )
 
 

@@ -25,10 +25,11 @@ from beamsim.trust.convergence import (
     Values,
     compared,
     doubtful,
+    errors_of,
+    exact,
     finer_modes,
     keeps_all,
     relative_changes,
-    unchanged,
     with_convergence,
 )
 from beamsim.trust.least_time import least_time_of_sweep
@@ -224,18 +225,18 @@ def _convergence(
     result: _Result,
     solve: Callable[[Scenario], _Result],
 ) -> Convergence:
-    """The changes of a result's own values with a finer model."""
+    """The errors of a result's own values, from a finer model."""
     modes = result["modes"]["kept_modes"].item()
-    if keeps_all(result.scenario, modes):
-        return Convergence(unchanged(own))
+    if keeps_all(result["modes"]):
+        return Convergence(exact(own))
     try:
         second = solve(result.scenario.refined(finer_modes(result["modes"])))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
-    changes = relative_changes([own], [values(second)])
-    return Convergence(changes, tuple(doubtful(changes, {})), second["modes"]["kept_modes"].item(), modes)
+    errors = errors_of(relative_changes([own], [values(second)]), result.scenario, second["modes"])
+    return Convergence(errors, tuple(doubtful(errors, {})), second["modes"]["kept_modes"].item(), modes)
 
 
 def _frequencies(result: _Result) -> Values:

@@ -1,9 +1,11 @@
-"""How much every value changes when the case is solved again with a finer model.
+"""The error of every value, from its change when the case is solved again with a finer model.
 
-The finer model has 1.5 times the modes, or all of a model that has few, and, where a body has a mesh, twice the
-elements. A value that changes by more
-than `ALLOWED_CHANGE` is doubtful: it belongs to the model and not to the structure. Values are numbers by entry of a
-summary, or by entry and place: a probe, a snubber, a curve with one of them.
+The finer model has three times the modes, or all of a model that has few, and, where a body has a mesh, twice the
+elements. Of a value whose error falls at least with the square of the number of modes, the change is 8/9 of the error
+or more; so the error that is stated is 9/8 of the change (4/3 with
+plates, whose meshes are of second order). A value with an error of more than `ALLOWED_ERROR` is
+doubtful: it belongs to the model and not to the structure. Values are numbers by entry of a summary, or by entry and
+place: a probe, a snubber, a curve with one of them. docs/theory.md, section 7, says which values converge how fast.
 
 A motion that bounces may be so sensitive that any small change gives it other contacts after some time, when the
 sequences of contacts diverge. What comes after that is one of many motions, and no model or precision of the
@@ -25,7 +27,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, listed
-from beamsim.results.result import ALLOWED_CHANGE, Result
+from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limited, read_first
 from beamsim.scenario import Scenario
 from beamsim.summaries import figure_in_words
@@ -35,16 +37,23 @@ FREQUENCIES = 6  # natural frequencies that are compared
 SMALLEST_SCALE = 1e-9  # of the largest value of its kind, which a smaller one is compared with
 
 Values = dict[str, dict[str, float] | float]
-Changes = Values  # relative
+Changes = Values  # relative, from one model to the other
+Errors = Values  # relative, of the first model
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
 LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
-WORTHLESS = 0.5  # relative change of a displacement or force beyond which a result is not reliable
+WORTHLESS = 0.5  # relative error of a displacement or force beyond which a result is not reliable
 MUST_HOLD = (
     "peak_displacement_m", "peak_force_n", "peak_moment_n_m", "peak_spring_force_n", "peak_friction_force_n",
     "peak_friction_moment_n_m",
 )  # fmt: skip
-MORE_MODES = 1.5
+MORE_MODES = 3.0  # times the modes, in the finer model
+ORDER = 2.0  # with which errors fall as the number of modes grows: of the finer model 1/9 of the first one's is left
+LEAST_OF_ACCELERATIONS = 1e-3  # relative error of a peak acceleration, unless both models are the same
+SHARE_OF_LARGEST = 0.125  # of the largest error of a peak acceleration of the motion, that each of them has ...
+CONVERGING = 0.1  # ... if it is below this
+MANY = 10.0  # times the modes, for which the error of a count is stated
+COUNTED = ("peaks_over_2_sigma", "peaks_over_3_sigma", "crossing_rate_hz")  # endings of statistics that are counts
 FEW_MODES = 60  # of a model without a mesh, all of which the finer one keeps: a march of them takes no longer than ten
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
@@ -79,8 +88,43 @@ def named(values: Values) -> Iterator[tuple[str, float]]:
             yield name, value
 
 
-def unchanged(values: Values) -> Changes:
-    """Changes of 0."""
+def errors_of(changes: Changes, scenario: Scenario, finer: Dataset) -> Errors:
+    """The errors that changes to the finer model tell; where that leaves out nothing, they are the changes.
+
+    Most values converge as `ORDER` says. Counts may grow with each mode: their error is that of `MANY` times the modes.
+    Peaks of accelerations, which high modes decide, may agree by chance: theirs is `LEAST_OF_ACCELERATIONS` or more,
+    and a share of the largest one of the motion.
+
+    Parameters
+    ----------
+    changes : of values of a model.
+    scenario : whose meshes have an order, too.
+    finer : modes of the finer model.
+    """
+    if keeps_all(finer):
+        return changes
+    left = max(MORE_MODES**-ORDER, *(2.0**-body.mesh_order for body in scenario.all_bodies.values()))
+    errors: Errors = {}
+    for name, of in changes.items():
+        found = {place: change / (1.0 - left) for place, change in places(of)}
+        if name == "peak_acceleration_g":
+            found = _of_peaks(found)
+        for place in found:
+            if name == "contacts" or place.endswith(COUNTED):
+                found[place] *= (MANY - 1.0) / (MORE_MODES - 1.0)
+        errors[name] = found if isinstance(of, dict) else found[""]
+    return errors
+
+
+def _of_peaks(errors: dict[str, float]) -> dict[str, float]:
+    """Those of peak accelerations, with what chance may hide."""
+    converging = max((error for error in errors.values() if error < CONVERGING), default=0.0)
+    least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)
+    return {place: max(error, least) if error else 0.0 for place, error in errors.items()}
+
+
+def exact(values: Values) -> Errors:
+    """Errors of 0, of a model that leaves out nothing."""
     return {name: dict.fromkeys(value, 0.0) if isinstance(value, dict) else 0.0 for name, value in values.items()}
 
 
@@ -139,15 +183,15 @@ def larger(one: Changes, other: Changes) -> Changes:
     return out
 
 
-def doubtful(changes: Changes, scatter: Changes) -> Iterator[str]:
-    """``entry.place`` of the values that change by more than is allowed, and than their scatter explains.
+def doubtful(errors: Errors, scatter: Changes) -> Iterator[str]:
+    """``entry.place`` of the values whose error is more than is allowed, and than their scatter explains.
 
-    Of a displacement or force that changes by more than half no scatter explains enough.
+    Of a displacement or force with an error of more than half no scatter explains enough.
     """
     chance = dict(named(scatter))
-    for key, change in named(changes):
-        most = ALLOWED_CHANGE + chance.get(key, 0.0)
-        if change > (min(most, WORTHLESS) if key.partition(".")[0] in MUST_HOLD else most):
+    for key, error in named(errors):
+        most = ALLOWED_ERROR + chance.get(key, 0.0)
+        if error > (min(most, WORTHLESS) if key.partition(".")[0] in MUST_HOLD else most):
             yield key
 
 
@@ -234,10 +278,10 @@ def sensitivity(
 
 @dataclass(frozen=True)
 class Convergence:
-    """Relative changes of the values of a result with a finer model."""
+    """Relative errors of the values of a result, from a finer model."""
 
-    changes: Changes = field(default_factory=dict)
-    doubtful: tuple[str, ...] = ()  # ``entry.place`` of those that change by more than `ALLOWED_CHANGE`
+    errors: Errors = field(default_factory=dict)
+    doubtful: tuple[str, ...] = ()  # ``entry.place`` of those with more than `ALLOWED_ERROR`
     modes: int = 0  # of the finer model; 0 where the first leaves out nothing
     first_modes: int = 0  # of the first, where it is compared
     diverged_s: float = math.inf  # time at which the sequences of contacts of a run diverge
@@ -262,25 +306,28 @@ class Convergence:
         if math.isfinite(self.compared_s):
             model["compared_s"] = self.compared_s
         marks = {"doubtful": list(self.doubtful), "after_parting": list(self.after)}
-        return {"convergence": self.changes, **marks, "convergence_model": model}
+        return {"convergence": self.errors, **marks, "convergence_model": model}
 
 
-def keeps_all(scenario: Scenario, modes: int) -> bool:
-    """Whether a model with so many modes leaves out nothing of the bodies, none of which has a mesh of its own."""
-    counts = [body.mode_count for body in scenario.all_bodies.values()]
-    return None not in counts and modes >= sum(count for count in counts if count is not None)
+def keeps_all(modes: Dataset) -> bool:
+    """Whether a model leaves out nothing of the structure, no body of which has a mesh of its own.
+
+    Parameters
+    ----------
+    modes : of the model.
+    """
+    return bool(modes["kept_modes"].item() >= _coordinates(modes))
 
 
 def finer_modes(modes: Dataset) -> int:
-    """How many modes the finer model of a case keeps: 1.5 times as many, or all of a structure that has few.
+    """How many modes the finer model of a case keeps: three times as many, or all of a structure that has few.
 
     Parameters
     ----------
     modes : of the first model.
     """
-    more = math.ceil(MORE_MODES * modes["kept_modes"].item())
     every = _coordinates(modes)
-    return int(max(more, every)) if every <= FEW_MODES else more
+    return int(every if every <= FEW_MODES else min(math.ceil(MORE_MODES * modes["kept_modes"].item()), every))
 
 
 def _coordinates(modes: Dataset) -> float:
@@ -293,20 +340,20 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
 
     Parameters
     ----------
-    result : with its margins, without any change of the values.
-    checked : the changes of its values.
+    result : with its margins, without any error of the values.
+    checked : the errors of its values.
     values : that limits are compared with, where they were compared with a finer model's.
 
     Returns
     -------
     Result
-        With the verdict on each limit, to which the change of its value counts.
+        With the verdict on each limit, to which the error of its value counts.
     """
     summary = result.summary | checked.summary()
     if "margins" in summary:
         margins = summary["margins"].items()
         summary["margins"] = {
-            name: item | _range(name, item, (summary, values or {}), checked.changes) for name, item in margins
+            name: item | _range(name, item, (summary, values or {}), checked.errors) for name, item in margins
         }
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
@@ -318,36 +365,36 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
 
 
 def _range(
-    limit: str, item: Mapping[str, Any], of_result: tuple[Mapping[str, Any], Values], changes: Changes
+    limit: str, item: Mapping[str, Any], of_result: tuple[Mapping[str, Any], Values], errors: Errors
 ) -> dict[str, float]:
-    """The value of a limit less and plus its change: the largest of all places, each with its own.
+    """The value of a limit less and plus its error: the largest of all places, each with its own.
 
     Parameters
     ----------
     limit : its name.
     item : of the margins; values above its own are not compared with it (unstable motions).
     of_result : the summary, in which curves have their own values by name, and the values by entry and place.
-    changes : by entry and place; a place that the finer model does not have makes the range unknown.
+    errors : by entry and place; a place that the finer model does not have makes the range unknown.
     """
     (summary, values), (value, of) = of_result, limited(limit)
-    if "statistic" in item:  # of the largest value of a test: it changes as that of the motion
-        of_place = dict(places(changes.get(value.entry, {})))
-        change_of = of_place.get("" if value.single else of or item["at"], math.nan if of_place else 0.0)
-        return {"lowest": item["lowest"] * (1.0 - change_of), "highest": item["highest"] * (1.0 + change_of)}
+    if "statistic" in item:  # of the largest value of a test: it has the error of that of the motion
+        of_place = dict(places(errors.get(value.entry, {})))
+        error_of = of_place.get("" if value.single else of or item["at"], math.nan if of_place else 0.0)
+        return {"lowest": item["lowest"] * (1.0 - error_of), "highest": item["highest"] * (1.0 + error_of)}
     by_name = summary.get(value.entry) if of else None
     curves = [name for name, each in (by_name or {}).items() if isinstance(each, Mapping)]
     limited_places = {of, *(f"{curve} {of}" for curve in curves)}
-    change = dict(places(changes.get(value.entry, {})))
+    error = dict(places(errors.get(value.entry, {})))
     highest = item["value"] * (1.0 + SMALLEST_SCALE)
-    known = dict(named(changes))  # root mean squares are values of the spectra, or of the statistics
+    known = dict(named(errors))  # root mean squares are values of the spectra, or of the statistics
     of_run = f"random.{item['at']} {value.quantity} rms", f"{value.reported}.{item['at']}"
     pairs = [
-        (number * value.scale, change.get(place, math.nan if changes else 0.0))
+        (number * value.scale, error.get(place, math.nan if errors else 0.0))
         for place, number in places(values.get(value.entry, {}))
-        if value.entry in changes and number * value.scale <= highest and (not of or place in limited_places)
+        if value.entry in errors and number * value.scale <= highest and (not of or place in limited_places)
     ] or [(item["value"], next((known[name] for name in of_run if name in known), 0.0))]
-    size, change_of = np.transpose(pairs)
-    return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}
+    size, error_of = np.transpose(pairs)
+    return {"lowest": float(np.max(size * (1.0 - error_of))), "highest": float(np.max(size * (1.0 + error_of)))}
 
 
 def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:
@@ -360,17 +407,17 @@ def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outco
     parts : outcomes that accompany it.
     """
     model = result.summary["convergence_model"]
-    sizes = {key: change for key, change in named(result.summary["convergence"]) if key in keys}
+    sizes = {key: error for key, error in named(result.summary["convergence"]) if key in keys}
     worst = sorted(sizes, key=lambda key: -sizes[key])
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
-    finer = f"with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
+    finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
-    sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
-    if any(key.partition(".")[0] in MUST_HOLD and change > WORTHLESS for key, change in sizes.items()):
+    sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {listed(figures)}"
+    if any(key.partition(".")[0] in MUST_HOLD and error > WORTHLESS for key, error in sizes.items()):
         kind, code = OutcomeKind.UNTRUSTED, "figures_worthless"
-        sentence = f"{finer} displacements or forces change by more than {100 * WORTHLESS:g} %: {listed(figures)}"
+        sentence = f"displacements or forces are off by more than {100 * WORTHLESS:g} % ({finer}): {listed(figures)}"
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
@@ -407,7 +454,7 @@ def _diverged(result: Result, checked: Convergence) -> Outcome:
 def _finer(result: Result, modes: int) -> str:
     """What gives a finer model than that with so many modes, beside what is written."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
-    return " and ".join(filter(None, (result.scenario.more_modes(modes), elements)))
+    return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements)))
 
 
 def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:

@@ -15,7 +15,7 @@ from beamsim.analyses.run.summary import values_of_motion
 from beamsim.errors import Problem, ScenarioError
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, never
-from beamsim.results.result import ALLOWED_CHANGE
+from beamsim.results.result import ALLOWED_ERROR
 from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.build import build_system
 from beamsim.trust.convergence import ContactEvents, divergence, places
@@ -92,7 +92,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
 def _judged(result: RunResult, compared: Mapping[str, Any]) -> RunResult:
     """The result with what the comparison says of it."""
     until, outcome, warnings = compared["agrees_until_s"], result.outcome, result.warnings
-    if (difference := compared["largest_state_difference"]) > ALLOWED_CHANGE:
+    if (difference := compared["largest_state_difference"]) > ALLOWED_ERROR:
         apart = f"displacements differ by {100 * difference:.2g} % from the {compared['method']}"
         remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
         outcome = outcome.but(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))

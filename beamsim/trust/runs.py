@@ -5,7 +5,8 @@ A run is computed again with a finer model unless that is switched off.
 Motions that bounce on and on may be so sensitive that the sequences of contacts diverge although both models are good.
 Up to there the values are compared as they are. What comes after is compared statistically if the excitation goes on:
 each value is taken in `WINDOWS` equal parts of the rest, and the change is that of its mean; it is doubtful if it
-exceeds the scatter of the differences too.
+exceeds the scatter of the differences too. Where small disturbances of the stiffness leave the contacts as they are,
+only the models differ, and their whole motions are compared.
 
 After the sequences have diverged the motion is one of many. Values that what follows can change are marked, even where
 a finer model happens to give the same number: shares and means, and extremes that are not above everything that follows
@@ -67,10 +68,13 @@ from beamsim.trust.convergence import (
     ContactEvents,
     Convergence,
     DivergenceTimes,
+    Errors,
     Values,
     compared,
     divergence,
     doubtful,
+    errors_of,
+    exact,
     finer_modes,
     keeps_all,
     larger,
@@ -78,7 +82,6 @@ from beamsim.trust.convergence import (
     places,
     relative_changes,
     sensitivity,
-    unchanged,
     with_convergence,
 )
 from beamsim.typing import Floats, not_none, of_kind
@@ -237,10 +240,9 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
     first, derived = Model(solution.motion), DerivedValues(solution.result)
-    modes = first.motion.system.kept_modes
-    if keeps_all(scenario, modes):
-        changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
-        checked = _disturbed_alone(Convergence(changes, lines=lines), first, derived)
+    if keeps_all(first.motion.system.modes):
+        errors, lines = _with_lines(derived, exact(first.values | derived.reported()))
+        checked = _disturbed_alone(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
         checked = _disturbed_alone(Convergence(reason=reason), first, derived)
@@ -258,7 +260,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
 
 
 def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Convergence:
-    """The changes between two models of a run.
+    """The errors of a run, from a finer model.
 
     Parameters
     ----------
@@ -275,15 +277,15 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         changes = relative_changes([first.values], [second.values])
         changes |= relative_changes([derived.reported()], derived.again(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
-    changes, lines = _with_lines(derived, changes)
+    errors, lines = _with_lines(derived, errors_of(changes, second.motion.system.scenario, second.motion.system.modes))
     for entry, quantity, _ in RMS_OF_PROBES:
-        if isinstance(of_probes := changes.get(entry), dict):
-            changes[entry] = {
+        if isinstance(of_probes := errors.get(entry), dict):
+            errors[entry] = {
                 name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
             }
     return Convergence(
-        changes,
-        tuple(doubtful(changes, scatter)),
+        errors,
+        tuple(doubtful(errors, errors_of(scatter, second.motion.system.scenario, second.motion.system.modes))),
         second.motion.system.kept_modes,
         first.motion.system.kept_modes,
         diverged,
@@ -310,9 +312,11 @@ def _compared_after_divergence(
     """
     if first.motion.trajectory is None:
         return DivergenceTimes(), tuple(_after(first, None, (), derived)), None
-    early, windows = first.until(rest[0]), first.windows(*rest)
     times = sensitivity(first.events, rest[0], first.disturbed)
-    after = tuple(_after(first, early, windows, derived)) if times.sensitive else ()
+    if not times.sensitive:  # only the models differ: each value is that of one motion
+        return times, (), None
+    early, windows = first.until(rest[0]), first.windows(*rest)
+    after = tuple(_after(first, early, windows, derived))
     if not first.motion.system.scenario.lasting or second.motion.trajectory is None:
         return times, after, None
     later, parts = second.windows(*rest), derived.parts(WINDOWS)
@@ -400,17 +404,17 @@ def _after(first: Model, early: Values | None, windows: Sequence[Values], derive
     yield from (key for key, _ in named(derived.reported()) if not key.startswith("line_"))
 
 
-def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, Floats | None]:
-    """The changes with the largest of the lines of each spectrum, over its strongest line, and those of each line.
+def _with_lines(derived: DerivedValues, errors: Errors) -> tuple[Errors, Floats | None]:
+    """The errors with the largest of the lines of each spectrum, over its strongest line, and those of each line.
 
-    The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
+    The error of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
     static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
     other lines, which may be leakage, nor a line of an output.
     """
-    changes = dict(changes)
-    amplitudes, frequencies = (dict(places(changes.pop(f"line_{of}", {}))) for of in ("amplitude", "frequency"))
+    errors = dict(errors)
+    amplitudes, frequencies = (dict(places(errors.pop(f"line_{of}", {}))) for of in ("amplitude", "frequency"))
     if not derived.lines:
-        return {**changes, "spectral_lines": {}}, None
+        return {**errors, "spectral_lines": {}}, None
     of_lines, largest = np.full(derived.result["spectra"]["line"].values.size, np.nan), dict[str, float]()
     for signal, lines in derived.lines.items():
         names, physical = derived.places(signal), lines["line_kind"].values != "residual"
@@ -422,7 +426,7 @@ def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, Floa
         shown = physical & (sizes >= np.where(lines["line_kind"].values == "mean", WORTH_LISTING * sizes.max(), 0.0))
         of_lines[lines["line"].values - 1] = np.where(shown, both, np.nan)
         largest[signal] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
-    return {**changes, "spectral_lines": largest}, of_lines
+    return {**errors, "spectral_lines": largest}, of_lines
 
 
 @dataclass(frozen=True)
@@ -511,8 +515,9 @@ class DerivedValues:
         signals, start_s = [f"{of.name} {of.quantity}" for of in channels.channels], spectra["start_s"].item()
         if isinstance(motion, Histories):
             return [dict(zip(signals, _sampled(motion, start_s, channels), strict=True))]
-        span, listed = (start_s, min(start_s + spectra["duration_s"].item(), motion.end)), spectra["line_frequency_hz"]
-        records = records_of(system, motion, channels, span, float(listed.values.max(initial=0.0)))
+        span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
+        highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
+        records = records_of(system, motion, channels, span, highest)
         divided = [records] if parts == 1 else [
             [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
             for part in records[0].part.divided(parts)

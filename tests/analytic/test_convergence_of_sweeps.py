@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.sweep.analysis import sweep as unchecked
 from beamsim.cli.tables import table_rows
 from beamsim.outcomes import asked_by
-from beamsim.results.result import ALLOWED_CHANGE
+from beamsim.results.result import ALLOWED_ERROR
 from beamsim.scenario import load_scenario
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}
@@ -113,7 +113,7 @@ def test_a_continuation_where_it_is_asked_for():
     assert 0.0 < max(changes["peak_displacement_m"].values()) < 0.5
     assert set(changes) >= {"peak_displacement_m", "peak_frequency_hz", "open_frequencies_hz"}
     listed = {
-        key for entry, of in changes.items() for key in (f"{entry}.{x}" for x, y in of.items() if y > ALLOWED_CHANGE)
+        key for entry, of in changes.items() for key in (f"{entry}.{x}" for x, y in of.items() if y > ALLOWED_ERROR)
     }
     assert set(result.summary["doubtful"]) == listed
 
@@ -181,5 +181,5 @@ def test_a_normal_mode_where_it_is_asked_for():
     result = beamsim.nnm(case(3, sweep=None, excitation={"kind": "none"}, nnm=mode | {"convergence": "on"}))
     changes = result.summary["convergence"]
     assert set(changes["frequency_hz"]) >= {"start", "end"}
-    assert changes["frequency_hz"]["start"] < ALLOWED_CHANGE
+    assert changes["frequency_hz"]["start"] < ALLOWED_ERROR
     assert result.summary["convergence_model"]["modes"] == 5

@@ -81,25 +81,24 @@ def test_the_first_frequency_of_a_floating_structure_is_that_of_its_first_elasti
 
 
 def test_modes_that_are_hardly_kept_do_not_put_a_case_in_doubt():
-    """Frequencies of modes 4 and 5 change by 17 %: they are vectors beside three modes, and no one's result."""
-    result = beamsim.run(beam(3))
-    assert {"open_frequencies_hz.4", "closed_frequencies_hz.5"} <= set(result.summary["doubtful"])
+    """Four elements give mode 6 with an error of more than 2 %, which no one reads as a result of this run."""
+    result = beamsim.run(load_scenario(beam(6, low_pass="200 Hz"), {"beam.elements": 4}))
+    assert {"open_frequencies_hz.6", "closed_frequencies_hz.6"} <= set(result.summary["doubtful"])
     assert result.outcome.gravest is OutcomeKind.COMPLETE
     first, *_ = run_screen(result).text(result, ["case.h5"]).splitlines()
     assert "NOT CONVERGED" not in first
     assert "converged within" in first
 
 
-def test_a_value_that_jumps_is_marked_where_it_is_printed():
-    """The dashpot meets a point without mass: the jump grows with the modes, whatever 1.5 times as many change."""
-    case = load_scenario(ROOT / "configs/one_sided_65hz.yaml")
+def test_a_value_without_a_limit_is_marked_where_it_is_printed():
+    """The dashpot meets a point without mass: the jump grows with the modes, whatever three times as many change."""
+    case = load_scenario(ROOT / "configs/one_sided_65hz.yaml", {"beam.point_masses": []})
     result = beamsim.run(case)
-    jump = result.summary["acceleration_jump_g"]
-    assert list(jump) == ["tip"]
+    assert list(result.summary["acceleration_jump_g"]) == ["tip"]
     text = run_screen(result).text(result, ["case.h5"])
-    assert ", but for what is marked ^" in text.splitlines()[0]
-    assert f"{result.summary['peak_acceleration_g']['tip']:.3g} g ^" in text
-    assert f"^ jumps by up to {jump['tip']:.3g} g" in text
+    assert "NOT CONVERGED: 1 value" in text.splitlines()[0]
+    assert f"{result.summary['peak_acceleration_g']['tip']:.2g} g ^" in text
+    assert "^ has no limit, it grows with the modes" in text
     filtered = beamsim.run(load_scenario(case.to_yaml(), {"run.low_pass": "2 kHz"}))
     assert "acceleration_jump_g" not in filtered.summary
     assert "^" not in run_screen(filtered).text(filtered, ["case.h5"])
@@ -168,7 +167,7 @@ def test_values_that_are_not_read_first_are_marked_where_they_are_printed():
     assert "all modes kept" in first
     assert any("33.8 % *, 7 *" in line for line in others)
     assert any(line.startswith("stop touches from ") and line.endswith(" *") for line in others)
-    assert "* changes by more than 2 % with a finer model" in others
+    assert "* off by more than 2 %" in others
 
 
 @pytest.mark.parametrize(("after", "sure"), [("contact_share.stop", False), ("peak_force_n.stop", True)])

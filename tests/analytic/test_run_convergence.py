@@ -1,4 +1,4 @@
-"""Every figure of a run carries its change with a finer model; accelerations may be read through a filter."""
+"""Every value of a run has its error, from a finer model; accelerations may be read through a filter."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +12,7 @@ from beamsim.cli.tables import all_rows, table_rows
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeKind, exit_code
-from beamsim.results.result import ALLOWED_CHANGE
+from beamsim.results.result import ALLOWED_ERROR
 from beamsim.scenario import load_scenario
 from beamsim.signals import filters
 from beamsim.signals.filters import FilteredPanels, FilteredSegments, filtered
@@ -62,7 +62,8 @@ def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so
     assert all(later > 1.3 * earlier for earlier, later in pairwise(at_tip))
 
     s = damped.summary
-    assert set(s["doubtful"]) == {f"peak_acceleration_g.{name}" for name in damped["histories"].labels("probe")}
+    peaks = {f"peak_acceleration_g.{name}" for name in damped["histories"].labels("probe")}
+    assert peaks <= set(s["doubtful"]) <= peaks | {key.replace("peak", "rms") for key in peaks}
     assert "peak acceleration of below_1.2 by " in damped.status  # as the table says it
     assert min(s["convergence"]["peak_acceleration_g"].values()) > 0.2
     assert s["reduction_bound"] < 1e-2  # of displacements, which says nothing of accelerations
@@ -70,16 +71,18 @@ def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so
         assert max(s["convergence"][figure].values()) < 1e-3, figure
 
 
-def test_the_change_is_that_of_the_finer_model_itself(damped):
-    """The same two models, each solved as a run of its own."""
+def test_the_error_follows_from_the_finer_model_itself(damped):
+    """9/8 of the change between the same two models, each solved as a run of its own."""
     modes = damped.summary["kept_modes"]
-    finer = panel(beam=PANEL | {"elements": 40}, reduction={"modes": -(-3 * modes // 2)}, run={"convergence": "off"})
+    finer = panel(beam=PANEL | {"elements": 40}, reduction={"modes": 3 * modes}, run={"convergence": "off"})
     other = beamsim.run(finer).summary
     for figure in ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "largest_gap_m"):
         for name, a in damped.summary[figure].items():
             b = other[figure][name]
             change = abs(a - b) / max(abs(a), abs(b))
-            assert damped.summary["convergence"][figure][name] == pytest.approx(change, rel=1e-5, abs=1e-9)
+            least = 1e-3 if figure == "peak_acceleration_g" else 0.0
+            error = max(9 / 8 * change, least)
+            assert damped.summary["convergence"][figure][name] == pytest.approx(error, rel=1e-5, abs=1e-9)
 
 
 def test_status_table_file_and_pictures_say_so(damped, tmp_path):
@@ -92,7 +95,7 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     rows = list(table_rows(damped))
     told = "; ".join(text for label, text in list(all_rows("run", damped))[1:3] if not label)
     assert told.lower() == damped.status.lower()
-    assert damped.status.startswith("not converged: values change by more than 2 %")
+    assert damped.status.startswith("not converged: values are off by more than 2 %")
     assert sum(text.count("NOT CONVERGED") for _, text in rows) == len(damped.summary["doubtful"]) > 0
     path = beamsim.write_result(damped, tmp_path / "run.h5")
     stored = beamsim.load(path)
@@ -146,28 +149,26 @@ def test_off_and_studies():
 def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statistically_after():
     """A hard stop beside a strongly shaken beam: no two models bounce alike for long, yet both are good."""
     stop = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "1000 kN/m", "gap": "1 mm"}
-    shaken = {"kind": "harmonic", "applied_to": "base", "level": "10 g", "frequency": "75 Hz"}
-    case = harmonic_beam(run={"duration": 4.0}, excitation=shaken, snubbers=[stop])
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": "10 g", "frequency": "70 Hz"}
+    case = harmonic_beam(run={"duration": 4.0}, excitation=shaken, snubbers=[stop], reduction={"modes": 20})
     result = beamsim.run(case)
     s = result.summary
     parted = s["convergence_model"]["sequences_part_s"]
-    assert 0.0 < parted < 1.0
-    finer = beamsim.run(case.refined(-(-3 * s["kept_modes"] // 2))).summary
-    direct = abs(s["peak_acceleration_g"]["tip"] / finer["peak_acceleration_g"]["tip"] - 1)
-    assert direct > ALLOWED_CHANGE  # the largest of all peaks is a matter of chance
-    assert s["convergence"]["peak_acceleration_g"]["tip"] != pytest.approx(direct, rel=1e-3)
-    assert s["convergence"]["peak_displacement_m"]["tip"] < ALLOWED_CHANGE
-    assert "peak_acceleration_g.tip" not in s["doubtful"]
-    rows = [text for _, text in table_rows(result) if text.startswith("peak acceleration")]
+    assert 0.0 < parted < s["convergence_model"]["disturbance_parts_s"] < 4.0  # sensitive, not only two models
+    assert "contact_share.tip" in s["after_parting"]
+    assert ALLOWED_ERROR < s["convergence"]["contact_share"]["tip"] < 0.2  # of its mean, by chance
+    assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_ERROR
+    assert not {"contact_share.tip", "peak_force_n.tip"} & set(s["doubtful"])
+    rows = [text for _, text in table_rows(result) if text.startswith("contact share")]
     assert any(text.endswith("within the standard error of its mean") for text in rows)
 
 
 def test_forces_that_last_for_an_instant_are_compared_with_forces():
     """A dashpot at a stiff stop: samples missed its force, which "changed by 93 %, within its scatter"."""
-    short = {"run.duration": 0.2, "run.spectrum": {"last": 0.1}, "reduction.modes": 5, "run.low_pass": 2e3}
+    short = {"run.duration": 0.2, "run.spectrum": {"last": 0.1}, "reduction.modes": 8, "run.low_pass": 2e3}
     s = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].stiffness": 151e8} | short)).summary
     assert s["convergence_model"]["sequences_part_s"] < 0.1
-    assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_CHANGE
+    assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_ERROR
 
 
 def test_a_model_of_one_mode_is_told_from_a_good_one():
@@ -176,7 +177,7 @@ def test_a_model_of_one_mode_is_told_from_a_good_one():
         "kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "300 Hz",
     })).summary  # fmt: skip
     assert "peak_displacement_m.tip" in s["doubtful"]
-    assert s["convergence"]["peak_displacement_m"]["tip"] > ALLOWED_CHANGE
+    assert s["convergence"]["peak_displacement_m"]["tip"] > ALLOWED_ERROR
 
 
 def test_a_force_that_changes_by_more_than_half_is_not_reliable():
@@ -188,12 +189,12 @@ def test_a_force_that_changes_by_more_than_half_is_not_reliable():
         return beamsim.run(harmonic_beam(snubbers=[stop], reduction={"modes": modes}, excitation=shaken, **more))
 
     free = {modes: -run(0.1, modes, run={"duration": 0.1}).summary["min_displacement_m"]["tip"] for modes in (2, 3)}
-    assert abs(free[2] / free[3] - 1.0) < ALLOWED_CHANGE
+    assert abs(free[2] / free[3] - 1.0) < ALLOWED_ERROR
     limits = {"peak_force": "1 kN", "peak_displacement": "1 m"}
     result = run(0.5 * (free[2] + free[3]), 2, run={"duration": 0.1}, limits=limits)
-    assert result.summary["convergence"]["peak_force_n"]["tip"] == 1.0
+    assert result.summary["convergence"]["peak_force_n"]["tip"] == 9 / 8  # 0 N in one of both
     assert (result.outcome.code, exit_code(result.outcome)) == ("figures_worthless", 3)
-    assert result.status.startswith("not reliable: with 1.5 times the modes")
+    assert result.status.startswith("not reliable: displacements or forces are off by more than 50 % (seen with 3")
     assert {item["verdict"] for item in result.summary["margins"].values()} == {"not reliable"}
     unchecked = run(0.5 * (free[2] + free[3]), 2, run={"duration": 0.1, "convergence": "off"}, limits=limits)
     assert exit_code(unchecked.outcome) == 0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamsim.cli.screens import Changes, rounded
+from beamsim.cli.screens import Errors, rounded
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.plots.drawing import Chart, Curve
 from beamsim.plots.style import amount, extent, level_text, scale_for, shown_in, value_text
@@ -73,19 +73,19 @@ def test_no_number_is_a_thousand_where_there_is_a_prefix(value, unit, digits):
 
 
 @pytest.mark.parametrize(
-    ("change", "text"),
-    [(None, "19.4 N"), (0.0, "19.4 N"), (2e-5, "19.4 N"), (0.0078, "19.4 N"), (0.05, "19 N *"), (0.4, "20 N *")],
+    ("error", "text"),
+    [(None, "19.4 N"), (0.0, "19.4 N"), (2e-5, "19.4 N"), (0.0078, "19.4 N"), (0.05, "19.4 N *"), (0.6, "19 N *")],
 )
-def test_a_number_has_the_digits_that_its_convergence_supports(change, text):
-    known = {} if change is None else {"tip": change}
-    doubtful = ["peak_force_n.tip"] if change is not None and change > 0.02 else []
+def test_a_number_has_the_digits_that_its_convergence_supports(error, text):
+    known = {} if error is None else {"tip": error}
+    doubtful = ["peak_force_n.tip"] if error is not None and error > 0.02 else []
     summary = {"convergence": {"peak_force_n": known}, "doubtful": doubtful}
-    changes = Changes(SimpleNamespace(summary=summary))
-    assert changes.number(19.4, "N", "peak_force_n", "tip") == text
-    assert len(list(changes.legend())) == len(doubtful)
-    assert list(changes.others()) == []
-    said = "" if change is None else changes.text("peak_force_n", "tip")
-    assert said == {None: "", 0.0: "no change", 0.05: "NOT CONVERGED, change 5 %"}.get(change, said)
+    errors = Errors(SimpleNamespace(summary=summary))
+    assert errors.number(19.4, "N", "peak_force_n", "tip") == text
+    assert len(list(errors.legend())) == len(doubtful)
+    assert list(errors.others()) == []
+    said = "" if error is None else errors.text("peak_force_n", "tip")
+    assert said == {None: "", 0.0: "no error", 0.05: "NOT CONVERGED, error 5 %"}.get(error, said)
 
 
 def test_one_reading_of_the_convergence_serves_numbers_and_table():
@@ -95,10 +95,10 @@ def test_one_reading_of_the_convergence_serves_numbers_and_table():
         "doubtful": ["largest_bending_stress_pa"],
         "after_parting": ["peak_force_n.tip"],
     }
-    changes = Changes(SimpleNamespace(summary=summary))
-    assert changes.number(2.0, "N", "peak_force_n", "tip") == "2.00 N ~"
-    assert changes.number(3e6, "Pa", "largest_bending_stress_pa") == "3.0 MPa *"
-    assert changes.number(np.nan, "N", "peak_force_n", "root") == "unknown"
-    assert len(list(changes.legend())) == 2
-    assert dict(changes.others()) == {"peak force of root": "change 1 %"}
-    assert changes.text("peak_force_n", "tip") == "one of many motions, change 0.1 %"
+    errors = Errors(SimpleNamespace(summary=summary))
+    assert errors.number(2.0, "N", "peak_force_n", "tip") == "2.00 N ~"
+    assert errors.number(3e6, "Pa", "largest_bending_stress_pa") == "3.00 MPa *"
+    assert errors.number(np.nan, "N", "peak_force_n", "root") == "unknown"
+    assert len(list(errors.legend())) == 2
+    assert dict(errors.others()) == {"peak force of root": "error 1 %"}
+    assert errors.text("peak_force_n", "tip") == "one of many motions, error 0.1 %"

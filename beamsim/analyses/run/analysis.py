@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Self
 
 import numpy as np
 
@@ -63,15 +63,16 @@ from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
 from beamsim.system.parts import Acting, SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none, of_kind
+from beamsim.typing import Floats, Ints, not_none, of_kind
 
 if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings
 
 MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
-NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
+NOTED = 0.25  # of a peak acceleration: a larger jump exceeds it in a model of a few times the modes
+MANY = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
+SAME_SHAPE = 1e-9  # relative difference of the shapes of one place
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
-SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
 
 
 class Solution(NamedTuple):
@@ -336,54 +337,110 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
 
 
 class AccelerationJump(NamedTuple):
-    """A jump of the acceleration of a probe where the dashpot of a snubber meets the structure."""
+    """An acceleration of a probe that has no limit as the modes grow, since the force of a dashpot jumps."""
 
     probe: str
     snubber: str
-    size_g: float
+    size_g: float  # of what the jump makes of it
+    at_contact: bool  # else it is that of waves, which no damping of the body ends
 
     @property
     def warning(self) -> str:
         """One sentence, with a remedy."""
+        jumps = f"the force of the dashpot of {self.snubber} jumps where it meets the structure"
+        why = (
+            "whose point has little or no mass of its own" if self.at_contact else "whose waves meet next to no damping"
+        )
+        damping = "" if self.at_contact else ", a damping of the body"
         return (
-            f"probes.{self.probe}: its acceleration jumps by up to {self.size_g:.3g} g where the dashpot of "
-            f"{self.snubber} meets the structure, and by more in a model of more modes, since the point has little or "
-            "no mass of its own: give the band of the accelerometer (run.low_pass: 2 kHz) or the whole mass at the "
+            f"probes.{self.probe}: its peak acceleration has no limit, it grows with the number of modes: {jumps}, "
+            f"{why}; give the band of the accelerometer (run.low_pass: 2 kHz){damping} or the whole mass at the "
             "contact as a point mass"
         )
 
 
 def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterator[AccelerationJump]:
-    """The jumps of probes at dashpots, at touch-down, that grow with the modes and count beside the peak.
+    """The peak accelerations that grow with the modes, because the force of a dashpot jumps at touch-down.
+
+    A jump F makes an acceleration of F times the sum of the products of the shapes at contact and probe. At the
+    contact itself the sum grows with every mode, up to 1 / m with a point mass m. Elsewhere the modes come one after
+    the other, as a wave in which about sqrt(n) of the modes near number n are in phase; damping leaves those up to
+    1 / (pi ratio).
+    Those are named that reach the peak in a model of `MANY` times the modes (docs/theory.md, section 7).
 
     Parameters
     ----------
     motion : of the run.
     peak_g : peak acceleration of every probe, g.
     """
-    system, scenario = motion.system, motion.system.scenario
-    trajectory, largest = motion.trajectory, None
-    if trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
+    system, scenario, trajectory = motion.system, motion.system.scenario, motion.trajectory
+    damped = [j for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
+    if not damped or trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
         return
-    order = np.argsort(system.dynamics.stiffness, kind="stable")
-    damped = [(j, snubber) for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
-    shapes = np.array([snubber.shape for _, snubber in damped]).reshape(len(damped), order.size)
-    for probe in system.probes:
-        apart = np.minimum(np.abs(probe.shape - shapes).max(axis=1), np.abs(probe.shape + shapes).max(axis=1))
-        for row in np.flatnonzero(apart <= 1e-9 * np.abs(probe.shape).max()):  # of a shape
-            j, snubber = damped[row]
-            reached = np.cumsum(probe.shape[order] ** 2)
-            if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:
-                continue
-            if largest is None:  # force, N, with which each contact is made
-                contact = trajectory.event_contact[trajectory.touch_changes > 0]
-                at = trajectory.event_time[trajectory.touch_changes > 0]
-                forces = trajectory.sample(at, lambda phases: trajectory.flow.at(phases).force)
-                largest = np.zeros(trajectory.flow.system.contacts.count)
-                np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
-            jump = largest[j] * reached[-1] / STANDARD_GRAVITY
-            if jump > NOTED * peak_g[probe.name]:
-                yield AccelerationJump(probe.name, snubber.name, jump)
+    touched = trajectory.touch_changes > 0
+    contact, time = trajectory.event_contact[touched], trajectory.event_time[touched]
+    force = trajectory.sample(time, lambda phases: trajectory.flow.at(phases).force)[np.arange(time.size), contact]
+    waves, largest = Waves.of(system), dict[str, AccelerationJump]()
+    for j in damped:
+        shape, name, these = system.snubbers[j].shape, system.snubbers[j].name, contact == j
+        mobility = float(shape @ shape)
+        if not these.any() or scenario.inverse_mass(scenario.located_snubbers[j]) <= MANY * mobility:
+            continue
+        for probe in system.probes:
+            apart = min(np.abs(probe.shape - shape).max(), np.abs(probe.shape + shape).max())
+            at_contact = bool(apart <= SAME_SHAPE * np.abs(shape).max())
+            sizes = np.abs(force[these])
+            size = mobility * sizes.max() if at_contact else waves.largest(probe.shape, shape, time[these], sizes)
+            jump = AccelerationJump(probe.name, name, float(size) / STANDARD_GRAVITY, at_contact)
+            if jump.size_g > max(
+                NOTED * peak_g[probe.name], largest[probe.name].size_g if probe.name in largest else 0.0
+            ):
+                largest[probe.name] = jump
+    yield from largest.values()
+
+
+@dataclass(frozen=True)
+class Waves:
+    """What the modes of a model make of a force that jumps, away from where it acts.
+
+    Parameters
+    ----------
+    upper : upper half of the kept modes.
+    ratio : smallest of their damping ratios.
+    decay : 1/s, of the highest of them.
+    number : of modes that are in reach: `MANY` times those kept; 0 where damping ends the waves of fewer.
+    """
+
+    upper: Ints
+    ratio: float
+    decay: float
+    number: float
+
+    @classmethod
+    def of(cls, system: StructuralSystem) -> Self:
+        """Those of a system."""
+        kept = system.kept_modes
+        upper = np.argsort(system.dynamics.stiffness, kind="stable")[kept // 2 : kept]
+        ratio = float(np.nanmin(system.modes["damping_ratios"].values[kept // 2 : kept], initial=np.inf))
+        number = MANY * kept if np.pi * ratio * MANY * kept < 1.0 else 0.0
+        return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
+
+    def largest(self, probe: Floats, contact: Floats, time: Floats, force: Floats) -> float:
+        """Largest acceleration of a probe by jumps at a contact, m/s^2, in a model of `MANY` times the modes.
+
+        Parameters
+        ----------
+        probe, contact : (n,) shapes.
+        time, force : (k,) s, N, of the jumps; the waves of all that still travel add as those of random phases.
+        """
+        if not self.number:
+            return 0.0
+        square, most = 0.0, 0.0
+        for size, since in zip(force.tolist(), np.diff(time, prepend=time[0]).tolist(), strict=True):
+            square = square * math.exp(-2.0 * self.decay * since) + size**2
+            most = max(most, square)
+        of_mode = float(np.sqrt(np.mean((probe * contact)[self.upper] ** 2)))
+        return math.sqrt(most * 2.0 * self.number / (math.pi * math.e)) * of_mode
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice

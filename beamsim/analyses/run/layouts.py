@@ -262,7 +262,7 @@ SPECTRA = Layout(
         ),
         "line_relative_change": Variable(
             _LINE, "1",
-            "of the amplitude, or of the frequency if larger, relative change with 1.5 times the modes and twice the "
+            "relative error of the amplitude, or of the frequency if larger, from three times the modes and twice the "
             "elements; NaN of a line of no mode, and where there is no comparison",
         ),
     },

@@ -132,7 +132,7 @@ class Needed:
 
 
 EVERYTHING = Needed()
-MOTION_ALONE = Needed(derived=False)
+MOTION_ALONE = Needed(derived=False, every_station=False)
 
 
 @dataclass

@@ -280,9 +280,9 @@ def _aliasing_notes(motion: RunMotion) -> list[str]:
 
 def records_of(
     system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float],
-    least_hz: float = 0.0,
+    up_to_hz: float | None = None,
 ) -> list[MotionRecord]:  # fmt: skip
-    """Records of a part of a motion, whose spectra cover the modes kept.
+    """Records of a part of a motion, whose spectra cover the modes kept unless it is said how far they go.
 
     Parameters
     ----------
@@ -290,14 +290,14 @@ def records_of(
     trajectory : the motion.
     channels : linear ones.
     span : s, begin and end of the part.
-    least_hz : Hz, that the spectra cover at least.
+    up_to_hz : Hz, where the spectra end.
 
     Returns
     -------
     A record of each channel.
     """
     duration = span[1] - span[0]
-    highest = max(_highest_shown(system, trajectory, duration), least_hz)
+    highest = _highest_shown(system, trajectory, duration) if up_to_hz is None else up_to_hz
     part = MotionPart(trajectory.between(*span), outputs_of(trajectory.flow, channels.linear), 2.0 * np.pi * highest)
     size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
