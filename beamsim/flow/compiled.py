@@ -89,6 +89,12 @@ def kernel(function: Callable[..., Any], **options: Any) -> Any:
 summing = partial(kernel, fastmath={"reassoc", "contract", "nsz"})
 
 
+_COMPILING = (
+    "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a busy machine "
+    "minutes"
+)
+
+
 @cache
 def cache_folder() -> Path | None:
     """The folder of compiled code, made where it is missing; None, with a warning, where it cannot be written.
@@ -111,10 +117,7 @@ def cache_folder() -> Path | None:
         warnings.warn(f"{text}; set NUMBA_CACHE_DIR to a folder that can be written", CacheWarning, stacklevel=2)
         return None
     if not any(folder.iterdir()):
-        _LOG.info(
-            "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a "
-            "busy machine minutes"
-        )
+        _LOG.info(_COMPILING)
     return folder
 
 

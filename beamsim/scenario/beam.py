@@ -428,6 +428,10 @@ class PointMass(Schema):
     """Its moment of inertia about its place on the beam, against rotation of the beam there; none by default."""
 
 
+DEEPEST = 0.1  # depth of a beam over its length, from which on shear counts
+_SHEARED = "Euler-Bernoulli theory (no shear) is doubtful when the depth is more than a tenth of the length"
+
+
 class BeamBody(Body):
     """What beams answer, whatever their bending stiffness was given by."""
 
@@ -565,12 +569,8 @@ class BeamBody(Body):
         yield from super().doubts(scenario, at)
         for stretch in self.stretches:
             yield from stretch.section.material_doubts((*at, *stretch.path))
-        depth = self.depth
-        if depth > self.length / 10.0:
-            yield (
-                f"{path_text(at)} is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) "
-                "is doubtful when the depth is more than a tenth of the length"
-            )
+        if self.depth > DEEPEST * self.length:
+            yield f"{path_text(at)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
         ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
         highest_hz = scenario.excitation.highest_tone_hz
         yield from coarse_mesh((*at, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)

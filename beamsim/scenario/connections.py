@@ -345,14 +345,18 @@ class SnubberBase(Named):
             self._check_force()
         if self.hardening is not None or self.unloading is not None:
             self._check_yielding()
-        if self.maxwell and self.law != "no_tension":
-            remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
-            raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
+        if self.maxwell:
+            self._check_relaxing()
         if self.latch:
             self._check_latch()
         if self.preload is not None:
             gap = self.key_of("gap_")
             self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
+
+    def _check_relaxing(self) -> None:
+        if self.law != "no_tension":
+            remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
+            raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
 
     def _check_latch(self) -> None:
         if self.law == "no_tension":
@@ -446,11 +450,15 @@ class SnubberAtPlaces(SnubberBase):
         bodies = [all_bodies[name] for name in named if name in all_bodies]
         largest = min((min(of.largest_deflection, 10.0 * of.depth or math.inf) for of in bodies), default=math.inf)
         if self.gap is not None and abs(self.gap) > largest:
-            what = "gap" if self.gap > 0 else "prestress"
-            yield (
-                f"{path_text((*at, 'gap'))} = {self.gap:g} m is a large {what} for a structure of this size (more than "
-                f"{largest:.3g} m): a unit such as mm may be missing"
-            )
+            yield _large_gap((*at, "gap"), self.gap, largest)
+
+
+def _large_gap(at: Path, gap: float, largest: float) -> str:
+    """That a gap at a path is larger than structures deflect, m."""
+    return (
+        f"{path_text(at)} = {gap:g} m is a large {'gap' if gap > 0 else 'prestress'} for a structure of this size "
+        f"(more than {largest:.3g} m): a unit such as mm may be missing"
+    )
 
 
 _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")

@@ -184,6 +184,10 @@ class Driven(Input):
             why, remedy = not_taken(quantity, self.takes)
             of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
             raise Unfit(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
+        if self.direction is not None or self.about is not None:
+            self._check_direction()
+
+    def _check_direction(self) -> None:
         if self.direction is not None and not self.on_base:
             raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip

@@ -239,11 +239,7 @@ def _asked_for(
     datasets: dict[str, Dataset] = {}
     notes: list[str] = []
     if scenario.excitation.stationary and needed.statistics:
-        from beamsim.analyses.run.random_response import largest_known, random_response
-
-        random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, figures), None)
-        if random is not None:
-            fields["outcome"], datasets["random"] = largest_known(result.outcome, random, settings), random
+        fields |= _random(result, motion, figures, evaluation, datasets)
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
         datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())
@@ -258,6 +254,23 @@ def _asked_for(
         notes += _misfit(datasets["matched"])
     fields["datasets"] = result.datasets | datasets
     return fields, notes
+
+
+def _random(
+    result: RunResult,
+    motion: RunMotion,
+    figures: Mapping[str, Any],
+    evaluation: Evaluation,
+    datasets: dict[str, Dataset],
+) -> dict[str, Any]:
+    """Add the statistics of the response to a random input to the datasets; the outcome with them."""
+    from beamsim.analyses.run.random_response import largest_known, random_response
+
+    random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, figures), None)
+    if random is None:
+        return {}
+    datasets["random"] = random
+    return {"outcome": largest_known(result.outcome, random, not_none(result.scenario.run))}
 
 
 def _fatigue(

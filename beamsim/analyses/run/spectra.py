@@ -255,10 +255,8 @@ def coverage_notes(motion: RunMotion) -> list[str]:
     shown, highest = MOST_FREQUENCIES / duration, _highest_kept(system)
     if shown >= highest or _highest_shown(system, trajectory, duration) < shown or not spectral(system).channels:
         return []
-    return [
-        f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has "
-        f"{highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"
-    ]
+    ends = f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has"
+    return [f"{ends} {highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"]
 
 
 def _highest_kept(system: StructuralSystem) -> float:

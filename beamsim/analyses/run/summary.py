@@ -411,14 +411,23 @@ def _without_round_off(
             if base is None or (common_record((base,)) is None and not base.coefficient.any()):
                 unmoved, speed = high - low <= ROUND_OFF * size, PRECISION * size * system.dynamics.fastest
                 rests |= unmoved & (peak <= speed * system.dynamics.fastest)
-                for key, least in (("velocity", speed), ("acceleration", speed * system.dynamics.fastest)):
-                    of_output = extremes.get(("outputs", key))
-                    if of_output is not None and unmoved.all():
-                        settled["outputs", key] = np.where(values & (largest(of_output) <= least), 0.0, of_output)
+                if system.outputs and unmoved.all():
+                    settled |= _outputs_at_rest(extremes, speed, speed * system.dynamics.fastest)
             settled[ACCELERATION] = np.where(values & rests, 0.0, extremes[ACCELERATION])
     if OPENING in extremes:
         settled[OPENING] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[OPENING])
     return settled
+
+
+def _outputs_at_rest(extremes: Extremes, speed: float, acceleration: float) -> dict[Key, Extreme]:
+    """Extremes of velocities and accelerations that are outputs, zero up to a speed and an acceleration, SI."""
+    rest = {("outputs", "velocity"): speed, ("outputs", "acceleration"): acceleration}
+    values = np.array([[True], [False], [True], [False]])  # times stay
+    return {
+        key: np.where(values & (largest(extremes[key]) <= least), 0.0, extremes[key])
+        for key, least in rest.items()
+        if key in extremes
+    }
 
 
 def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
