@@ -140,7 +140,7 @@ def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
     """The failure regions with their shares of the probability, and what checks that none is missing."""
     agrees = f"subset simulation finds {of['cross_check']:.2g}" if "cross_check" in of else ""
     if "regions" not in result.datasets:
-        yield agrees
+        yield from filter(None, [agrees])
         return
     shares = result["regions"]["share"].values.tolist()
     found = f"{counted(len(shares), 'failure region')} found"

@@ -65,7 +65,7 @@ STUDIES = {
     "design_stiffness_gap": ("vary.parameters[0].points=3", "vary.parameters[1].points=3"),
     "design_tolerances": ("vary.samples=10",),
     "design_two_motions": ("vary.samples=12",),
-    "exceedance": ("vary.samples=30", "limits.peak_force=21 N"),
+    "exceedance": ("vary.samples=100", "limits.peak_force=21 N"),
 }
 """Study -> overrides that make it short."""
 

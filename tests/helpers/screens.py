@@ -281,6 +281,8 @@ def _unwrapped(lines: list[str]) -> list[str]:
 def read_screen(text: str, facts: ResultFacts, is_heading: Callable[[str], bool]) -> Screen:
     """Divide a screen into its parts."""
     first, *others = text.rstrip("\n").split("\n")
+    if others[-1].startswith("processor time of the command "):  # which no file has
+        others.pop()
     title = facts.title or first.partition("  ")[0]
     if not first.startswith(title):
         raise ValueError(f"the screen begins with {first!r}, not with the title")

@@ -95,7 +95,8 @@ def _cell(facts: ResultFacts, heading: str, name: str, text: str) -> list[str]:
 
 
 OF_STUDIES = (
-    r"(?:smallest|largest)(?: \(at .*\))?|mean|median|5 %|95 %|margin|limit|deviation|design point|importance|doubles.*"
+    r"(?:smallest|largest)(?: \(at .*\))?|mean|median|5 %|95 %|margin|limit|deviation|design point|"
+    r"importance \(%\)|doubles.*"
 )
 
 
@@ -1238,6 +1239,21 @@ def _index(facts, found):
         yield f"they are {of['reliability_index']:.4g} and {of['distance']:.4g}"
 
 
+@rule(
+    "line",
+    r"(?:(\d+) failure regions? found(?:, with (.*) of the probability)?)?(?:; )?(?:subset simulation finds <N>)?",
+)
+def _regions(facts, found):
+    shares = facts.data.get("regions/share", np.zeros(0))
+    if not found[0] or (found[1] and int(found[1]) != shares.size):
+        yield f"the file has {shares.size}"
+    for text, share in zip(re.findall(r"(\d+) %", found[2] or ""), shares, strict=False):
+        if abs(float(text) - 100 * share) > 0.5 + 1e-9:
+            yield f"{text} % is printed of {share:.3%}"
+    if found[3] and not rounds_to(found[3], facts.summary["reliability"]["cross_check"], 2):
+        yield f"it finds {facts.summary['reliability']['cross_check']:.3g}"
+
+
 @rule("line", r"(?:(\d+)|none|all)(?: of (\d+))? cases compared with a finer model(?:, the other (\d+) not)?")
 def _compared_cases(facts, found):
     compared, count = int(facts.data["cases/compared"].sum()), facts.data["cases/case"].size
@@ -1405,18 +1421,48 @@ def _statistics(facts, found, name, text):
     yield from differs(facts, size, float(functions[found[1]](values)), _si_unit(size))
 
 
-@rule("heading", r"deviation|design point|importance|doubles with the mean")
+@rule("heading", r"deviation|design point")
 def _random_number(facts, found, name, text):
-    known = {"deviation": "deviation", "design point": "design", "importance": "importance", "mean": "mean"}
-    column = known.get(found if isinstance(found, str) else found[0])
-    if column is None:
+    known = {"deviation": "deviation", "design point": "design", "mean": "mean"}
+    column = known[found if isinstance(found, str) else found[0]]
+    yield from differs(facts, text, float(_of_number(facts, column, name)), _si_unit(text))
+
+
+def _of_number(facts: ResultFacts, column: str, name: str) -> Any:
+    """A column of the numbers that scatter, of the one that is called so."""
+    path = next(path for path in facts.labels("random_numbers/number") if _called(path) == name)
+    return facts.row(f"random_numbers/{column}", "random_numbers/number", path)
+
+
+@rule("heading", r"importance \(%\)")
+def _importance(facts, found, name, text):
+    share, low, high = (100 * float(_of_number(facts, f"importance{end}", name)) for end in ("", "_low", "_high"))
+    if text.startswith("below "):
+        if float(text.split()[1]) < high:
+            yield f"it may be {high:.3g} %"
         return
-    paths = [path for path in facts.labels("random_numbers/number") if _called(path) == name]
-    values = [float(facts.row(f"random_numbers/{column}", "random_numbers/number", path)) for path in paths]
-    unit = "1" if column == "importance" else _si_unit(text)
-    digits = 1 if column == "importance" else 3
-    if not any(not list(differs(facts, text, value, unit, digits=digits)) for value in values):
-        yield f"the file has {values}"
+    for part, value in zip(re.findall(r"\d+", text), (share, low, high), strict=False):
+        if abs(float(part) - max(value, 0.0)) > 0.5 + 1e-9:
+            yield f"{part} is printed of {value:.4g}"
+    if not math.isnan(low) and not low <= share <= high:
+        yield "the interval does not hold its value"
+
+
+@rule("heading", r"doubles with the mean")
+def _doubles(facts, found, name, text):
+    sign, size, low, high = re.fullmatch(r"([-+±]?)(\S+ \S+|\S+)(?: \((.*) to (.*)\))?", text).groups()
+    ways = [_of_number(facts, f"doubles{end}", name) for end in ("", "_low", "_high")]
+    unit = _si_unit(size)
+    unit = "kg" if facts.units["random_numbers/doubles"] == "kg" else unit
+    for value, *ends in zip(*ways, strict=True):
+        texts = [(size, abs(value)), *zip((low, high), map(abs, ends), strict=True)]
+        if not any(list(differs(facts, each, float(x), unit)) for each, x in texts if each):
+            if sign != "±" and (sign == "-") != (value < 0.0):
+                yield f"it is {value:.4g}"
+            if low and not abs(ends[0]) <= abs(value) <= abs(ends[1]):
+                yield "the interval does not hold its value"
+            return
+    yield f"the file has {ways[0]}"
 
 
 def _called(path: str) -> str:
