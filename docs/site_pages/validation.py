@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 import beamsim
 from beamsim.system.build import build_system
@@ -33,7 +34,8 @@ What the tests check beyond this page: closed forms (`tests/analytic`), independ
 def page() -> str:
     """Return the page as MyST Markdown."""
     sections = (
-        frequencies, stiffness, linear_or_not, amplitudes, open_choices, nonlinear_modes, weak_springs, other_sources
+        frequencies, stiffness, linear_or_not, amplitudes, open_choices, nonlinear_modes, weak_springs, other_sources,
+        probabilities,
     )  # fmt: skip
     return _INTRODUCTION + "\n".join(section() for section in sections)
 
@@ -54,6 +56,24 @@ def other_sources() -> str:
         heads = ["quantity", "printed", "computed", "difference"]
         parts.append(f"### {one.title}\n\n{one.source}.\n\n{table(heads, rows)}\n{one.note}\n")
     return "\n".join(parts)
+
+
+def probabilities() -> str:
+    """How often intervals of probabilities hold the exact ones: the table that is kept of a benchmark."""
+    kept = yaml.safe_load((Path(__file__).parents[1] / "probabilities.yaml").read_text(encoding="utf-8"))
+    rows = [
+        (of["problem"], of["samples"], f"{of['exact']:.3g}", f"{of['mean'] / of['exact']:.3f}",
+         f"{of['held']} of {of['seeds']}", f"{of['check_agrees']} of {of['seeds']}", of["histories"])
+        for of in kept["rows"]
+    ]  # fmt: skip
+    heads = [
+        "problem", "samples", "exact", "mean / exact", "95 % interval holds it", "check agrees", "histories on average"
+    ]  # fmt: skip
+    return (
+        "## Probabilities\n\nProblems with an exact probability, each with many seeds; the target of the coefficient "
+        f"of variation is 10 %. Computed on {kept['date']} at commit {kept['commit']} by "
+        f"`python -m benchmarks.probabilities`.\n\n{table(heads, rows)}\n"
+    )
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
