@@ -320,7 +320,9 @@ def _judgement(result: StudyResult) -> str:
     if tolerances is None:
         return ""
     of, worst = f"{tolerances['realisations']} realisations within the tolerances", result.summary.get("worst")
-    how = "" if worst is None or worst["kind"] == SAMPLED else f", of the best case {worst['kind']}"
+    how = (
+        "" if worst is None or worst["kind"] == SAMPLED else f"; limits and objective of the best case {worst['kind']}"
+    )
     if len(result.parameters) == 1 or result.kind == "zip":
         return f"   (bands: sample of {of}{how})"
     if tolerances["quantile"] < 1.0:

@@ -294,6 +294,13 @@ def _acceleration(facts, found, name, text):
     yield from cell(facts, text, value, "m/s^2", ("peak_acceleration_g", name))
 
 
+@rule("heading", "worst")
+def _worst_of_best(facts, found, name, text):
+    kind = facts.summary["best"][int(name.split(".")[0]) - 1]["worst"]
+    if text != kind:
+        yield f"it is {kind}"
+
+
 @rule("heading", "limit")
 def _limits_of_place(facts, found, name, text):
     if facts.kind == "designs":
@@ -1068,25 +1075,33 @@ def _damage(facts, found):
 
 @rule("line", r"(peak (?:[a-z ]|of \S+)*): (\S+ \+.*)")
 def _sensitivity(facts, found):
-    columns = ("path", "change", "response", "tolerance")
+    columns = ("path", "change", "response", "tolerance", "change_below")
     rows = list(zip(*(facts.data[f"sensitivities/{column}"] for column in columns), strict=True))  # fmt: skip
     quantity, _, place = found[1].partition(" of ")
     own = [row for row in rows if place in row[2].split("/") and quantity.replace(" ", "_") in row[2]]
-    sizes = []
+    sizes, path = [], ""
     for part in re.sub(r" and \d+ more$", "", found[2]).split(", "):
-        path, tolerance, change = re.fullmatch(r"(\S+) \+(.*?): (.*)", part).groups()
+        named, side, tolerance, change = re.fullmatch(r"(?:(\S+) )?([+-])(.*?): (.*)", part).groups()
+        path = named or path
         near = [row for row in own if row[0] == path]
         if not near:
             yield f"{path} is not in the file"
             continue
-        if list(differs(facts, change.replace("+", ""), float(near[0][1]), _si_unit(change))):
-            yield f"{path} changes it by {near[0][1]:.4g}"
+        changed = float(near[0][1 if side == "+" else 4])
+        if list(differs(facts, change.replace("+", ""), changed, _si_unit(change))):
+            yield f"{path} changes it by {changed:.4g}"
         yield from differs(facts, tolerance, float(near[0][3]), _si_unit(tolerance))
-        sizes.append(abs(float(near[0][1])))
+        if named:
+            sizes.append(_size_of_change(near[0]))
     if sizes != sorted(sizes, reverse=True) or (
-        own and sizes and sizes[0] < max(abs(float(row[1])) for row in own) * (1 - 1e-9)
+        own and sizes and sizes[0] < max(map(_size_of_change, own)) * (1 - 1e-9)
     ):
         yield "the largest change does not come first"
+
+
+def _size_of_change(row):
+    """The larger change of a value where a number is larger and where it is smaller by its tolerance."""
+    return max(abs(float(row[1])), abs(float(row[4])))
 
 
 @rule("line", r"\* changes by more than 2 % with a finer model")
@@ -1330,6 +1345,23 @@ def _limit_of_cases(facts, found):
         "tolerances" in facts.summary and facts.summary["tolerances"]["quantile"] < 1.0 and bool(cases)
     ):
         yield "the value is that of a quantile" if "quantile" not in found[0] else "the value is that of no quantile"
+
+
+@rule("line", r"worst of the best case within its tolerances: (.*?)(?: with (\d+) further cases? of at most (\d+))?")
+def _kind_of_worst(facts, found):
+    worst = facts.summary["worst"]
+    if found[1] != worst["kind"] or (found[2] and int(found[2]) != worst["further_cases"]):
+        yield f"it is {worst['kind']} with {worst['further_cases']}"
+
+
+@rule("line", r"worst (.*) <Q>, in the sample <Q>; at (.*)")
+def _worst_within(facts, found):
+    of = facts.summary["worst"]["by"].get(found[1].replace(" ", "_"))
+    if of is None:
+        yield f"nothing that judges is called {found[1]}"
+        return
+    yield from differs(facts, found[2], of["value"], _si_unit(found[2]))
+    yield from differs(facts, found[3], of["of_sample"], _si_unit(found[3]))
 
 
 @rule(

@@ -77,7 +77,7 @@ def test_every_printed_worst_is_called_sampled_or_searched(tmp_path):
     assert "stop gap -0.3 mm" in text
     assert "(worst sampled)" in text  # of the limit, in the other case
     title = next(iter(design_figures(result).values())).title
-    assert "sample of 5 realisations within the tolerances, of the best case searched" in title
+    assert "sample of 5 realisations within the tolerances; limits and objective of the best case searched" in title
     again = beamsim.load(write_result(result, tmp_path / "study.h5"))
     assert (again.summary["worst"], again.summary["best"]) == (result.summary["worst"], result.summary["best"])
     further = again["further_realisations"]
