@@ -30,14 +30,12 @@ LEAST_ADDRESS_SPACE = 1_000_000 * 1024
 def main() -> None:
     """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.outcomes.ExitCode`."""
     heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
-    ending: BaseException | None = None
 
     def stop(number: int, _frame: object) -> None:
-        nonlocal ending
-        if ending is not None and ending in _being_handled():
+        if _RECEIVED and _RECEIVED[-1] in _being_handled():
             return  # a second signal would end the clean-up, and with another exit code
-        ending = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
-        raise ending  # again, if a library has dropped the one before
+        _RECEIVED.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
+        raise _RECEIVED[-1]  # again, if a library has dropped the one before
 
     try:
         for number in heeded:  # before anything else, which may take its time on a busy machine
@@ -53,6 +51,14 @@ def main() -> None:
             gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+_RECEIVED: list[BaseException] = []  # what signals raised, outside of computations
+
+
+def received() -> BaseException | None:
+    """What a signal raised while the command was loaded; a library may have made an error of its own of it."""
+    return _RECEIVED[-1] if _RECEIVED else None
 
 
 def _prepare() -> None:

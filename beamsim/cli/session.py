@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
+from beamsim.cli import received
 from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
 from beamsim.outcomes import ExitCode
 
@@ -219,7 +220,9 @@ def with_exit_code(*, debug: bool) -> Iterator[None]:
 
 def _ended_by(raised: BaseException, *, debug: bool) -> BaseException:
     """Say why a command ends, and return what ends it with its exit code."""
-    error = raised if isinstance(raised, SystemExit) else interruption_behind(raised) or raised
+    error = raised
+    if not isinstance(raised, SystemExit | VerdictError):
+        error = interruption_behind(raised) or received() or raised
     if isinstance(error, SystemExit):
         if error is not raised or error.code == ExitCode.TERMINATED:
             say(NOTHING_INCOMPLETE)

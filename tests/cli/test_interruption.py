@@ -514,6 +514,39 @@ def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, 
         assert returned == []
 
 
+REPLACED = """
+import signal, sys, types
+from beamsim import cli
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def app(prog_name):
+    from beamsim.cli.session import with_exit_code
+
+    with with_exit_code(debug=False):
+        try:
+            signal.raise_signal({number})
+        except BaseException:
+            pass
+        raise ValueError("schema")  # with nothing behind it, as compiled libraries do
+
+sys.modules["beamsim.cli.app"] = types.SimpleNamespace(app=app)
+try:
+    cli.main()
+except Exception as ended:
+    sys.exit(ended.exit_code)  # as typer does
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_error_that_a_library_raises_in_place_of_a_signal_is_none(number, code):
+    done = subprocess.run(
+        [sys.executable, "-c", REPLACED.format(number=int(number))], check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (code, "beamsim: interrupted; no incomplete file was left\n")
+
+
 # --- at any time ------------------------------------------------------------------------------------------------------
 
 TIMED = """
