@@ -18,6 +18,7 @@ from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from beamsim.trust.studies import design_study
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time, spent
+from benchmarks.newmark import newmark
 
 STUDY = "configs/design_stiffness_gap.yaml"
 SWEEP = "configs/sweep_up_down.yaml"
@@ -91,6 +92,32 @@ def random_run(quick: bool) -> tuple[Measurement, float]:
     duration = 0.1 if quick else 1.0
     once(duration)  # compiles
     return lambda: once(duration), 300.0
+
+
+RANDOM_S, STEP = 2.0, 1e-5  # s: of random vibration; a step with its peak force within 0.1 %
+
+
+def random_vibration() -> Any:
+    """The shipped case of random vibration with a stop, without the comparison with a finer model."""
+    return beamsim.load_scenario("configs/random_vibration.yaml", {"run.duration": RANDOM_S, "run.convergence": "off"})
+
+
+def random_case(quick: bool) -> tuple[Measurement, float]:
+    """A whole run of that case: motion, peaks, histories, energies, spectra and statistics."""
+    beamsim.run(beamsim.load_scenario("configs/random_vibration.yaml", {"run.convergence": "off"}))  # compiles
+    return lambda: processor_time(lambda: beamsim.run(random_vibration())), 3.0
+
+
+def fixed_step() -> float:
+    """Newmark's method on the same modes and load: the motion alone, without peaks between steps or statistics."""
+    system = build_system(random_vibration())
+    dynamics, contacts = system.dynamics, system.dynamics.contacts
+    times = STEP * np.arange(round(RANDOM_S / STEP) + 1)
+    load = np.outer(system.forcing.signal[0](times), system.forcing.load[0])
+    matrices = dynamics.stiffness, dynamics.damping, -contacts.sign[:, None] * contacts.shape
+    laws = contacts.stiffness, contacts.dashpot, contacts.gap
+    newmark(matrices, laws, load[:2], system.initial_state, STEP, 0.0)  # compiles
+    return processor_time(lambda: newmark(matrices, laws, load, system.initial_state, STEP, 0.0))
 
 
 def study(parameter: str, marches: float) -> Callable[[bool], tuple[Measurement, float]]:
@@ -270,6 +297,8 @@ ROWS = (
     Row("first", "first `beamsim run` after installation", "s", cli(13.0, "run", CASE, fresh=FRESH), IMPORT, False),
     Row("long", "50 s at 20 kHz", "s", run(1000.0, **{"run.duration": "50 s"}), repeat=False),
     Row("random", "random input, 20 to 2000 Hz, default rate: one second", "s", random_run),
+    Row("random_fixed_step", "2 s of random vibration with a stop, all of the run", "s", random_case,
+        ("fixed step of 10 us, the motion alone", fixed_step)),
     Row("snubbers-100", "100 snubbers, 20 modes, 0.1 s", "s", whole_panel, repeat=False),
     Row("snubbers-100-memory", "largest memory of that; reference: half as long", "MB",
         lambda quick: (lambda: panel_memory(0.1), 1.1), ("half as long", lambda: panel_memory(0.05)), False),
