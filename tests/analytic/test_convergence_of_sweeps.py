@@ -30,17 +30,19 @@ def case(modes, **more):
     )
 
 
-def test_changes_of_a_sweep_are_those_of_the_finer_model():
+def test_errors_of_a_sweep_follow_from_the_finer_model():
     result = beamsim.sweep(case(3))
     s, model = result.summary, result.summary["convergence_model"]
-    assert (model["first_modes"], model["modes"]) == (3, 5)
-    finer = unchecked(case(5, beam=BEAM | {"elements": 40})).summary
+    assert (model["first_modes"], model["modes"]) == (3, 9)
+    finer = unchecked(case(9, beam=BEAM | {"elements": 40})).summary
     for entry in ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "contact_share"):
         for curve, values in s[entry].items():
             for name, a in values.items():
                 b = finer[entry][curve][name]
-                expected = abs(a - b) / max(abs(a), abs(b))
-                assert s["convergence"][entry][f"{curve} {name}"] == pytest.approx(expected, rel=1e-5, abs=1e-9)
+                error = 9 / 8 * abs(a - b) / max(abs(a), abs(b))
+                stated = s["convergence"][entry][f"{curve} {name}"]
+                higher = entry == "peak_acceleration_g" and stated > error  # at least 0.1 %
+                assert higher or stated == pytest.approx(error, rel=1e-5, abs=1e-9)
 
 
 def test_a_sweep_with_too_few_modes_is_marked(tmp_path):
