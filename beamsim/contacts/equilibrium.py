@@ -24,6 +24,7 @@ from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 
 _ROUND_OFF = 1e-10  # relative, of loads and gaps
+_ON_NODE = 1e-13  # of a deflection: so little of it in a rigid-body motion is zero
 _CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
 _SPLIT = 2.0**27 + 1.0  # times a number, which leaves the upper half of its digits
 
@@ -108,8 +109,7 @@ def find_equilibrium(
     cubic = CubicSprings(np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else cubic
     shape, load = springs.shape.copy(), loads.sum(axis=0)
     # a stop on a node of a rigid-body motion does not hold it, whatever round-off says
-    # so little of a deflection in a rigid-body motion is zero
-    nodes = np.abs(shape) <= 1e-13 * np.linalg.norm(shape, axis=1)[:, None]
+    nodes = np.abs(shape) <= _ON_NODE * np.linalg.norm(shape, axis=1)[:, None]
     shape[:, :rigid][nodes[:, :rigid]] = 0.0
     load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)

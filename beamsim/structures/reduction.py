@@ -46,6 +46,7 @@ from beamsim.typing import Complexes, Floats
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
+_INDEPENDENT = 1e-12  # squared norm of what other deflections leave of one, over its own
 
 
 def static_deflections(model: Structure, loads: Floats) -> Floats:
@@ -233,13 +234,13 @@ def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Float
     """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k).
 
     They are independent by a decomposition with pivoting: a deflection is left out if its remaining squared norm is
-    below 1e-12 of that of the whole deflection.
+    below `_INDEPENDENT` of that of the whole deflection.
     """
     whole = np.sum(np.asarray(model.factor @ static_deflections(model, loads)) ** 2, axis=0)
     residual = _beyond_modes(model, phi, loads)
     scale = np.divide(1.0, np.sqrt(whole), out=np.zeros_like(whole), where=whole > 0)
     r, order = qr(np.asarray(model.factor @ residual) * scale, mode="r", pivoting=True)
-    kept = int(np.sum(np.diag(r) ** 2 > 1e-12))
+    kept = int(np.sum(np.diag(r) ** 2 > _INDEPENDENT))
     transform = np.zeros((scale.size, kept))
     transform[order[:kept]] = solve_triangular(r[:kept, :kept], np.diag(np.sign(np.diag(r)[:kept])))
     transform = scale[:, None] * transform

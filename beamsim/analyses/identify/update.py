@@ -29,6 +29,9 @@ from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.typing import Floats
 
+NEARLY_AS_WELL = 4.0  # variances that a misfit exceeds the best one by: two standard deviations
+POINTS_OF_PROFILE = 13  # of the misfit along each parameter
+
 
 def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
     """Natural frequencies, every contact open, of the bodies that a snubber acts on.
@@ -83,8 +86,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     # an unknown standard deviation is that of the residuals
     scale = 1.0 if known else best.misfit / freedom if freedom > 0 else np.nan
     parameters, covariance, warnings = fit.estimates(best, fit.jacobian(best.x), scale, section.coverage)
-    profiles = fit.profiles(best, covariance, scale, points=13) if scale > 0.0 else ()
-    if len(tried) > 1 and tried[1][3].misfit < best.misfit + 4.0 * scale:
+    profiles = fit.profiles(best, covariance, scale, points=POINTS_OF_PROFILE) if scale > 0.0 else ()
+    if len(tried) > 1 and tried[1][3].misfit < best.misfit + NEARLY_AS_WELL * scale:
         warnings.append(f"the supports {tried[1][0]} fit nearly as well: these frequencies do not distinguish them")
     updated = varied(case, numbers, best.x)
     misfits = {text: found.misfit for text, _, _, found in tried} | dict.fromkeys(refused, np.inf) if words else {}

@@ -71,6 +71,7 @@ FEWEST_SEGMENTS, MOST_SEGMENTS = 5, 50
 EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
 UNKNOWN = "expected_peak_unknown"
 SAME_PEAK = 1e-9  # relative, within which the largest peaks of two segments are one, which none exceeds
+OTHER_STIFFNESS = 0.5  # of the largest: a change of a contact's stiffness that makes a test unlike its record
 DRAWS = 20_000  # of records, for the interval of a largest value
 REACHED = "largest value that the run reached"  # with which limits are compared where no test is known
 MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
@@ -644,7 +645,7 @@ def _beyond_record(
             high = mean + direction * float(_extrapolated(peaks**2, samples / x.size)[2]) ** 0.5
             phases = [law.phases[law.resting_phase(at)] for at in np.linspace(low, high, 33).tolist()]
             stiffness = [phase.stiffness for phase in phases]
-            if np.ptp(stiffness) > 0.5 * np.abs(stiffness).max():
+            if np.ptp(stiffness) > OTHER_STIFFNESS * np.abs(stiffness).max():
                 reasons[name.removeprefix("snubber "), "force"] = (
                     f"the stiffness of {name} changes between {1e3 * low:.3g} m{unit}, which half of the record does "
                     f"not exceed, and {1e3 * high:.3g} m{unit}, which the test may reach"
