@@ -108,6 +108,7 @@ def _near_lines(result: StudyResult) -> Iterator[str]:
     if "front" in result["cases"]:
         count = int(result["cases"]["front"].values.sum())
         yield f"{counted(count, 'design')} of the front: none is better in both objectives"
+        yield from _end_lines(result)
     near = result.summary.get("near_best", {})
     if near:
         ranges = [
@@ -116,6 +117,20 @@ def _near_lines(result: StudyResult) -> Iterator[str]:
         yield f"within 1 % of the best: {', '.join(ranges)}"
     for path in (p for p, of in near.items() if of.get("at_end")):
         yield f"the best {parameter_label(path)} is an end of its range; a wider range may have a better one"
+
+
+def _end_lines(result: StudyResult) -> Iterator[str]:
+    """The design that is best in each of two objectives, and whether a wider range may have a better one."""
+    units = {name: of.unit for name, of in result["cases"].by_label("objective_value").items()}
+    for end in result.summary.get("front_ends", ()):
+        design = [f"{label} {value}" for label, value in _parameters(result, end["parameters"]).items()]
+        values = [f"{name.replace('_', ' ')} {amount(value, units[name])}" for name, value in end["values"].items()]
+        yield f"best in {end['objective'].partition(' ')[2]}: {', '.join(values)}; {', '.join(design)}"
+        if labels := [parameter_label(path) for path in end["at_end"]]:
+            are = (
+                "is an end of its range; a wider range" if len(labels) == 1 else "are ends of their ranges; wider ones"
+            )
+            yield f"{' and '.join(labels)} there {are} may have a better one"
 
 
 def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:

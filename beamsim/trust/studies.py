@@ -19,13 +19,14 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.studies.designs import unsettled
 from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import Study, StudyPlan, check_cases, design, plan_designs
 from beamsim.analyses.studies.reliability import Exceedance, asked, concluded
 from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
 from beamsim.analyses.studies.result import StudyResult
-from beamsim.analyses.studies.search import search, unsettled
+from beamsim.analyses.studies.search import search
 from beamsim.analyses.studies.summary import result_of
 from beamsim.analyses.studies.table import worth_comparing
 from beamsim.analyses.studies.worst import Changes, WorstSearch

@@ -132,6 +132,47 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
     assert 0 < front.sum() < both.count
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_front_reaches_its_ends_in_closed_form(seed):
+    """The least force is that of the softest stop, the least displacement that of the stop that the limit allows.
+
+    The lightest of three masses is best in both; gaps add to the displacement, and take a ten-thousandth of the force.
+    """
+    pytest.importorskip("pymoo")
+    limit = 60.0
+    masses = {"name": "mass", "choices": {f"{m} kg": {"chain.masses": [m]} for m in (5.0, MASS, 3.0)}}
+    gap = {"path": "snubbers[*].gap", "from": "0 mm", "to": "0.2 mm"}
+    optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS, gap, masses], "most_cases": 240, "seed": seed}
+    result = searched(optimise, limits={FORCE: limit})
+    assert result.count <= 240
+    of_front = result["cases"]["front"].values
+    force, depth = result["cases"]["objective_value"].values[:, of_front]
+    softest, stiffest = closed(1e3), MASS * SPEED**2 / limit
+    assert force.min() == pytest.approx(softest[0], rel=1e-3)  # less by the spring's share in a gap
+    assert depth.min() == pytest.approx(stiffest, rel=5e-3)
+    np.testing.assert_array_less(force * depth, 1.02 * MASS * SPEED**2)  # none is far from the front
+    order = np.argsort(force)
+    ranges = np.array([limit - softest[0], softest[1] - stiffest])
+    steps = np.linalg.norm(np.diff(np.array([force, depth])[:, order], axis=1) / ranges[:, None], axis=0)
+    assert steps.max() < 0.1 * steps.sum()
+    low, high = result.summary["front_ends"]
+    assert (low["objective"], high["objective"]) == ("smallest peak force", "smallest peak displacement")
+    assert low["parameters"]["mass"] == high["parameters"]["mass"] == f"{MASS} kg"
+    assert low["at_end"] == [WHERE, "snubbers[*].gap"]
+    assert high["at_end"] == ["snubbers[*].gap"]
+    assert high["values"][DEPTH] == pytest.approx(depth.min(), rel=1e-12)
+
+
+def test_a_front_says_what_there_was_no_room_for():
+    """Thirty cases locate no end."""
+    pytest.importorskip("pymoo")
+    gap = {"path": "snubbers[*].gap", "from": "0 mm", "to": "2 mm"}
+    result = searched({"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS, gap], "most_cases": 30})
+    assert result.count <= 30
+    assert result.outcome.code == "search_not_converged"
+    assert "the smallest peak displacement was not located" in result.outcome.text
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
     """Of one product in four, in 6 % of its gaps: nothing nearby points there, and half of the front is there."""
@@ -180,6 +221,8 @@ def test_what_cannot_be_met_is_said():
     result = searched({"minimise": FORCE, "parameters": [STIFFNESS], "most_cases": 40}, limits={"peak_force": "1 N"})
     assert "best" not in result.summary
     assert result.outcome.code == "no_feasible_design"
+    assert f"no feasible design found after {result.count} of 40 cases" in result.outcome.text
+    assert ("most_cases" in result.outcome.text) == (result.count == 40)  # more of them only help where all were tried
     margin = result.summary["margins"]["peak_force"]  # of the design that comes nearest
     assert margin["verdict"] == "exceeded"
     assert margin["value"] == pytest.approx(closed(1e3)[0], rel=0.05)

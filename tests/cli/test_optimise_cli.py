@@ -127,12 +127,26 @@ def test_cases_that_are_sweeps_are_solved_by_processes():
     same_tables("1.h5", "2.h5")
 
 
+def test_a_front_names_the_best_design_of_each_objective():
+    """The softest stop has the least force, the stiffest one the least displacement; both are ends of the range."""
+    pytest.importorskip("pymoo")
+    aims = CASE.replace("{peak_force: 60 N, peak_displacement: 10 mm}", "[peak_force, snubbers/stop/contact_share]")
+    Path("case.yaml").write_text(aims.replace("limits: {peak_force: 120 N, peak_displacement: 30 mm}\n", ""))
+    lines = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots").output.splitlines()
+    force, share = (k for k, line in enumerate(lines) if line.startswith("best in "))
+    assert lines[force].startswith("best in peak force: peak force ")
+    assert "stop stiffness 1 kN/m" in lines[force]
+    assert lines[force + 1].startswith("stop stiffness")
+    assert lines[share].startswith("best in snubbers stop contact share: ")
+    assert "stop stiffness 100 kN/m" in lines[share]
+
+
 def test_exit_codes_say_whether_a_design_meets_the_limits():
     assert invoke("sweep", "case.yaml", "--workers", 1, "--check", "--no-plots").exit_code == 0
     sets = ["--set", "limits.peak_force=1 N", "--set", "optimise.most_cases=20", "--no-plots", "--workers", "1"]
     without = invoke("sweep", "case.yaml", *sets)
     assert without.exit_code == 3
-    assert "none of 20 designs meets every limit" in without.output
+    assert "no feasible design found after 20 of 20 cases" in without.output
     checked = invoke("sweep", "case.yaml", *sets, "--check")
     assert checked.exit_code == 4
     assert "exceeds limits.peak_force" in checked.output

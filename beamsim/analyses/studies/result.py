@@ -87,6 +87,10 @@ _SUMMARY = (
     Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
              "that meet every limit and are within 1 % of the best one; at_end says whether the best is at an end of "
              "its range", form=by_name(record({"smallest": Number, "largest": Number}, {"at_end": Flag}))),
+    Entry("front_ends", "", "of a search for two objectives: of each the design of the front that is best in it: its "
+             "case, the values of both, parameters, and at_end, which of them are ends of their ranges",
+             form=list_of(record({"objective": Text, "case": Number, "values": by_name(Number), "parameters": Plain,
+                                  "at_end": list[Text]}))),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", form=list_of(BEST)),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "

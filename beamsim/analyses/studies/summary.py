@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.studies.layouts import CASES, FURTHER, REALISATIONS, SOBOL
-from beamsim.analyses.studies.plan import StudyPlan, varied_seeds
+from beamsim.analyses.studies.plan import ParameterColumn, StudyPlan, varied_seeds
 from beamsim.analyses.studies.responses import describe, means
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import (
@@ -236,6 +236,7 @@ def _about_best(table: StudyTable, finished: Collection[int]) -> dict[str, Any]:
         "objective": " and ".join(aim.text for aim, _ in table.aims) if best else None,
         "as_it_is": described(first[0]) if first else None,
         "near_best": _near_best(table) if plan.searches and table.front is None else None,
+        "front_ends": _front_ends(table) if plan.searches and table.front is not None and best else None,
         "best": [described(item) for item in best] or None,
         "margins": worst if table.limits and plan.kind != "reliability" else None,
         "probability": probability(table.passing[table.drawn]) if sampled else None,
@@ -249,15 +250,36 @@ def _near_best(table: StudyTable) -> dict[str, Any] | None:
         return None
     case, best = table.best[0]["case"], table.best[0]["value"]
     near = table.eligible & (np.abs(values - best) <= _NEAR * abs(best))
-    ends = {p.path: (p.low, p.high) for p in table.plan.study.varied}
     said = {}
     for parameter in (parameter for parameter in table.plan.parameters if parameter.numeric):
-        within, reach = parameter.values[near], ends[parameter.path]
-        at_end = np.isclose(parameter.values[case], reach, rtol=1e-9, atol=1e-9 * (reach[1] - reach[0])).any()
+        within = parameter.values[near]
         said[parameter.path] = {
-            "smallest": float(within.min()), "largest": float(within.max()), "at_end": bool(at_end)
+            "smallest": float(within.min()), "largest": float(within.max()), "at_end": _at_end(table, parameter, case)
         }  # fmt: skip
     return said
+
+
+def _front_ends(table: StudyTable) -> list[dict[str, Any]]:
+    """By objective the design of the front that is best in it, and which of its numbers are ends of their ranges."""
+    among, found = np.flatnonzero(table.eligible), list[dict[str, Any]]()
+    for aim, values in table.aims:
+        if values is not None:
+            case = int(among[np.argmin(aim.sign * values[among])])
+            at_end = [parameter.path for parameter in table.plan.parameters if _at_end(table, parameter, case)]
+            of_case = {name: float(each[case]) for name, each in table.objectives.items()}
+            chosen = table.plan.values_in(case)
+            found.append(
+                {"objective": aim.text, "case": case, "values": of_case, "parameters": chosen, "at_end": at_end}
+            )
+    return found
+
+
+def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:
+    """Whether a number of a case is an end of its range."""
+    if not parameter.numeric:
+        return False
+    low, high = next((p.low, p.high) for p in table.plan.study.varied if p.path == parameter.path)
+    return bool(np.isclose(parameter.values[case], (low, high), rtol=1e-9, atol=1e-9 * (high - low)).any())
 
 
 def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
@@ -484,10 +506,15 @@ def _search_ended(table: StudyTable, ended: Outcome | None) -> Outcome:
     if table.best or not done:
         return ended
     reason = f"; the first of {len(failures)} that failed: {failures[0].outcome.text}" if failures else ""
+    sentence = f"no feasible design found after {done} of {most} cases{reason}"
+    more = ", or more most_cases" if done >= most else ""
     return Outcome.of(
-        OutcomeKind.INCOMPLETE, "no_feasible_design", f"none of {done} designs meets every limit{reason}", ended,
-        remedy="give wider ranges, other limits, or more most_cases", done=done,
-    )  # fmt: skip
+        OutcomeKind.INCOMPLETE,
+        "no_feasible_design",
+        sentence,
+        remedy=f"give wider ranges, other limits{more}",
+        done=done,
+    )
 
 
 def _outcome(table: StudyTable) -> Outcome:
