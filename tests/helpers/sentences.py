@@ -95,7 +95,7 @@ def _cell(facts: ResultFacts, heading: str, name: str, text: str) -> list[str]:
 
 
 OF_STUDIES = (
-    r"(?:smallest|largest)(?: \(at .*\))?|mean|median|5 %|95 %|margin|limit|deviation|design point|"
+    r"(?:smallest|largest)(?: \(at .*\))?|mean|median|5 %|95 %|margin|worst|limit|deviation|design point|"
     r"importance \(%\)|doubles.*"
 )
 
@@ -295,9 +295,9 @@ def _acceleration(facts, found, name, text):
 
 @rule("heading", "worst")
 def _worst_of_best(facts, found, name, text):
-    kind = facts.summary["best"][int(name.split(".")[0]) - 1]["worst"]
-    if text != kind:
-        yield f"it is {kind}"
+    best = _best_number(facts, name)
+    if text != best["worst"]:
+        yield f"it is {best['worst']}"
 
 
 @rule("heading", "limit")
