@@ -19,6 +19,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
+from beamsim.cli.received import RECEIVED
 from beamsim.errors import CacheWarning
 
 __all__ = ["main"]
@@ -32,10 +33,10 @@ def main() -> None:
     heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
 
     def stop(number: int, _frame: object) -> None:
-        if _RECEIVED and _RECEIVED[-1] in _being_handled():
+        if RECEIVED and RECEIVED[-1] in _being_handled():
             return  # a second signal would end the clean-up, and with another exit code
-        _RECEIVED.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
-        raise _RECEIVED[-1]  # again, if a library has dropped the one before
+        RECEIVED.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
+        raise RECEIVED[-1]  # again, if a library has dropped the one before
 
     try:
         for number in heeded:  # before anything else, which may take its time on a busy machine
@@ -51,14 +52,6 @@ def main() -> None:
             gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
-
-
-_RECEIVED: list[BaseException] = []  # what signals raised, outside of computations
-
-
-def received() -> BaseException | None:
-    """What a signal raised while the command was loaded; a library may have made an error of its own of it."""
-    return _RECEIVED[-1] if _RECEIVED else None
 
 
 def _prepare() -> None:

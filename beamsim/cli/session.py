@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from beamsim.cli import received
+from beamsim.cli.received import received
 from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
 from beamsim.outcomes import ExitCode
 
