@@ -1873,7 +1873,7 @@ def _others(facts, found):
         yield "every one is"
 
 
-@rule("statement", r"warning: .* meant\?")
+@rule("statement", r"warning: .* meant\?.*")
 def _question(facts, found):
     if found[0].removeprefix("warning: ") not in json.loads(facts.attributes["warnings"]):
         yield "the file has no such warning"
@@ -1889,7 +1889,7 @@ def _not_branched(facts, found):
 
 @rule("foot", r"(?:(\d+) notes? \(-v shows them\); )?(.*)")
 def _foot(facts, found):
-    notes = [text for text in json.loads(facts.attributes["warnings"]) if not text.endswith("meant?")]
+    notes = [text for text in json.loads(facts.attributes["warnings"]) if "meant?" not in text]
     if int(found[1] or 0) != len(notes):
         yield f"the file has {len(notes)} other warnings"
     if not any(Path(name).name == facts.path.name for name in found[2].split(", ")):
