@@ -35,9 +35,25 @@ def page() -> str:
     """Return the page as MyST Markdown."""
     sections = (
         frequencies, stiffness, linear_or_not, amplitudes, open_choices, nonlinear_modes, weak_springs, other_sources,
-        probabilities,
+        probabilities, fronts,
     )  # fmt: skip
     return _INTRODUCTION + "\n".join(section() for section in sections)
+
+
+def fronts() -> str:
+    """Fronts of two objectives against grids, from the table of ``python -m benchmarks.fronts``."""
+    kept = yaml.safe_load((Path(__file__).parents[1] / "fronts.yaml").read_text(encoding="utf-8"))
+    rows = [
+        (one["problem"], one["seed"], one["cases"], one["quantity"], f"{one['right value']:g}", f"{one['value']:g}",
+         f"{100 * one['difference']:+.2f} %")
+        for one in kept["rows"]
+    ]  # fmt: skip
+    heads = ["problem", "seed", "cases", "quantity", "right value", "value", "difference"]
+    return (
+        f"## Fronts of two objectives\n\n`python -m benchmarks.fronts`, {kept['date']}, commit {kept['commit']}. Right "
+        "values are those of grids, in SI units. A negative difference is a front that reaches farther than the grid. "
+        f"Where a front consists of parts, the grid has the gap between them, too.\n\n{table(heads, rows)}"
+    )
 
 
 def other_sources() -> str:
