@@ -226,8 +226,8 @@ def _phases(result: RunResult, kind: str, name: str, kept: slice) -> _Phases:
     if stand is not None:
         w, v = w - stand, v - np.gradient(stand, histories["time"].values)
     w, v = w[kept], v[kept]
-    relative = "" if stand is None else " relative to the stop"
-    across = f"At {name}\n{words[0]}{relative}", scale_for(displacement.unit, w)
+    relative = "" if stand is None else ", relative to the stop"
+    across = f"At {name}{relative}\n{words[0]}", scale_for(displacement.unit, w)
     return _Phases(across, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[kept])
 
 
