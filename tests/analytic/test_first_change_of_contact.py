@@ -12,12 +12,18 @@ from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.result import contact_levels_of
 from beamsim.cli.app import app
-from beamsim.cli.screens import contact_levels as lines_of
+from beamsim.cli.screens import Errors
+from beamsim.cli.screens import contact_levels as contact_sentences
 from beamsim.cli.tables import table_rows
 from beamsim.responses.gapping import contact_levels
 from beamsim.scenario import load_scenario
 
 OTHER = "a table, branch, spring or friction changes first"
+
+
+def lines_of(result):
+    return contact_sentences(result, Errors(result))
+
 
 # two masses on preloaded stops, shaken at their foot
 SPRINGS, STOPS, PRELOADS, HZ = (200.0, 300.0), (2000.0, 800.0), (0.3, 1.0), 4.5

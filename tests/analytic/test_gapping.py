@@ -6,6 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.cli.screens import Errors
 from beamsim.cli.screens import contact_levels as contact_sentences
 from beamsim.cli.tables import all_rows
 from beamsim.responses.gapping import contact_levels, transfer
@@ -256,7 +257,7 @@ def test_a_shaped_sweep_tells_the_lowest_level_and_where_the_test_comes_closest(
     margin = result.summary["margins"]["gapping"]
     assert margin["value"] == pytest.approx(1 / test["share_of_level"])
     assert margin["at"] == f"pad, {test['frequency_hz']:.4g} Hz"
-    said = " ".join(contact_sentences(result))
+    said = " ".join(contact_sentences(result, Errors(result)))
     lowest = f"pad opens from {of['level'] / 9.80665:.4g} g at {of['frequency_hz']:.4g} Hz in steady linear motion"
     assert f"{lowest}, above the level there; " in said
     assert f"this test comes closest at {test['frequency_hz']:.4g} Hz, where it opens from " in said

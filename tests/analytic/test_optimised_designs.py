@@ -99,17 +99,20 @@ def test_without_an_objective_the_smallest_margin_is_largest():
     assert result.summary["objective"] == "largest margin"
 
 
-def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_in_each_realisation():
+def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_their_worst():
+    """The softest stop that they allow goes deepest, the stiffest one has the largest force; no sample has either.
+
+    The best of the designs that were tried: none is softer than the limit allows.
+    """
     limit = 4e-3
     tolerances = {"samples": 4, "parameters": [{"path": WHERE, "tolerance": "20 %"}]}
     optimise = {"minimise": FORCE, "parameters": [STIFFNESS], "tolerances": tolerances, "most_cases": 80}
     result = searched(optimise, limits={"peak_displacement": limit})
-    softest = 1.0 + 0.2 * result["realisations"]["deviation"].values.min()
-    hardest = 1.0 + 0.2 * result["realisations"]["deviation"].values.max()
-    stiffness = (MASS * SPEED**2 / limit**2 - HELD) / softest
-    assert softest < 0.95
-    assert best(result)["parameters"][WHERE] == pytest.approx(stiffness, rel=0.01)
-    assert best(result)["value"] == pytest.approx(closed(hardest * stiffness)[0], rel=0.01)
+    assert np.abs(result["realisations"]["deviation"].values).max() < 1.0
+    stiffness = (MASS * SPEED**2 / limit**2 - HELD) / 0.8
+    found = best(result)["parameters"][WHERE]
+    assert stiffness * (1.0 - 1e-6) < found < 1.02 * stiffness
+    assert best(result)["value"] == pytest.approx(closed(1.2 * found)[0], rel=1e-4)
 
 
 def test_a_front_has_designs_of_which_none_is_better_in_both():
