@@ -369,19 +369,28 @@ def destination(
     ResultFileError
         If nothing can be written there.
     """
-    target, access, found, there = _resolved(path), _ACCESS.get(), Content.OUTPUT, None
+    target, there = _resolved(path), None
     with suppress(OSError):  # nothing is there, or not any more
         there = target.stat()
     if there is not None:
         _refuse_to_replace(path, target)
-    if there is not None and there.st_size:
-        own = access.written.get(target)
-        if own == state_of(there):
-            found = Content.CONTAINED
-        elif examine is not None:
-            found = examine(target)
-        if new is Content.PARTIAL and (found is Content.RESULT or (own is not None and found is Content.PARTIAL)):
-            return destination(partial_file(Path(path)), new, examine)
+        if there.st_size:
+            return _replacing(path, there, new, examine)
+    return Placement(Path(path), target, Content.OUTPUT, moves_aside=False)
+
+
+def _replacing(
+    path: Path | str, there: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
+) -> Placement:  # fmt: skip
+    """Where a file is written in the place of one that is not empty; see `destination`."""
+    target, found = _resolved(path), Content.OUTPUT
+    own = _ACCESS.get().written.get(target)
+    if own == state_of(there):
+        found = Content.CONTAINED
+    elif examine is not None:
+        found = examine(target)
+    if new is Content.PARTIAL and (found is Content.RESULT or (own is not None and found is Content.PARTIAL)):
+        return destination(partial_file(Path(path)), new, examine)
     return Placement(Path(path), target, found, moves_aside=found in _MOVED_ASIDE)
 
 

@@ -227,16 +227,23 @@ def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], F
     the eigenvalue solver, which does the same, may enlarge round-off (Watkins, ETNA 23 (2006)): what the blocks leave
     of A between them is measured in the given coordinates, see `refined`.
     """
-    simple, balanced, scale = _separate(A, inverse), A, np.ones(A.shape[0])
-    modes = None if simple is None else BlockForm(simple, [])
-    if modes is None:
-        from scipy.linalg import matrix_balance
+    simple = _separate(A, inverse)
+    if simple is None:
+        return _balanced_blocks(A, window, inverse)
+    modes = BlockForm(simple, [])
+    # round-off of the largest eigenvalue in the others
+    return _refined(A, modes, np.ones(A.shape[0])) if inverse is None and A.shape[0] > 1 else modes
 
-        scale = np.asarray(matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)  # powers of two
-        balanced = A / scale[:, None] * scale
-        simple = _separate(balanced, None if inverse is None else lambda: inverse() / scale[:, None] * scale)
-        modes = _clusters(balanced, window) if simple is None else BlockForm(simple, [])
-    if inverse is None and A.shape[0] > 1:  # round-off of the largest eigenvalue in the others
+
+def _balanced_blocks(A: Floats, window: float, inverse: Callable[[], Floats] | None) -> BlockForm:
+    """Blocks of a matrix with ill-conditioned eigenvectors, in scaled coordinates; see `block_diagonalise`."""
+    from scipy.linalg import matrix_balance
+
+    scale = np.asarray(matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)  # powers of two
+    balanced = A / scale[:, None] * scale
+    simple = _separate(balanced, None if inverse is None else lambda: inverse() / scale[:, None] * scale)
+    modes = _clusters(balanced, window) if simple is None else BlockForm(simple, [])
+    if inverse is None and A.shape[0] > 1:
         modes = _refined(balanced, modes, scale)
     return modes if np.all(scale == 1.0) else modes.placed(np.diag(scale), np.diag(1.0 / scale))
 
@@ -264,21 +271,32 @@ def _refined(A: Floats, modes: BlockForm, scale: Floats) -> BlockForm:
     ])  # fmt: skip
 
 
+def _small_from_inverse(
+    lam: Complexes, X: Complexes, inverse: Callable[[], Floats]
+) -> tuple[Complexes, Complexes]:  # fmt: skip
+    """Eigenvalues and vectors of a matrix, those below the widest gap of their sizes from its inverse."""
+    size = np.sort(np.abs(lam))
+    if not size[0] > 0:
+        return lam, X
+    at = int(np.argmax(size[1:] / size[:-1]))
+    if size[at + 1] < WIDE_GAP * size[at]:
+        return lam, X
+    limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
+    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
+    fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
+    if fast.sum() + slow.sum() != lam.size:
+        return lam, X
+    return np.append(lam[fast], 1.0 / mu[slow]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
+
+
 def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | None:
     """Every eigenvalue with a block of its own, or None where eigenvectors are too ill-conditioned for that.
 
     Those below the widest gap of their sizes are taken from the inverse, if there is one.
     """
     lam, X = (part.astype(complex) for part in np.linalg.eig(A))
-    size = np.sort(np.abs(lam))
-    if inverse is not None and size[0] > 0:
-        at = int(np.argmax(size[1:] / size[:-1]))
-        if size[at + 1] >= WIDE_GAP * size[at]:
-            limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
-            mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
-            fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
-            if fast.sum() + slow.sum() == lam.size:
-                lam, X = np.append(lam[fast], 1.0 / mu[slow]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
+    if inverse is not None:
+        lam, X = _small_from_inverse(lam, X, inverse)
     try:
         Xi = np.linalg.inv(X).astype(complex)
     except np.linalg.LinAlgError:

@@ -89,11 +89,8 @@ def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
     sizes = (np.abs(np.asarray(v)) for v in values)
     largest = max((float(np.max(v, initial=0.0, where=np.isfinite(v))) for v in sizes), default=0.0)
     largest = float(f"{largest:.{digits}g}")
-    if unit in _chosen.get():
-        chosen = Scale(*_chosen.get()[unit])
-        shown = largest * chosen.factor
-        if unit != "s" or ((chosen.factor >= 1.0 or shown >= 1.0) and shown < _MOST_CHOSEN):
-            return chosen
+    if unit in _chosen.get() and (chosen := _chosen_scale(unit, largest)) is not None:
+        return chosen
     first = _FIRST_UNIT.match(unit)
     if largest == 0.0 or first is None or first[0].partition("^")[0] not in _WITH_PREFIX:
         return Scale(1.0, unit)
@@ -106,6 +103,14 @@ def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
     smallest = 0.1 if metres else 1.0
     prefix, size = next((p for p in allowed if largest >= smallest * p[1] ** power), allowed[-1])
     return Scale(1.0 / size**power, prefix + unit)
+
+
+def _chosen_scale(unit: str, largest: float) -> Scale | None:
+    """The scale that a scenario chooses for a unit; None where times are shown better in another one."""
+    chosen = Scale(*_chosen.get()[unit])
+    shown = largest * chosen.factor
+    suits = unit != "s" or ((chosen.factor >= 1.0 or shown >= 1.0) and shown < _MOST_CHOSEN)
+    return chosen if suits else None
 
 
 def _of_times_and_masses(unit: str, largest: float, digits: int) -> Scale | None:

@@ -262,13 +262,16 @@ def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     entry, _, place = key.partition(".")
     if entry in READ_FIRST or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
         return True
-    for name in () if scenario.limits is None else scenario.limits.given:
-        value, of = limited(name)
-        rms = entry == "random" and place.endswith(f" {value.quantity} rms")
-        found = rms or entry in filter(None, (value.entry, value.reported))
-        if found and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}")):
-            return True
-    return False
+    given = () if scenario.limits is None else scenario.limits.given
+    return any(_limits(name, entry, place) for name in given)
+
+
+def _limits(name: str, entry: str, place: str) -> bool:
+    """Whether a limit is one on this entry of a summary at this place."""
+    value, of = limited(name)
+    rms = entry == "random" and place.endswith(f" {value.quantity} rms")
+    found = rms or entry in filter(None, (value.entry, value.reported))
+    return found and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}"))
 
 
 def _first_elastic(modes: Dataset | None, entry: str) -> int:

@@ -185,24 +185,27 @@ def _promising_pairs(
     """
     lines, remainder = fit.lines, not_none(fit.remainder)
     place, least = np.array(fit.frequency_hz) * duration, WORTH_LISTING * np.abs(fit.amplitude).max(initial=0.0)
+    worth = [
+        k
+        for k in np.argsort(-remainder.size, kind="stable").tolist()
+        if remainder.size[k] > least and lines[k].peak_hz not in tried
+    ]
+    if worth:
+        yield from _promising(worth, fit, tried, place)
+
+
+def _promising(
+    worth: list[int], fit: LineFit, tried: set[float], place: Floats
+) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
+    """What a pair may replace at some lines, with the best pair of each, that explain much; see above."""
+    lines, remainder = fit.lines, not_none(fit.remainder)
     choices: list[list[int]] = []
-    for k in np.argsort(-remainder.size, kind="stable").tolist():
-        if remainder.size[k] <= least or lines[k].peak_hz in tried:
-            continue
+    for k in worth:
         distance = np.abs(place - place[k])
         distance[k] = np.inf
         nearest = int(distance.argmin())
         both = distance[nearest] <= LOBE and (lines[k].order is None or lines[nearest].order is None)
         choices += [[k, nearest], [k]] if both else [[k]]
-    if choices:
-        yield from _promising(choices, fit, tried, place)
-
-
-def _promising(
-    choices: list[list[int]], fit: LineFit, tried: set[float], place: Floats
-) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
-    """The choices of lines that a pair may replace, with the best pair of each, that explain much; see above."""
-    lines, remainder = fit.lines, not_none(fit.remainder)
     orders = [next((k for k in replaced if lines[k].order is not None), None) for replaced in choices]
     pairs, ratios = remainder.best_pairs(choices, [np.nan if k is None else float(place[k]) for k in orders])
     for replaced, pair, ratio in zip(choices, pairs.tolist(), ratios.tolist(), strict=True):

@@ -143,22 +143,33 @@ def natural_modes(
     if model.parts:
         return _of_parts(model, count, below)
     size, rigid = model.rigid.shape
-    needed = size
-    if size > DENSE_LIMIT and (count is not None or below is not None):
-        up_to = 0 if below is None else model.frequency_count(below) + 1
-        needed = min(max(count or 0, up_to if most is None else min(up_to, most), rigid), size)
-    if needed > size // 4:
-        lower = np.linalg.cholesky(model.mass.toarray())
-        x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
-        _, omega, vt = svd(x, full_matrices=False)
-        order = np.arange(size - rigid)[::-1]
-        omega, vectors = omega[order], solve_triangular(lower, vt[order].T, lower=True, trans="T")
-    elif needed > rigid:
-        omega, vectors = _sparse(model, needed - rigid)
-    else:
-        omega, vectors = np.zeros(0), np.zeros((size, 0))
+    few = size > DENSE_LIMIT and (count is not None or below is not None)
+    needed = _number_needed(model, count or 0, below, most) if few else size
+    omega, vectors = _all_elastic(model) if needed > size // 4 else _lowest_elastic(model, needed - rigid)
     vectors = np.hstack([model.rigid, vectors])
     return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflections(vectors)))
+
+
+def _number_needed(model: Structure, count: int, below: float | None, most: int | None) -> int:
+    """How many modes are computed; see `natural_modes`."""
+    size, rigid = model.rigid.shape
+    up_to = 0 if below is None else model.frequency_count(below) + 1
+    return int(min(max(count, up_to if most is None else min(up_to, most), rigid), size))
+
+
+def _all_elastic(model: Structure) -> tuple[Floats, Floats]:
+    """Frequencies and vectors of all modes but those of a rigid body, by a dense decomposition."""
+    size, rigid = model.rigid.shape
+    lower = np.linalg.cholesky(model.mass.toarray())
+    x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
+    _, omega, vt = svd(x, full_matrices=False)
+    order = np.arange(size - rigid)[::-1]
+    return omega[order], solve_triangular(lower, vt[order].T, lower=True, trans="T")
+
+
+def _lowest_elastic(model: Structure, count: int) -> tuple[Floats, Floats]:
+    """Frequencies and vectors of the lowest modes but those of a rigid body; of none where there are enough."""
+    return _sparse(model, count) if count > 0 else (np.zeros(0), np.zeros((model.rigid.shape[0], 0)))
 
 
 def mode_of_unit_deflection(model: Structure, mode: int) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
+from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
 from beamsim.contacts.snubbers import (
     FRICTION,
     SpringInfo,
@@ -475,6 +475,13 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
     springs = springs_of(contacts)
     if not (parts.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
         return Equilibrium(np.zeros(parts.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
+    return _found_equilibrium(parts, contacts, springs, loads, cubic)
+
+
+def _found_equilibrium(
+    parts: Parts, contacts: Contacts, springs: Springs, loads: Floats, cubic: CubicSprings | None
+) -> Equilibrium:
+    """The static equilibrium of what is displaced; see `_equilibrium`."""
     try:
         found = find_equilibrium(parts.stiffness, parts.basis.rigid, springs, loads, cubic)
         return replace(found, force=springs.by_contact(found.force, contacts.sign))
@@ -552,13 +559,21 @@ def initial_state(
     ScenarioError
         Where the start needs a static shape that does not exist, or a mode that the reduction does not keep.
     """
-    warnings: list[str] = []
     start = None if parts.scenario.run is None else parts.scenario.run.start
+    if start != "static_equilibrium":
+        return _other_start(parts, start, contacts, loads, cubic, equilibrium)
+    remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
+    q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
+    return np.concatenate([q, np.zeros(q.size)]), []
+
+
+def _other_start(
+    parts: Parts, start: Any, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
+) -> tuple[Floats, list[str]]:
+    """The state from a start that is not the static equilibrium; see `initial_state`."""
+    warnings: list[str] = []
     q = v = np.zeros(parts.basis.size)
-    if start == "static_equilibrium":
-        remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
-        q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
-    elif start is None:
+    if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif isinstance(start, ReleasedForceStart):
         q = _held_shape(parts, start, contacts, loads, cubic)

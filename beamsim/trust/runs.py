@@ -488,16 +488,23 @@ class DerivedValues:
         """
         system, motion = model.motion.system, model.motion.known
         of_parts = [self._found_again(records) for records in self._records(system, motion, parts)]
-        if "random" in self.result.datasets:
-            for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
-                figures["random"] = statistics
-        if "srs" in self.result.datasets:
-            shock = _of_shock(shock_response(system, motion))
-            for figures in of_parts:
-                figures |= shock
+        if self.result.datasets.keys() & {"random", "srs"}:
+            self._add_statistics(of_parts, system, motion)
         known = self.result.summary.get("gapping_ratio")
         ratios = finite(gapping_ratios(gapping_of_sine(system))) if known else {}
         return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
+
+    def _add_statistics(
+        self, of_parts: list[Values], system: StructuralSystem, motion: Trajectory | Histories
+    ) -> None:  # fmt: skip
+        """Add statistics of random responses, of each part, and the peaks of shock spectra, of all alike."""
+        if "random" in self.result.datasets:
+            for values, statistics in zip(of_parts, self._statistics(system, motion, len(of_parts)), strict=True):
+                values["random"] = statistics
+        if "srs" in self.result.datasets:
+            shock = _of_shock(shock_response(system, motion))
+            for values in of_parts:
+                values |= shock
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -66,6 +66,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none, of_kind
 
 if TYPE_CHECKING:
+    from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario.run import ShockSpectrumSettings
 
 MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
@@ -386,30 +387,41 @@ def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterat
     motion : of the run.
     peak_g : peak acceleration of every probe, g.
     """
-    system, scenario, trajectory = motion.system, motion.system.scenario, motion.trajectory
-    damped = [j for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
-    if not damped or trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
+    system, scenario = motion.system, motion.system.scenario
+    if motion.trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
         return
+    without_limit = [
+        j
+        for j, snubber in enumerate(system.snubbers)
+        if snubber.dashpot > 0.0
+        and scenario.inverse_mass(scenario.located_snubbers[j]) > MANY * float(snubber.shape @ snubber.shape)
+    ]
+    if without_limit:
+        yield from _jumps_of(motion, motion.trajectory, without_limit, peak_g)
+
+
+def _jumps_of(
+    motion: RunMotion, trajectory: Trajectory, contacts: Iterable[int], peak_g: Mapping[str, float]
+) -> Iterable[AccelerationJump]:
+    """The largest jump of each probe that some contacts make; see `acceleration_jumps`."""
+    system, largest = motion.system, dict[str, AccelerationJump]()
     touched = trajectory.touch_changes > 0
     contact, time = trajectory.event_contact[touched], trajectory.event_time[touched]
     force = trajectory.sample(time, lambda phases: trajectory.flow.at(phases).force)[np.arange(time.size), contact]
-    waves, largest = Waves.of(system), dict[str, AccelerationJump]()
-    for j in damped:
+    waves = Waves.of(system)
+    for j in contacts:
         shape, name, these = system.snubbers[j].shape, system.snubbers[j].name, contact == j
-        mobility = float(shape @ shape)
-        if not these.any() or scenario.inverse_mass(scenario.located_snubbers[j]) <= MANY * mobility:
-            continue
-        for probe in system.probes:
+        sizes = np.abs(force[these])
+        for probe in system.probes if sizes.size else ():
             apart = min(np.abs(probe.shape - shape).max(), np.abs(probe.shape + shape).max())
             at_contact = bool(apart <= SAME_SHAPE * np.abs(shape).max())
-            sizes = np.abs(force[these])
-            size = mobility * sizes.max() if at_contact else waves.largest(probe.shape, shape, time[these], sizes)
+            of_contact = float(shape @ shape) * sizes.max()
+            size = of_contact if at_contact else waves.largest(probe.shape, shape, time[these], sizes)
             jump = AccelerationJump(probe.name, name, float(size) / STANDARD_GRAVITY, at_contact)
-            if jump.size_g > max(
-                NOTED * peak_g[probe.name], largest[probe.name].size_g if probe.name in largest else 0.0
-            ):
+            before = largest[probe.name].size_g if probe.name in largest else 0.0
+            if jump.size_g > max(NOTED * peak_g[probe.name], before):
                 largest[probe.name] = jump
-    yield from largest.values()
+    return largest.values()
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
 from beamsim.outcomes import check_stop
+from beamsim.responses.histories import Histories
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
@@ -97,9 +98,7 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
     if not labels:
         return None
     if trajectory is None or trajectory.end <= 0.0:
-        histories = not_none(motion.histories)
-        samples = np.hstack([histories.of(key) for key in channels.places]).T
-        return spectra_of_samples(histories.time, samples, labels, settings, excitation_hz, figures)
+        return _of_stepped(not_none(motion.histories), system, labels, figures)
     begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     filtered = not_none(system.scenario.run).low_pass is not None  # so are the extremes of accelerations
@@ -110,6 +109,15 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
     kept = system.kept_modes
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
     return _spectra(labels, records, windows, excitation_hz, figures, residual, settings.frequencies)
+
+
+def _of_stepped(
+    histories: Histories, system: StructuralSystem, labels: Sequence[Label], figures: Mapping[str, Any]
+) -> Dataset:  # fmt: skip
+    """Spectra of a time-stepped motion; see `spectra_of`."""
+    samples = np.hstack([histories.of(key) for key in spectral(system).places]).T
+    settings = not_none(system.scenario.run).spectrum
+    return spectra_of_samples(histories.time, samples, labels, settings, system.excitation_frequency_hz, figures)
 
 
 def spectra_of_samples(
