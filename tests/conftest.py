@@ -87,6 +87,14 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def no_processor_time_on_screens() -> Iterator[None]:
+    """Many commands run in the process of the tests, whose processor time is not theirs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("beamsim.cli.conclusion.WORTH_STATING_S", np.inf)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def compiled_kernels(request: pytest.FixtureRequest) -> None:
     """Under xdist, share the compilation of the kernels between the workers, so that none is compiled by each.
 

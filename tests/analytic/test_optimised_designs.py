@@ -102,7 +102,7 @@ def test_without_an_objective_the_smallest_margin_is_largest():
 def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_their_worst():
     """The softest stop that they allow goes deepest, the stiffest one has the largest force; no sample has either.
 
-    The best of the designs that were tried: none is softer than the limit allows.
+    The search tries designs by the worst of their samples, and drops those whose searched worst exceeds the limit.
     """
     limit = 4e-3
     tolerances = {"samples": 4, "parameters": [{"path": WHERE, "tolerance": "20 %"}]}
@@ -112,7 +112,8 @@ def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_th
     stiffness = (MASS * SPEED**2 / limit**2 - HELD) / 0.8
     found = best(result)["parameters"][WHERE]
     assert stiffness * (1.0 - 1e-6) < found < 1.02 * stiffness
-    assert best(result)["value"] == pytest.approx(closed(1.2 * found)[0], rel=1e-4)
+    most = closed(1.2 * found)[0]
+    assert 0.99 * most < best(result)["value"] <= most * (1.0 + 1e-6)
 
 
 def test_a_front_has_designs_of_which_none_is_better_in_both():

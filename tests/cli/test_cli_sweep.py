@@ -52,7 +52,7 @@ def same(a, b):
         for name in names:
             if isinstance(one[name], h5py.Dataset) and not name.endswith("/processor_time_s"):
                 np.testing.assert_array_equal(one[name][()], two[name][()], err_msg=name)
-        skip = {"processor_time_s", "created", "wall_time_s", "convergence_model"}
+        skip = {"processor_time_s", "command_processor_time_s", "created", "wall_time_s", "convergence_model"}
         models = [json.loads(file["summary"].attrs["convergence_model"]) for file in (one, two)]
         assert [model | {"processor_time_s": 0.0} for model in models[:1]] == [models[1] | {"processor_time_s": 0.0}]
         for group in ("/", "summary"):

@@ -39,8 +39,7 @@ def printed(tmp_path):
         case.write_text(yaml.safe_dump(CASE | more))
         done = CliRunner().invoke(app, [command, str(case), "--no-plots", "-o", str(tmp_path / "case.h5"), *options])
         assert done.exit_code == 0, done.output
-        # the process of the tests has run long enough for its time to be stated
-        return [line for line in done.stdout.splitlines() if not line.startswith("processor time of the command")]
+        return done.stdout.splitlines()
 
     return call
 
@@ -61,6 +60,11 @@ def test_a_run_shows_places_limits_and_how_sure_it_is(printed):
     assert any("touches from" in line for line in lines)
     assert lines[-1].endswith("case.h5")
     assert len(lines) < 10
+
+
+def test_a_long_command_states_its_processor_time(printed, monkeypatch):
+    monkeypatch.setattr("beamsim.cli.conclusion.WORTH_STATING_S", 0.0)
+    assert printed()[-1].startswith("processor time of the command ")
 
 
 def test_everything_on_request(printed):

@@ -127,8 +127,8 @@ def test_free_plate_meets_published_converged_values_to_five_digits() -> None:
 
 
 @pytest.mark.slow
-def test_what_an_edge_reaction_misses_is_more_than_its_change():
-    """A change of 4.5 % was read as the error, which is 7 %: the order of the edge's reaction is below 2."""
+def test_an_edge_reaction_misses_about_its_stated_error():
+    """7 %, where 6.1 % are stated: its order is below the 2 that errors of plates count on."""
     case = {
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": 20.0},
         "outputs": [{"name": "edge", "kind": "reaction_force", "support": "left"}],
@@ -150,6 +150,6 @@ def test_what_an_edge_reaction_misses_is_more_than_its_change():
     ratio = (values[0] - values[1]) / (values[1] - values[2])
     assert 1.2 < np.log2(ratio) < 1.8
     limit = values[2] - (values[1] - values[2]) / (ratio - 1.0)
-    value, change = reaction(8, convergence="on")
+    value, error = reaction(8, convergence="on")
     assert value == values[0]
-    assert 1.3 * change < value / limit - 1.0 < 2.0 * change
+    assert error < value / limit - 1.0 < 1.3 * error

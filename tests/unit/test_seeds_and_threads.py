@@ -60,7 +60,7 @@ GAP = {"path": "snubbers.stop.gap", "deviation": "0.5 mm"}
 STUDIES = {
     "ensemble": {"excitation": NOISE, "vary": {"kind": "latin_hypercube", "samples": 6, "seed": 3,
                  "responses": ["peak_force"], "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
-    "reliability": {"excitation": SINE, "vary": {"kind": "reliability", "seed": 3, "samples": 40, "most_cases": 120,
+    "reliability": {"excitation": SINE, "vary": {"kind": "reliability", "seed": 3, "samples": 100, "most_cases": 600,
                     "parameters": [GAP]}},
     "optimise": {"excitation": SINE, "optimise": {"minimise": "peak_force", "seed": 3, "most_cases": 25,
                  "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
