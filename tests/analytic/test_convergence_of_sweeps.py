@@ -111,7 +111,7 @@ def test_a_continuation_where_it_is_asked_for():
     assert "not checked" in str(beamsim.continuation(case(2, sweep=path)))
     result = beamsim.continuation(case(2, sweep=path | {"convergence": "on"}))
     changes = result.summary["convergence"]
-    assert result.summary["convergence_model"]["modes"] == 3
+    assert result.summary["convergence_model"]["modes"] == 6
     assert 0.0 < max(changes["peak_displacement_m"].values()) < 0.5
     assert set(changes) >= {"peak_displacement_m", "peak_frequency_hz", "open_frequencies_hz"}
     listed = {
@@ -184,4 +184,4 @@ def test_a_normal_mode_where_it_is_asked_for():
     changes = result.summary["convergence"]
     assert set(changes["frequency_hz"]) >= {"start", "end"}
     assert changes["frequency_hz"]["start"] < ALLOWED_ERROR
-    assert result.summary["convergence_model"]["modes"] == 5
+    assert result.summary["convergence_model"]["modes"] == 9

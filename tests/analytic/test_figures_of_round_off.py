@@ -93,10 +93,10 @@ def test_frequencies_of_static_vectors_are_not_natural_frequencies():
     result = beamsim.run(beamsim.load_scenario(case))
     rows = [text for name, text in table_rows(result)]
     opened, closed = (next(row for row in rows if row.startswith(f"{state} freq")) for state in ("open", "closed"))
-    *printed, unit = opened.partition(", change")[0].split()[2:]
+    *printed, unit = opened.partition(", error")[0].split()[2:]
     assert unit == "Hz"
     natural = [np.pi / 2 * (k / 0.27) ** 2 * np.sqrt(2.77 / 0.41) for k in (1, 2, 3)]
     assert [float(number.strip(",")) for number in printed] == pytest.approx(natural, rel=1e-4)
-    assert len(closed.partition(", change")[0].split()) == 2 + 4
+    assert len(closed.partition(", error")[0].split()) == 2 + 4
     assert not any("frequencies" in name for name in result.summary["doubtful"])
     assert set(result.summary["convergence"]["open_frequencies_hz"]) == {"1", "2", "3"}

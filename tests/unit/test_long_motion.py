@@ -115,7 +115,7 @@ def test_an_interrupted_motion_keeps_what_it_reached(both):
     reached = []
     result = beamsim.run(scenario(**ASKED), progress=reached.append, stop=lambda: reached[-1:] > [0.4])
     assert result.outcome.code == "interrupted"
-    assert np.all(np.diff(reached) > 0)
+    assert np.all(np.diff(reached) >= 0)
     assert 0.2 * 0.14 < result["histories"]["time"].values[-1] < 0.8 * 0.14
     with counted_pieces() as counts:
         assert result["bodies"]["peak_bending_stress"].values.max() > 0.0
