@@ -375,16 +375,15 @@ def destination(
     if there is not None:
         _refuse_to_replace(path, target)
         if there.st_size:
-            return _replacing(path, there, new, examine)
+            return _replacing(path, target, there, new, examine)
     return Placement(Path(path), target, Content.OUTPUT, moves_aside=False)
 
 
 def _replacing(
-    path: Path | str, there: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
-) -> Placement:  # fmt: skip
+    path: Path | str, target: Path, there: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
+) -> Placement:
     """Where a file is written in the place of one that is not empty; see `destination`."""
-    target, found = _resolved(path), Content.OUTPUT
-    own = _ACCESS.get().written.get(target)
+    own, found = _ACCESS.get().written.get(target), Content.OUTPUT
     if own == state_of(there):
         found = Content.CONTAINED
     elif examine is not None:

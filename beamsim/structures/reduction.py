@@ -207,7 +207,8 @@ def _with_static_vectors(
         transform, static = _static_vectors(model, phi, loads)
         if kept + static.shape[1] == model.size:
             # the same coordinates, but the moments of a load whose vector was dropped would be those of another load
-            return _with_static_vectors(model, natural_modes(model), model.size, patterns, highest_frequency)
+            every = modes if modes.omega.size == model.size else natural_modes(model)
+            return _with_static_vectors(model, every, model.size, patterns, highest_frequency)
     strain = np.asarray(model.factor @ static)
     static_omega = np.sqrt(np.sum(strain**2, axis=0) / np.sum(static * (model.mass @ static), axis=0))
     return ReducedBasis(

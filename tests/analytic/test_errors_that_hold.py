@@ -1,10 +1,8 @@
 """Stated errors hold the true ones, and values without a limit as the modes grow are named."""
 
-import numpy as np
 import pytest
 import yaml
-from scipy.io import mmwrite
-from scipy.sparse import coo_array
+from imported_chain import imported_chain
 
 import beamsim
 from beamsim.cli.motions import run_screen
@@ -74,20 +72,7 @@ def test_the_mass_at_the_contact_has_to_be_within_reach():
 
 
 def test_imported_matrices_with_all_of_their_modes_are_not_solved_again(tmp_path):
-    stiffness = 4e5 * (2.0 * np.eye(8) - np.eye(8, k=1) - np.eye(8, k=-1))
-    for name, matrix in (("k", stiffness), ("m", np.eye(8))):
-        mmwrite(tmp_path / f"{name}.mtx", coo_array(matrix))
-    nodes = "".join(f"{k},z,{k},0,0\n" for k in range(1, 9))
-    (tmp_path / "dofs.csv").write_text(f"node,direction,x,y,z\n{nodes}")
-    end = {"body": "panel", "node": 8, "direction": "z"}
-    case = {
-        "bodies": {"panel": {
-            "kind": "matrices", "mass": {"file": "m.mtx"}, "stiffness": {"file": "k.mtx"}, "dofs": "dofs.csv",
-            "base": "free", "damping": {"kind": "modal", "ratio": 0.02},
-        }},
-        "probes": [{"name": "end", "at": end}], "run": {"duration": 0.2}, "reduction": {"modes": "all"},
-        "excitation": {"kind": "harmonic", "applied_to": end, "level": "50 N", "frequency": "6 Hz"},
-    }  # fmt: skip
+    case = imported_chain(tmp_path, 8) | {"reduction": {"modes": "all"}}
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
     summary = beamsim.run(load_scenario(tmp_path / "case.yaml")).summary
     assert summary["convergence_model"]["modes"] == 0

@@ -5,11 +5,9 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
-from scipy.io import mmwrite
-from scipy.sparse import coo_array
+from imported_chain import imported_chain
 
 import beamsim
 from beamsim.cli.motions import run_screen
@@ -123,21 +121,9 @@ def test_the_finer_model_keeps_all_modes_where_there_are_few():
 
 def test_imported_matrices_of_few_coordinates_are_compared_with_all_of_their_modes(tmp_path):
     """The stated change of 5 of 25 modes is the true one."""
-    stiffness = 4e5 * (2.0 * np.eye(25) - np.eye(25, k=1) - np.eye(25, k=-1))
-    for name, matrix in (("k", stiffness), ("m", np.eye(25))):
-        mmwrite(tmp_path / f"{name}.mtx", coo_array(matrix))
-    nodes = "".join(f"{k},z,{k},0,0\n" for k in range(1, 26))
-    (tmp_path / "dofs.csv").write_text(f"node,direction,x,y,z\n{nodes}")
-    end = {"body": "panel", "node": 25, "direction": "z"}
-    case = {
-        "bodies": {"panel": {
-            "kind": "matrices", "mass": {"file": "m.mtx"}, "stiffness": {"file": "k.mtx"}, "dofs": "dofs.csv",
-            "base": "free", "damping": {"kind": "modal", "ratio": 0.02},
-        }},
-        "snubbers": [{"name": "stop", "at": end, "side": "above", "stiffness": 2e4, "gap": 1e-4}],
-        "probes": [{"name": "end", "at": end}], "run": {"duration": 0.2},
-        "excitation": {"kind": "harmonic", "applied_to": end, "level": "50 N", "frequency": "6 Hz"},
-    }  # fmt: skip
+    case = imported_chain(tmp_path, 25)
+    end = case["probes"][0]["at"]
+    case["snubbers"] = [{"name": "stop", "at": end, "side": "above", "stiffness": 2e4, "gap": 1e-4}]
     results = []
     for modes in (5, "all"):
         (tmp_path / "case.yaml").write_text(yaml.safe_dump(case | {"reduction": {"modes": modes}}))

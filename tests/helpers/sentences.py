@@ -1292,6 +1292,12 @@ def responses_called(facts: ResultFacts, label: str) -> list[str]:
     return [name for name, parts in names.items() if wanted in (called(parts[-2:]), whole[name])]
 
 
+def values_called(facts: ResultFacts, label: str) -> Any:
+    """(cases,) values of the response with a label; None where not exactly one has it."""
+    names = responses_called(facts, label)
+    return facts.data["cases/value"][facts.labels("cases/response").index(names[0])] if len(names) == 1 else None
+
+
 SECTIONS = ("probes", "snubbers", "outputs", "springs", "friction")
 
 
@@ -1302,11 +1308,10 @@ def _all_cases(facts, found):
     for label, low, high in re.findall(
         r"([a-z][^,]*?) (-?[\d.e+-]+(?: [^\s,]+)?)(?: to (-?[\d.e+-]+[^,]*))?(?:, |$)", found[1]
     ):
-        names = responses_called(facts, label)
-        if len(names) != 1:
+        values = values_called(facts, label)
+        if values is None:
             yield f"{label!r} is no response"
             continue
-        values = facts.data["cases/value"][facts.labels("cases/response").index(names[0])]
         text = f"{low} to {high}" if high else low
         yield from extent(
             facts, text, float(np.nanmin(values)), float(np.nanmax(values)), _si_unit((high or low).strip())
@@ -1439,11 +1444,10 @@ def _statistics(facts, found, name, text):
     if "random_numbers/number" in facts.data and found[1] == "mean":
         yield from _random_number(facts, "mean", name, text)
         return
-    names = responses_called(facts, name)
-    if len(names) != 1:
+    values = values_called(facts, name)
+    if values is None:
         yield f"{name!r} is no response"
         return
-    values = facts.data["cases/value"][facts.labels("cases/response").index(names[0])]
     functions = {"smallest": np.nanmin, "largest": np.nanmax, "mean": np.nanmean, "median": np.nanmedian,
                  "5 %": lambda x: np.nanquantile(x, 0.05), "95 %": lambda x: np.nanquantile(x, 0.95)}  # fmt: skip
     size = re.sub(r" \(.*", "", text)
@@ -1533,11 +1537,10 @@ def other_cell(facts: ResultFacts, heading: str, name: str, text: str) -> Iterat
         elif not any(not list(differs(facts, text, x, _si_unit(text))) for x in values):
             yield f"the file has {values}"
         return
-    names = responses_called(facts, heading)
-    if len(names) != 1:
+    values = values_called(facts, heading)
+    if values is None:
         yield f"{heading!r} is no response"
         return
-    values = facts.data["cases/value"][facts.labels("cases/response").index(names[0])]
     if name == "as it is":
         yield from differs(facts, text, float(values[0]), _si_unit(text))
         return

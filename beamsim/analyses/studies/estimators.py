@@ -59,12 +59,12 @@ class Estimator:
     samples : of each level and batch.
     target : largest coefficient of variation of an estimate that is sure.
     seed : of all random numbers.
-    told : called with each new round at the limit.
+    report : called with each new round at the limit.
     """
 
     def __init__(
         self, state: sampling.LimitState, origin: sampling.Points, *, method: str, samples: int, target: float,
-        seed: int = 0, told: Callable[[Round], None] = lambda _: None,
+        seed: int = 0, report: Callable[[Round], None] = lambda _: None,
     ) -> None:  # fmt: skip
         self.origin, self.method, self.samples, self.target = origin, method, samples, target
         self.generator, self.seed = np.random.default_rng(seed), seed
@@ -77,7 +77,7 @@ class Estimator:
         self.critical: sampling.Points | None = None  # the design point
         self.regions = Regions(self, self.generator)
         self._batches: list[Failures] = []
-        self._state, self._told = state, told
+        self._state, self._report = state, report
         sampling.library().RandomGenerator.SetSeed(seed)
 
     def __call__(self, points: sampling.Points) -> Floats:
@@ -125,7 +125,7 @@ class Estimator:
         """Keep an estimate, and say whether it is sure enough."""
         self.estimate = estimate
         self.rounds.append(Round(self.asked, 0.0, *estimate))
-        self._told(self.rounds[-1])
+        self._report(self.rounds[-1])
         return estimate.variation <= self.target
 
     def level(self) -> sampling.SubsetLevel:

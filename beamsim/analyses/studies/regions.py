@@ -95,8 +95,7 @@ class Regions:
             tried = shrunk * (self._generator.random(shrunk.shape) < 0.8)
             fails = tried[self._state(points_at(tried)) <= 0.0]
             if len(fails):
-                nearest = fails[np.argmin(np.linalg.norm(fails, axis=1))]
-                point = nearest
+                point = fails[np.argmin(np.linalg.norm(fails, axis=1))]
         found, on_limit = nearest_point(self._state, point)
         if on_limit and np.linalg.norm(found) <= np.linalg.norm(point) + APART:
             return Region(found, True)

@@ -58,7 +58,7 @@ class Exceedance:
         self.target = vary.coefficient_of_variation or (0.3 if method == "subset" else 0.1)
         self.estimator = Estimator(
             self, sampling.points_at(np.zeros((1, len(vary.parameters))), np.zeros((1, len(inputs)), dtype=int)),
-            method=method, samples=vary.samples, target=self.target, seed=vary.seed, told=self._tell,
+            method=method, samples=vary.samples, target=self.target, seed=vary.seed, report=self._tell,
         )  # fmt: skip
 
     def __call__(self, points: sampling.Points) -> Floats:
@@ -94,18 +94,18 @@ def concluded(result: StudyResult, histories: Exceedance) -> StudyResult:
     of, critical = histories.estimator, histories.estimator.critical
     low, high = interval(of)
     regions = _shares_of_regions(of)
-    said: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "method": of.method, "event": histories.vary.event, "probability": of.estimate.probability, "low": low,
         "high": high, "coefficient_of_variation": of.estimate.variation, "target": histories.target,
         "reliability_index": float(-ndtri(of.estimate.probability)), "histories": of.asked,
     }  # fmt: skip
-    said |= {"regions": len(regions)} if regions else {}
-    said |= {"cross_check": of.cross_check} if math.isfinite(of.cross_check) else {}
+    entry |= {"regions": len(regions)} if regions else {}
+    entry |= {"cross_check": of.cross_check} if math.isfinite(of.cross_check) else {}
     datasets, warnings = dict(result.datasets), result.warnings
     if critical is not None:
         row = histories.rows(critical)[0]
-        said |= {"design_point": dict(zip(result["cases"].labels("parameter"), row, strict=True))}
-        said |= {"distance": float(np.linalg.norm(critical.u))} if not histories.noise else {}
+        entry |= {"design_point": dict(zip(result["cases"].labels("parameter"), row, strict=True))}
+        entry |= {"distance": float(np.linalg.norm(critical.u))} if not histories.noise else {}
         if histories.scatter.numbers and of.estimate.probability > 0.0:
             numbers = histories.plan.study.varied[: len(histories.scatter.numbers)]
             dataset = dependence(histories.scatter, of, numbers)
@@ -120,7 +120,7 @@ def concluded(result: StudyResult, histories: Exceedance) -> StudyResult:
     if of.rounds:
         datasets["rounds"] = ROUNDS.table(of.rounds)
     found = replace(result, datasets=datasets, warnings=warnings)
-    return replace(found, summary=result.summary | {"reliability": said}).ended(_ended(of))
+    return replace(found, summary=result.summary | {"reliability": entry}).ended(_ended(of))
 
 
 def _shares_of_regions(of: Estimator) -> dict[int, float]:
