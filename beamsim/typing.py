@@ -1,4 +1,4 @@
-"""Names of the array types that signatures use, whose shapes and units stand in comments; what is known of a type."""
+"""Names of the array types that signatures use, whose shapes and units stand in comments; the smallest divisor."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ Complexes = NDArray[np.complex128]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 _T = TypeVar("_T")
+
+TINY = 1e-300
+"""Added or compared below a divisor or the argument of a logarithm, so that zero gives a finite value."""
 
 
 def not_none(value: _T | None) -> _T:

@@ -168,6 +168,9 @@ def _zero(along: Callable[[float], float]) -> float:
     return high
 
 
+_ADDED_STIFFNESS = 1e-15  # relative: keeps a step finite where nothing resists it
+
+
 class _Newton:
     """Newton steps at given coordinates with given springs closed.
 
@@ -182,8 +185,7 @@ class _Newton:
         most = most + np.abs(energy.cubic.stiffness) @ energy.cubic.shape**2  # that each coordinate may meet
         damped = np.where(resisting > 0, resisting, np.where(most > 0, most, 1.0))
         self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
-        # the little more stiffness keeps a step finite where nothing resists it
-        matrix = np.block([[tangent + np.diag(1e-15 * damped), -normal.T], [normal, np.diag(1.0 / k)]])
+        matrix = np.block([[tangent + np.diag(_ADDED_STIFFNESS * damped), -normal.T], [normal, np.diag(1.0 / k)]])
         self.matrix = matrix * self.scale * self.scale[:, None]
 
     def step(self, gradient: Floats, misfit: Floats) -> Floats:

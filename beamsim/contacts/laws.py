@@ -392,6 +392,9 @@ class ContactLaw:
         return replace(self, phases=phases, parts=parts, dashpot=0.0)
 
 
+NO_LOSS = 1e-12  # of the terms of a loss of energy: a smaller one is their round-off
+
+
 def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
     """(2,) energy lost where a guard ends a phase, J, and for the square of the pressing force, m/N.
 
@@ -407,8 +410,7 @@ def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
         at_guard[pivots[0]] -= function / function[pivots[0]]
     lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
     size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
-    # a smaller loss of energy is round-off of the terms it is made of
-    lost[np.abs(lost) <= 1e-12 * size] = 0.0
+    lost[np.abs(lost) <= NO_LOSS * size] = 0.0
     return np.array([0.5 * lost[CONSTANT, CONSTANT], 0.5 * lost[PRESSING, PRESSING]])
 
 

@@ -338,6 +338,9 @@ def _yielding(
     return Phase(name, guards, touching=True, springs=springs, lost=lost, written=stretch)
 
 
+ELASTIC_SHARE = 1.0 - 1e-12  # of the force of the first loading, up to which small motions about it are elastic
+
+
 def unloading_law(
     loading: ForceCurve, stiffness: float, recovery: ForceCurve | None = None, dashpot: float = 0.0
 ) -> ContactLaw:
@@ -389,8 +392,7 @@ def unloading_law(
         phases += _segment(3 * i + (recovery is not None), ends, of_segment, stiffness, dashpot)
 
     def settled(penetration: float) -> tuple[float, ...]:
-        # loaded once, and by so little less that small motions about it are elastic
-        limit = (1.0 - 1e-12) * float(loading.at(np.array(penetration)) - lower.at(np.array(penetration)))
+        limit = ELASTIC_SHARE * float(loading.at(np.array(penetration)) - lower.at(np.array(penetration)))
         return (max(penetration, 0.0) - limit / stiffness,)
 
     static = table_law(loading).parts

@@ -120,6 +120,9 @@ def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | 
     return Extrema(low, when_low, high, when_high, evaluations)
 
 
+ON_A_SAMPLE = 1e-9  # of a step, within which a time is that of a sample and needs no interpolation
+
+
 class MotionPart:
     """K outputs on a part of a motion, with its Fourier integrals up to a frequency, free of aliasing.
 
@@ -177,7 +180,7 @@ class MotionPart:
         position = omega * (self.duration / np.pi)
         whole = np.rint(position)
         known = self.weighted(window)[column]
-        if np.all(np.abs(position - whole) < 1e-9):  # of a step: no interpolation changes these
+        if np.all(np.abs(position - whole) < ON_A_SAMPLE):
             found = known[np.abs(whole).astype(np.int64)]
         else:
             found = interpolated(known, np.abs(position))

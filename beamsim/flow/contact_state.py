@@ -29,7 +29,7 @@ from beamsim.flow.invariant_blocks import (
 )
 from beamsim.inputs.signal import Sources
 from beamsim.system.equations import PiecewiseLinearSystem, StateEquations
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import TINY, Bools, Complexes, Floats, Ints
 
 GROWN = 3.0  # logarithm of the largest growth within a segment
 GROWTH = 600.0  # logarithm of a function's growth; where it is larger, the amplitude is zero
@@ -447,7 +447,7 @@ def _general_modes(
         A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * across + strained) / usual
         out[:n, first:], back[first:, :n] = across / usual, across.T * usual
     if together:
-        unit = usual / max(float(np.abs(contacts.shape).max()), 1e-300)
+        unit = usual / max(float(np.abs(contacts.shape).max()), TINY)
         states, (pushed, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, acting, undamped)
         A[r : 2 * r, states] = pushed / unit
         A[states, :r] = unit * by_penetration / scale
@@ -530,7 +530,7 @@ def _with_rigid_motions(system: PiecewiseLinearSystem, feeling: Floats) -> tuple
     """Motions that contacts with shapes (a, n) feel or springs of the structure resist, then rigid-body ones."""
     rigid, basis = np.flatnonzero(system.stiffness == 0.0), np.eye(system.size)
     _, singular, turned = np.linalg.svd(feeling[:, rigid])
-    rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), 1e-300)))
+    rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), TINY)))
     free = rigid.size - rank
     basis[np.ix_(rigid, rigid)] = turned.T
     basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]

@@ -39,7 +39,7 @@ import numpy as np
 from scipy.linalg import schur
 
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import TINY, Complexes, Floats, Ints
 
 
 class Subspaces(NamedTuple):
@@ -325,11 +325,14 @@ def _clusters(A: Floats, window: float) -> BlockForm:
     return BlockForm(SimpleModes(none, none.T, none[0]), blocks)
 
 
+SPLIT_BY_ROUND_OFF = 1e-9  # of the largest eigenvalue, by which round-off splits a multiple eigenvalue at zero
+
+
 def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:
     """Single-linkage clusters; of two conjugate clusters only the upper one."""
     largest = float(np.max(np.abs(lam), initial=0.0))
     # what splits a multiple eigenvalue at zero is round-off of the largest, or too small to be seen within the window
-    floor = max((1e-9 + 1e-3 * tolerance) * largest, tolerance / window)
+    floor = max((SPLIT_BY_ROUND_OFF + 1e-3 * tolerance) * largest, tolerance / window)
     near = np.abs(lam[:, None] - lam[None, :]) <= (
         tolerance * np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :]) + floor
     )
@@ -523,7 +526,7 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
 def _error(system: PiecewiseLinearSystem, k: Floats, c: Floats, shape: Floats, modes: SimpleModes) -> float:
     """Relative error, in the norm of the energy, of two motions and their rates from the modes."""
     n = system.size
-    omega = np.sqrt(np.maximum(system.stiffness, 1e-300))[:, None]
+    omega = np.sqrt(np.maximum(system.stiffness, TINY))[:, None]
     motion = np.array([[1.0, 1.0], [1.0, -1.0]])[np.arange(2 * n) * (np.arange(2 * n) + 1) // 2 % 2]
     motion[:n] /= omega
     amplitude = modes.left @ motion

@@ -30,7 +30,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
 from beamsim.outcomes import Outcome, never, tell
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
-from beamsim.typing import Floats, Ints
+from beamsim.typing import TINY, Floats, Ints
 
 CYCLES_OF_CHUNK = 256
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
@@ -313,7 +313,7 @@ class LevelControl:
         found = motion.extrema(self.outputs(flow), windows.edge)
         counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
         share = float(np.max(np.maximum(found.high, -found.low)[counted] / self.limits))
-        return float(np.log(max(share, 1e-300))), there
+        return float(np.log(max(share, TINY))), there
 
     def _carrier(self, first: int, last: int) -> float:
         return float(carriers(self.leg.frequency(np.array(0.5 * (first + last)))))

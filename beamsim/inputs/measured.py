@@ -35,7 +35,7 @@ from beamsim.scenario.units import (
     read_quantity,
     size_of,
 )  # fmt: skip
-from beamsim.typing import Floats
+from beamsim.typing import TINY, Floats
 
 FEWEST_HALF_CYCLES, SAMPLES_A_CYCLE = (
     3,
@@ -146,7 +146,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
     except InputFileError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
     doubts = offset_warnings(used, starts=not excitation.stationary)
-    size = abs(excitation.factor) * float(np.abs(signal.y).max() / max(np.abs(raw.y).max(), 1e-300))
+    size = abs(excitation.factor) * float(np.abs(signal.y).max() / max(np.abs(raw.y).max(), TINY))
     doubts += rounding_warnings(raw, used, size, power_of(excitation.quantity))
     return replace(used, warnings=(*used.warnings, *doubts))
 

@@ -34,7 +34,7 @@ from beamsim.measurements.signal import LARGEST_VALUE, MeasuredSignal
 from beamsim.scenario import units
 from beamsim.scenario.files import RecordPreparation
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.typing import Floats
+from beamsim.typing import TINY, Floats
 
 EVEN = 1e-6  # of the step, by which steps of an even record differ at most
 WARNED_STEPS = 1e-3  # of the step: a larger difference of steps by rounding is warned of
@@ -337,7 +337,7 @@ def _continued(values: Floats, reach: int) -> Floats:
     """What is put before a record, (reach,) samples: its mirror image where that has the smoother join, else its point
     reflection. The one has a kink of the slope, the other of the curvature."""
     slopes, curvatures = np.diff(values), np.diff(values, 2)
-    frequency = np.sqrt(np.mean(curvatures**2) / max(float(np.mean(slopes**2)), 1e-300))  # of most of it, per sample
+    frequency = np.sqrt(np.mean(curvatures**2) / max(float(np.mean(slopes**2)), TINY))  # of most of it, per sample
     image = values[reach:0:-1]
     mirrored = abs(float(slopes[0])) * frequency < 1.1 * abs(float(curvatures[0]))
     return np.asarray(image if mirrored else 2.0 * values[0] - image, dtype=float)

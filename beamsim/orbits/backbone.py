@@ -44,6 +44,9 @@ class Jump:
     ratio: int  # n of n:1
 
 
+STEP_AT_STIFF_GRAZING = 1e-11  # at a grazing of a stiff stop a branch turns within the stop's compliance
+
+
 @dataclass
 class Backbone:
     """Iterate over it for the backbone's points; tongues, jumps and the outcome are kept beside.
@@ -206,8 +209,7 @@ class Backbone:
         """
         low, high = sorted((a.parameter, self.end))
         points: list[BranchPoint] = []
-        # at a grazing of a stiff stop the branch turns within the stop's compliance: steps may be that short
-        for point in Branch(self.orbits, a, low, high, Settings(most_points=60, smallest_step=1e-11)):
+        for point in Branch(self.orbits, a, low, high, Settings(most_points=60, smallest_step=STEP_AT_STIFF_GRAZING)):
             if point is a:
                 continue
             along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)

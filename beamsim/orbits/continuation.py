@@ -157,6 +157,9 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
     return None
 
 
+ROUND_OFF_STEP = 1e-13  # a shorter step of Newton's method, in scaled unknowns, is round-off
+
+
 def _converged(residual: float, moved: float, iteration: int, tolerance: float) -> bool:
     """Whether a residual is small enough, after a Newton step that moved the scaled unknowns so far."""
     # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
@@ -164,8 +167,7 @@ def _converged(residual: float, moved: float, iteration: int, tolerance: float) 
     if residual <= (tolerance if iteration else 0.01 * tolerance):
         return True
     # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
-    # 1e-13: a Newton step shorter than this is round-off
-    return moved <= 1e-13 and residual <= STIFF * tolerance
+    return moved <= ROUND_OFF_STEP and residual <= STIFF * tolerance
 
 
 def solve_at(
@@ -271,6 +273,9 @@ def _on_tangent(point: BranchPoint, row: Floats, target: float, scale: Floats) -
 
 
 ProblemT_co = TypeVar("ProblemT_co", bound=ContinuationProblem, covariant=True)
+
+
+BRANCHING_STEP = 1e-6  # in scaled unknowns, of differences at a branch point
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,9 +411,10 @@ class BranchStep(Generic[ProblemT_co]):
                 left, _, right = np.linalg.svd(A + share * (B - A))
                 c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
                 y = np.append(interpolated(a, b, share) / scale, 0.0)
-                # 1e-6: in scaled unknowns, of a difference
-                at, *beside = (np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(1e-6 * plane)))
-                bend = (np.array(beside).T - at[:, None]) / 1e-6
+                at, *beside = (
+                    np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(BRANCHING_STEP * plane))
+                )
+                bend = (np.array(beside).T - at[:, None]) / BRANCHING_STEP
                 # 20: steps of Newton's method, with one derivative of the slopes
                 for count in range(20):
                     R, A, data = equations(y[:-1])

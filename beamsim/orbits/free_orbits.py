@@ -33,7 +33,7 @@ from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.period import cyclic, extrema_of, phases_of_contacts
 from beamsim.orbits.spring_families import SpringFamily
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import TINY, Complexes, Floats
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class ConservativeOrbits(ABC):
         """Coordinates by the amplitude that carries all the energy, velocities likewise."""
         x, period, factor, energy = self.split(u)
         if not np.isfinite(energy):
-            energy = max(self.family.potential(x[: self.n], factor)[0], 1e-300)
+            energy = max(self.family.potential(x[: self.n], factor)[0], TINY)
         speed = np.full(self.n, np.sqrt(2.0 * energy))
         state = np.concatenate([speed / np.maximum(self.family.omega, 0.2 * np.pi / period), speed])
         closure = state[self.closing[0]]
@@ -138,6 +138,10 @@ class ConservativeOrbits(ABC):
 def on_unit_circle(half_traces: Complexes, tolerance: float) -> bool:
     """Whether every pair of multipliers lies on the unit circle, where (mu + 1/mu)/2 is real and within [-1, 1]."""
     return bool(np.all(np.abs(half_traces.imag) < tolerance) and np.all(np.abs(half_traces.real) < 1.0 + tolerance))
+
+
+# By how much (mu + 1/mu)/2 may leave [-1, 1]: the trivial pair and round-off.
+UNIT_CIRCLE_OF_BALANCE, UNIT_CIRCLE_OF_SHOOTING = 1e-7, 1e-6
 
 
 @dataclass
@@ -194,7 +198,7 @@ class BrakeOrbits(ConservativeOrbits):
         parts = (self.omega * (self.vectors.T @ (q - self.family.rest(factor)))) ** 2
         if v is not None:
             parts = parts + (self.vectors.T @ v) ** 2
-        return np.asarray(parts / max(float(parts.sum()), 1e-300))
+        return np.asarray(parts / max(float(parts.sum()), TINY))
 
     def mode_slope(self, point: BranchPoint, mode: int) -> float:
         """Derivative of a linear mode's velocity after half a period by its amplitude at the start, over its frequency.
@@ -235,8 +239,7 @@ class BrakeOrbits(ConservativeOrbits):
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
         q, period, _, _ = self.split(point.u)
-        # 1e-7: (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-        stable = on_unit_circle(self.half_traces(point), 1e-7)
+        stable = on_unit_circle(self.half_traces(point), UNIT_CIRCLE_OF_BALANCE)
         return Orbit(
             point.parameter, np.append(q, np.zeros(self.n)), period, self.multipliers(point), stable, point.residual,
             point.data.energy,
@@ -263,7 +266,7 @@ def _idle(family: SpringFamily) -> Floats:
         loose = np.eye(rigid.size)
     else:
         _, singular, turned = np.linalg.svd(rows)
-        loose = turned[int(np.sum(singular > 1e-12 * max(float(singular.max()), 1e-300))) :]
+        loose = turned[int(np.sum(singular > 1e-12 * max(float(singular.max()), TINY))) :]
     out[np.ix_(rigid, rigid)] = float(omega[omega > 0].min()) * loose.T @ loose
     return out
 
@@ -338,8 +341,7 @@ class FreeOrbits(ConservativeOrbits):
         """What a converged point means."""
         y, period, _, _ = self.split(point.u)
         mu = self.multipliers(point)
-        # 1e-6: (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-        stable = on_unit_circle(0.5 * (mu + 1.0 / mu), 1e-6)
+        stable = on_unit_circle(0.5 * (mu + 1.0 / mu), UNIT_CIRCLE_OF_SHOOTING)
         return Orbit(point.parameter, y, period, mu, stable, point.residual, point.data.energy)
 
 

@@ -37,7 +37,7 @@ from beamsim.orbits.continuation import Predictor, Settings, correct
 from beamsim.orbits.period import gauss_panels
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import TINY, Complexes, Floats
 
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square
 
@@ -57,6 +57,9 @@ class Appropriation:
     def dissipated(self) -> float:
         """J a period."""
         return self.by_structure + self.by_contacts
+
+
+NO_WORK = 1e-9  # share of the largest possible work below which a force does none
 
 
 def appropriate_force(
@@ -92,8 +95,7 @@ def appropriate_force(
     work = complex((weight * np.exp(1j * omega * t)) @ power)
     reach = float(np.sqrt(period * (weight @ np.abs(power) ** 2)))
     size = float(np.linalg.norm(load) * np.sqrt(period * (weight @ np.sum(v**2, axis=1))))
-    # 1e-9: share of the largest possible work below which a force does none
-    if abs(work) <= 1e-9 * max(reach, size):
+    if abs(work) <= NO_WORK * max(reach, size):
         raise ValueError("the force does no work on this mode (it acts at a node)")
     # a motion that is shift ahead of the mode's own takes Re(work e^{-i omega shift}) from the force
     shift = float(np.angle(work)) / omega % period
@@ -111,7 +113,7 @@ def quadrature(problem: ForcedOrbits, point: BranchPoint) -> tuple[float, float]
     q = flow.states_at(flow_map, t)[:, :n]
     fundamental = 2.0 / T * ((weight * np.exp(-1j * flow.omega * t)) @ q)
     conjugate = complex(np.conj(load) @ fundamental)
-    return float(conjugate.real) / max(abs(conjugate), 1e-300), abs(conjugate)
+    return float(conjugate.real) / max(abs(conjugate), TINY), abs(conjugate)
 
 
 def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> BranchPoint | None:

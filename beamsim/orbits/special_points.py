@@ -83,6 +83,9 @@ def _stays(contacts: Contacts, flow_map: FlowMap, few: FlowMap) -> list[_Stay]:
     return [stay for _, stay in sorted(found, key=lambda item: item[0])]
 
 
+SAME_TIME = 1e-13  # of a period, within which a time is that of a window's edge
+
+
 def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, near: float) -> tuple[float, float]:
     """A contact's guard at its local minimum nearest to a time of a period.
 
@@ -112,8 +115,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
 
     found = extrema_of(flow, flow_map, rows, values, edges)
     low, when = found.low[:, 0], found.when_low[:, 0]
-    # 1e-13: of a period, within which a time is that of a window's edge
-    apart = 1e-13 * T
+    apart = SAME_TIME * T
     first, last = when <= edges[:-1] + apart, when >= edges[1:] - apart
     turns = np.flatnonzero(~(first | last) | (last & np.roll(first, -1)))
     if turns.size == 0:
@@ -162,6 +164,9 @@ def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int =
     yield from grazings(step.between(middle, step.b), budget, depth + 1)
 
 
+VANISHED = 1e-6  # of the neighbours' values: the remainder where a guard has vanished
+
+
 def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *, late: bool) -> list[SpecialPoint]:
     """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
 
@@ -183,8 +188,7 @@ def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *
     if graze is None:
         return []
     found = [nearest(graze, stay) for stay in stays]
-    # 1e-6: of the neighbours' values: the remainder where a guard has vanished
-    touching = [abs(value) <= 1e-6 * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
+    touching = [abs(value) <= VANISHED * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
     if not touching[0] or not (late or (all(touching) and _explains(step, graze))):
         return []
     return [
@@ -338,9 +342,12 @@ def _beyond(mu: Complexes, number: int) -> float:
     return float(size[number]) - 1.0 if size.size > number else -1.0
 
 
+REAL_MULTIPLIER = 1e-10  # of a multiplier, up to which its imaginary part is round-off
+
+
 def _complex(mu: Complexes) -> Bools:
     """Which multipliers are not real; equal ones are complex by round-off."""
-    return np.asarray(np.abs(mu.imag) > 1e-10 * np.abs(mu))  # 1e-10: of a multiplier
+    return np.asarray(np.abs(mu.imag) > REAL_MULTIPLIER * np.abs(mu))
 
 
 def _outside(mu: Complexes) -> Ints:

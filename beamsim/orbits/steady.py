@@ -21,7 +21,7 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion, motion_of, start
 from beamsim.flow.variational import VariationalFlow
-from beamsim.typing import Floats
+from beamsim.typing import TINY, Floats
 
 
 @dataclass
@@ -227,8 +227,8 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
         section.append(motion.y[: 2 * n] * weight)
         difference = (neighbour.y - motion.y)[: 2 * n] * weight
         distance = float(np.linalg.norm(difference))
-        growth.append(np.log(max(distance, 1e-300) / (DISTANCE * size)))
-        offset = difference * (DISTANCE * size / max(distance, 1e-300))
+        growth.append(np.log(max(distance, TINY) / (DISTANCE * size)))
+        offset = difference * (DISTANCE * size / max(distance, TINY))
     rate = np.array(growth[cycles // 4 :]) * omega / (2 * np.pi)
     mean = float(rate.mean())
     blocks = np.array([block.mean() for block in np.array_split(rate, BLOCKS)])

@@ -71,6 +71,9 @@ def resonance_between(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, mode:
     return int(other), int(order)
 
 
+RIGID = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
+
+
 @dataclass
 class Tongues:
     """The tongues of one mode's backbone.
@@ -113,8 +116,7 @@ class Tongues:
         -------
         The tongue, from its first motion inwards.
         """
-        # 1e-6: of the frequency of the requested mode: a slower mode is a rigid-body mode
-        if self.orbits.omega[other] < 1e-6 * self.orbits.omega[self.mode]:
+        if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
             return None
         left, right = self.orbits.mode_slope(a, other), self.orbits.mode_slope(b, other)
         at = left / (left - right) if left * right < 0 else 0.5

@@ -491,14 +491,16 @@ def walk(
     return OrbitBranch(branch.problem, points, with_failed_searches(outcome, failed), tuple(special))
 
 
+AT_END = 1e-9  # relative distance of the parameter from the end of a branch, within which a motion lies there
+
+
 def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     """Whether a known branch passes through a point."""
     p = point.parameter
     for branch in known:
         off = branch.values - p
         low, high = np.minimum(off[:-1], off[1:]), np.maximum(off[:-1], off[1:])
-        # 1e-9: relative distance at which a motion is beside the end of a branch
-        for i in np.flatnonzero((low <= 1e-9 * abs(p)) & (high >= -1e-9 * abs(p)) & (low < high)):
+        for i in np.flatnonzero((low <= AT_END * abs(p)) & (high >= -AT_END * abs(p)) & (low < high)):
             a, b = branch.points[int(i)], branch.points[int(i) + 1]
             between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))

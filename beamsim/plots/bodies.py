@@ -227,6 +227,9 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     return figures
 
 
+ROUND_OFF = 1e-9  # of the largest deflection of a plate: less is drawn as none
+
+
 def plate_figures(result: RunResult, name: str, plate: Dataset) -> dict[str, Picture]:
     """Deflections of a plate, where it has any, and its mode shapes.
 
@@ -236,7 +239,7 @@ def plate_figures(result: RunResult, name: str, plate: Dataset) -> dict[str, Pic
     name, plate : of the body, and its dataset.
     """
     figures: dict[str, Picture] = {}
-    least = 1e-9 * float(np.nanmax(np.abs(plate["extreme_shape"]), initial=0.0))  # less is round-off
+    least = ROUND_OFF * float(np.nanmax(np.abs(plate["extreme_shape"]), initial=0.0))
     shapes = [
         partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
         for shape, title in _shapes(result, plate)

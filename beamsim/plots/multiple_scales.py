@@ -22,6 +22,9 @@ ROUND_OFF = 1e-14  # differences below it are not drawn
 FACTOR = ("Stiffness factor ε", "")
 
 
+NARROWEST = 1e-6  # of the linear frequency: the narrowest axis of frequencies
+
+
 def expanded_frequency(expansion: Dataset) -> Chart:
     """Frequency over the factor, exact and to both orders."""
     factor, frequency, exact = (expansion[of].values for of in ("factor", "frequency_hz", "exact_frequency_hz"))
@@ -33,7 +36,7 @@ def expanded_frequency(expansion: Dataset) -> Chart:
     known = exact[np.isfinite(exact)]
     if not known.size:
         return chart
-    room = 0.5 * max(float(np.ptp(known)), 1e-6 * expansion["linear_frequency_hz"].item())
+    room = 0.5 * max(float(np.ptp(known)), NARROWEST * expansion["linear_frequency_hz"].item())
     # far out the expansion leaves the picture
     return chart._replace(y_ends=(float(known.min()) - room, float(known.max()) + room))
 

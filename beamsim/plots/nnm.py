@@ -30,7 +30,7 @@ from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale
 from beamsim.structures.places import Stations
-from beamsim.typing import Floats
+from beamsim.typing import TINY, Floats
 
 FLOOR = -120.0  # dB, of a spectrum
 
@@ -118,7 +118,7 @@ def _curves(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) ->
 
 def _special(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -> list[tuple[str, float, float]]:
     """Special points, each on the branch that it is closest to (some lie on tongues)."""
-    span, places = max(float(np.ptp(result.branches[0]["parameter"].values)), 1e-300), []
+    span, places = max(float(np.ptp(result.branches[0]["parameter"].values)), TINY), []
     columns = (result["special_points"][name].values.tolist() for name in ("kind", "parameter", "frequency_hz"))
     for kind, parameter, hz in zip(*columns, strict=True):
         off = [
@@ -187,6 +187,9 @@ def configuration(result: NormalModeResult) -> Chart:
     return Chart((f"Displacement of {across}", "m"), (up, "m"), curves)
 
 
+DRIFT_SHOWN = 1e-6  # relative, over the periods of a spectrum, above which a drift is shown
+
+
 def orbit_spectrum(result: NormalModeResult) -> Chart:
     """Spectrum over the motion's many periods, in dB of each probe's strongest line."""
     motion = result["motion"]
@@ -196,11 +199,10 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
     curves = []
     for k, (name, amplitude) in enumerate(motion.by_label("spectrum").items()):
         lines = amplitude.values[:last]
-        level = 20.0 * np.log10(np.maximum(lines, 1e-300) / lines.max())
+        level = 20.0 * np.log10(np.maximum(lines, TINY) / lines.max())
         marks = {"marker": "os^Dvx"[k % 6], "markersize": 4, "markerfacecolor": "none", "linewidth": 0.6}
         curves.append(Curve(name, f[:last], np.where(level > FLOOR, level, np.nan), marks))
-    # a drift over the periods of the spectrum above 1e-6 is shown
-    away = f"; unstable: {100 * drift:.3g} % away at their end" if drift > 1e-6 else ""
+    away = f"; unstable: {100 * drift:.3g} % away at their end" if drift > DRIFT_SHOWN else ""
     said = f"spectrum over {motion['periods'].item()} periods{away}"
     return Chart(
         ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes", y_ends=(FLOOR, 5.0), legend=said

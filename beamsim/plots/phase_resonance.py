@@ -16,7 +16,7 @@ from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
 from beamsim.results.branch import each_of
 from beamsim.structures.places import Stations
-from beamsim.typing import Bools
+from beamsim.typing import TINY, Bools
 
 
 def _level_scale(result: NormalModeResult) -> Scale:
@@ -119,7 +119,7 @@ def held_spectrum(spectrum: Dataset, periods: int) -> Chart:
     reach, lines = frequency <= highest, {name: of.values for name, of in spectrum.by_label("line").items()}
     top = max(float(line[1:].max()) for line in lines.values())
     curves = [
-        Curve(name, frequency[reach], 20 * np.log10(np.maximum(line[reach] / top, 1e-300)))
+        Curve(name, frequency[reach], 20 * np.log10(np.maximum(line[reach] / top, TINY)))
         for name, line in lines.items()
     ]
     across, up = ("Frequency", HERTZ), ("Amplitude (dB re largest)", "")

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from beamsim.errors import InputFileError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.signals.records import project
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import TINY, Complexes, Floats, Ints
 
 LONGEST_MOTION = 4  # periods of the excitation, of motions that are told apart
 ROUNDED = 1e-3  # of a period, by which times in files are rounded
@@ -175,7 +175,7 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     starts = time[-1] - period * np.arange(count, 0, -1)
     periods = CubicSpline(time, x)(starts[:, None] + period * phases)
     periods = periods - periods[-2:].mean()
-    size = max(float(np.sqrt(np.mean(periods[-2:] ** 2))), 1e-300)
+    size = max(float(np.sqrt(np.mean(periods[-2:] ** 2))), TINY)
     half, unsettled = count // 2, np.inf
     for multiple in range(1, min(LONGEST_MOTION, half) + 1):
         behind = np.arange(count - 1, -1, -1)  # periods until the last one

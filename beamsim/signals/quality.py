@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.typing import Bools, Floats
+from beamsim.typing import TINY, Bools, Floats
 
 FASTEST = 0.3
 """Sweep rate times Q squared over the frequency squared, above which the half-power band is that of the sweep.
@@ -45,7 +45,7 @@ def peaks_of(frequency: Floats, amplitude: Floats, rate: Floats | None = None) -
     """
     from scipy import signal
 
-    positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
+    positive = np.maximum(amplitude, TINY + 1e-12 * float(np.max(amplitude, initial=0.0)))
     at, _ = signal.find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
     # 6: of a channel, the highest
     highest = sorted(at, key=lambda k: -amplitude[k])[:6]

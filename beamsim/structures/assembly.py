@@ -382,6 +382,9 @@ def join(
     )
 
 
+REPEATED_CONSTRAINT = 1e-10  # of the largest singular value: smaller ones are those of constraints that others imply
+
+
 def null_space_basis(rows: Floats) -> Any:
     """(N, N - rank) sparse orthonormal basis of the null space of constraints (c, N).
 
@@ -399,8 +402,7 @@ def null_space_basis(rows: Floats) -> Any:
             continue
         constraints = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
         _, s, vt = np.linalg.svd(constraints / np.linalg.norm(constraints, axis=1, keepdims=True))
-        # smaller singular values are those of constraints that say the same twice
-        null = vt[int(np.sum(s > 1e-10 * s[0])) :].T
+        null = vt[int(np.sum(s > REPEATED_CONSTRAINT * s[0])) :].T
         i.append(np.repeat(dofs, null.shape[1]))
         j.append(np.tile(count + np.arange(null.shape[1]), dofs.size))
         values.append(null.ravel())

@@ -88,6 +88,9 @@ def _static_moments(member: MemberBody, x: Floats, patterns: Sequence[LoadPatter
     return u, _moments(member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
 
 
+AT_RIGHT_END = 1e-12  # of the length, within which a point is the right-hand end
+
+
 def _moments(
     member: MemberBody, x: Floats, u: Floats, a: Floats, loads: Iterable[tuple[LoadPattern, Floats]]
 ) -> Floats:
@@ -138,7 +141,7 @@ def _moments(
     for part in beside:
         moment += part
     # At the right-hand end use the nodal moment itself, without the round-off of the integration.
-    moment[np.isclose(x, 1.0, rtol=0, atol=1e-12)] = at_ends[-1, 3]
+    moment[np.isclose(x, 1.0, rtol=0, atol=AT_RIGHT_END)] = at_ends[-1, 3]
     return np.asarray(moment)
 
 
@@ -156,6 +159,9 @@ def _resolved(member: MemberBody, basis: ReducedBasis) -> int:
     return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
 
 
+BENDING_LOAD = 1e-9  # relative deflection per load: with less a load moves the beam as a rigid body
+
+
 def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
     whole = member.whole
@@ -169,7 +175,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
     strain = basis.omega[:, None] * coordinates
     size = np.linalg.norm(strain, axis=0)
     of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
-    bending = np.flatnonzero(size > 1e-9 * of_loads / basis.omega[basis.rigid])  # others move it as a whole
+    bending = np.flatnonzero(size > BENDING_LOAD * of_loads / basis.omega[basis.rigid])
     unit, lacking = strain[:, bending] / size[bending], missing[:, bending] / size[bending]
     # What is listed twice counts once: neither its motion nor its moments differ, but in sign.
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)

@@ -133,6 +133,9 @@ class Mesh:
         return csr_array((rows.ravel(), (i, j)), shape=(points * self.elements, self.size))
 
 
+ROUND_OFF = 1e-9  # relative, of a number of elements: 0.5 / 0.05 is not to add one
+
+
 def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterable[float] = (0.0, 1.0)) -> Mesh:
     """A mesh with a node at every hard point, uniform in between, with no element longer than 1 / elements.
 
@@ -155,11 +158,7 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
         if all(abs(x - end) > 1e-3 * size for end in ends):
             ends.append(x)
     ends.sort()
-    pieces = [
-        # The margin keeps round-off in 0.5 / 0.05 from adding an element.
-        np.linspace(a, b, int(np.ceil((b - a) / size * (1 - 1e-9))) + 1)[:-1]
-        for a, b in pairwise(ends)
-    ]
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / size * (1 - ROUND_OFF))) + 1)[:-1] for a, b in pairwise(ends)]
     return Mesh(np.concatenate([*pieces, [1.0]]))
 
 

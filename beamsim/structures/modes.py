@@ -25,6 +25,9 @@ class Modes:
     vectors: Floats  # (N, k) orthonormal in the mass matrix
 
 
+NO_EXTENSION = 1e-10  # extension of a spring per unit motion, below which the motion does not extend it
+
+
 def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) -> Floats:
     """(k, r) combinations of rigid-body motions that what holds the structure allows.
 
@@ -45,7 +48,7 @@ def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) 
     if not stretch.size:
         return np.diag(1 / unit)
     _, s, vt = np.linalg.svd(stretch / np.reshape(length, (-1, 1)) / unit)
-    return np.asarray(vt[int(np.sum(s > 1e-10)) :].T / unit[:, None])  # smaller stretches are none
+    return np.asarray(vt[int(np.sum(s > NO_EXTENSION)) :].T / unit[:, None])
 
 
 def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:

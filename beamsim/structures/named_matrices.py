@@ -252,6 +252,9 @@ def moves_freely(stiffness: Any, motion: Floats, within: float = 1e-6) -> bool:
     return bool(np.abs(stiffness @ motion).max() <= within * (abs(stiffness) @ np.abs(motion)).max())
 
 
+_ROUND_OFF = 1e-9  # of forces, within which a motion of the base leaves none
+
+
 def with_base_node(
     named: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
 ) -> NamedMatrices:
@@ -275,8 +278,7 @@ def with_base_node(
     damping = None if damping is None else physical @ damping @ physical
     load = inertia / named.scale
     r = named.influence
-    tiny = 1e-9  # round-off
-    if moves_freely(stiffness, r, tiny) and np.abs(load - mass @ r).max() <= tiny * np.abs(load).max():
+    if moves_freely(stiffness, r, _ROUND_OFF) and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
         return NamedMatrices(named.table, mass, stiffness, damping, ())
     base = int(named.table.nodes.max()) + 1
     places = named.table.coordinates

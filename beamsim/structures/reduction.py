@@ -360,6 +360,9 @@ def receptance_bound(
     return ReceptanceBound(float(largest[:acting].max()), float(largest[acting:].max()) if known is not None else None)
 
 
+RIGID_LOAD = 1e-24  # of the squared size of a load: with less compliance it moves the structure as a rigid body
+
+
 @dataclass(frozen=True)
 class LeftOut:
     """What a reduced basis leaves out of the response to m loads, in scaled units."""
@@ -387,8 +390,7 @@ class LeftOut:
         """What a basis leaves out; see the fields."""
         deflected = np.asarray(model.factor @ static_deflections(model, loads.T))
         compliance = np.sum(deflected**2, axis=0)
-        # a load with less of what its size would give moves the structure as a rigid body
-        compliances = np.where(compliance > 1e-24 * np.sum(loads**2, axis=1), compliance, 0.0)
+        compliances = np.where(compliance > RIGID_LOAD * np.sum(loads**2, axis=1), compliance, 0.0)
         stated, modal_damping = stated_damping(model, basis), damping / model.frequency_scale
         if stated.known is not None:
             modal_damping = modal_damping - basis.vectors.T @ (stated.known @ basis.vectors)

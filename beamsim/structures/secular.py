@@ -52,6 +52,7 @@ from beamsim.typing import Floats
 _EPS = float(np.finfo(float).eps)
 ONE_POLE = 1e-13  # relative distance of natural frequencies that count as one pole
 NODE = 1e-26  # share of the largest weight of a mode that the spring does not reach
+ON_NODE = 1e-8  # of the largest motion of a mode; finite elements give nodes to 1e-12
 
 
 class SpringPoint:
@@ -119,8 +120,7 @@ class SpringPoint:
 
     def on_node(self, mode: int) -> bool:
         """Whether the point is a node of free mode number `mode`, so that a spring does not change the mode."""
-        # finite elements give nodes to 1e-12
-        return bool(abs(self.shape[mode - 1]) <= 1e-8 * np.abs(self.shape).max(initial=0.0))
+        return bool(abs(self.shape[mode - 1]) <= ON_NODE * np.abs(self.shape).max(initial=0.0))
 
     def slope(self, omega: ArrayLike) -> Floats:
         """d omega / dk, rad/s per N/m, of the mode that the spring raises to omega (> 0): u_r^2 / (2 omega).

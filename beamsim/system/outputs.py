@@ -65,6 +65,9 @@ _BY_ORDER = ("displacement", "velocity", "acceleration")  # by the order of thei
 _BENDING = ("bending_moment", "stress", "strain")
 
 
+ROUND_OFF = 1e-14  # of the largest eigenvalue of an energy: smaller ones are left out
+
+
 @dataclass(frozen=True)
 class _Asked:
     """What the outputs of one scenario share."""
@@ -263,7 +266,7 @@ class _Asked:
         scale[n:] = np.sqrt(np.diag(form)[n:] / max(np.diag(form)[:n].max(), np.finfo(float).tiny))
         scale[scale == 0.0] = 1.0
         values, vectors = np.linalg.eigh((form + form.T) / (2 * np.outer(scale, scale)))
-        kept = values > 1e-14 * values[-1]  # others are round-off
+        kept = values > ROUND_OFF * values[-1]
         rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scale
         quantity = "velocity" if kinetic else "displacement"
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))

@@ -40,7 +40,7 @@ from beamsim.results.values import peaks_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
-from beamsim.typing import Floats, of_kind
+from beamsim.typing import TINY, Floats, of_kind
 
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
 MEASURED_CYCLES = 256  # of a motion that is not periodic
@@ -288,7 +288,7 @@ def _gathered(
             float(np.abs(branch.multipliers[0, 0])),
             m.problem.multiple if m.kind == "periodic" else 0,
         )
-        exponent = m.exponent if period == 0 else float(np.log(max(size, 1e-300))) * m.hz / period
+        exponent = m.exponent if period == 0 else float(np.log(max(size, TINY))) * m.hz / period
         found = len(m.starts), part, low, high, exponent, size
         motions.append(_MotionRow(m.hz, number, m.kind, period, m.stable, *found))
     names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
@@ -392,7 +392,7 @@ class OrbitSection(NamedTuple):
     def holds(self, end: Destination, within: float) -> bool:
         """Whether a start has come to this motion: within a distance, relative to the motion's size."""
         away = np.abs((self.states - end.state) * self.weight).max(axis=1).min()
-        size = max(float(np.abs(self.states * self.weight).max()), 1e-300)
+        size = max(float(np.abs(self.states * self.weight).max()), TINY)
         return end.period == self.states.shape[0] and bool(away <= within * size)
 
 

@@ -39,7 +39,7 @@ from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
 from beamsim.signals.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
 from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple, settled_from
 from beamsim.signals.records import Window, amplitude_db, sampled_records
-from beamsim.typing import Floats
+from beamsim.typing import TINY, Floats
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
 OF_CONTACTS = {"N": ("force", FORCE), "N m": ("moment", MOMENT)}  # by unit: of snubbers, of stops of hinges
@@ -142,7 +142,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     has_phase = bool(np.isfinite(excitation)) and measured.has_phase
     phase, delay = 0.0, 0.0
     if has_phase:
-        weights = np.full(measured.order.size, max(float(np.max(np.abs(measured.value))), 1e-300))
+        weights = np.full(measured.order.size, max(float(np.max(np.abs(measured.value))), TINY))
         phase = float(np.angle(np.exp(1j * best_phase(measured, predicted.value, weights))))
         delay = phase * multiple / (2 * np.pi * excitation)
     elif not signal.of_frequency:
@@ -309,7 +309,7 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     correlation = signal.correlate(a - a.mean(), b - b.mean(), method="fft")
     lags, best = signal.correlation_lags(grid.size, grid.size), int(np.argmax(correlation))
     before, top, after = correlation[np.clip([best - 1, best, best + 1], 0, correlation.size - 1)]
-    between = 0.5 * (before - after) / min(before - 2 * top + after, -1e-300)  # of samples: the top of a parabola
+    between = 0.5 * (before - after) / min(before - 2 * top + after, -TINY)  # of samples: the top of a parabola
     return float(predicted.x[0] + (lags[best] + between) * step - measured.x[0])
 
 

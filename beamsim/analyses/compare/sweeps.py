@@ -32,7 +32,7 @@ from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
 from beamsim.signals.assurance import assurance
 from beamsim.signals.quality import peaks_of
-from beamsim.typing import Complexes, Floats, Ints, not_none
+from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
 
@@ -254,7 +254,7 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
         some = np.isin(excitation.frequency_hz, of.frequency_hz)
         turned = excitation.fundamental[some]
         # the sweep's excitation is a sine: -i as the amplitude of a cosine
-        y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), 1e-300)
+        y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), TINY)
     x, y = filtered(of.frequency_hz, tracking.cycles), filtered(y, tracking.cycles)
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
 

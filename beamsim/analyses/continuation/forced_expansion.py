@@ -33,7 +33,7 @@ from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import Continuation, FrequencyPath
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats
+from beamsim.typing import TINY, Bools, Complexes, Floats
 
 HALVINGS = 24  # of the factor, at most
 WANTED = 7  # factors at which the exact motion is found
@@ -214,7 +214,7 @@ def _tip(r: ResonantForcing) -> float:
 
     def excess(log_a: float) -> float:
         a = float(np.exp(log_a))
-        return float(np.log(max(a * r.backbone(a).imag, 1e-300) / force))
+        return float(np.log(max(a * r.backbone(a).imag, TINY) / force))
 
     start = np.log(force / r.omega)
     if excess(start + 30.0) < 0:

@@ -109,12 +109,14 @@ def fit_stiffness(modes: FittedModes) -> float:
     return low if low == high else _fit_between(modes, low, high)
 
 
+BRACKET_MARGIN = 1e-6  # relative: keeps a minimum at a bound (other modes have a node at the spring) in the bracket
+
+
 def _fit_between(modes: FittedModes, low: float, high: float) -> float:
     """The same of several modes that ask for stiffnesses between two, N/m."""
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
     lowest, highest = modes.range
-    # The margin keeps a minimum at a bound inside the bracket: there the other modes have a node at the spring.
-    low, high = max(low * (1 - 1e-6), lowest), min(high * (1 + 1e-6), highest)
+    low, high = max(low * (1 - BRACKET_MARGIN), lowest), min(high * (1 + BRACKET_MARGIN), highest)
     if low >= high:
         return low
     from scipy.optimize import least_squares

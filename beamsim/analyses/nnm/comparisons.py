@@ -25,7 +25,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, in
 from beamsim.results.branch import endings
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import TINY, Bools, Floats, Ints
 
 ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
 
@@ -216,7 +216,7 @@ BEYOND_MODES = 1.5  # highest harmonic of a series, over the highest mode
 
 def _harmonics(omega: Floats, index: int) -> int:
     """Harmonics of a mode of a structure with the frequencies (n,), rad/s, from which on its series are cut."""
-    highest = int(BEYOND_MODES * float(omega.max() / max(float(omega[index]), 1e-300)))
+    highest = int(BEYOND_MODES * float(omega.max() / max(float(omega[index]), TINY)))
     return min(max(HARMONICS, highest), MOST_HARMONICS)
 
 
@@ -464,4 +464,4 @@ def _beside_exact(
 def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:
     """Of two shapes at rest, relative to the second, in the norm of the linear strain energy."""
     w = orbits.family.omega
-    return float(np.linalg.norm(w * (shape - other)) / max(float(np.linalg.norm(w * other)), 1e-300))
+    return float(np.linalg.norm(w * (shape - other)) / max(float(np.linalg.norm(w * other)), TINY))

@@ -32,7 +32,7 @@ from beamsim.errors import MethodError
 from beamsim.orbits.aft import one_sided, product
 from beamsim.orbits.expansions.free import HARMONICS, RESONANT, rest_clearances
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import TINY, Complexes, Floats
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class ResonantForcing:
         """
         c, j = self.system.contacts.one_sided_parts(), self.mode
         reach = np.multiply.outer(amplitude, np.abs(c.shape[:, j]))
-        cosine = np.clip(self.gap / np.maximum(reach, 1e-300), -1.0, 1.0)
+        cosine = np.clip(self.gap / np.maximum(reach, TINY), -1.0, 1.0)
         closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
         rate = (c.stiffness + 1j * self.omega * c.dashpot) * c.shape[:, j] ** 2
         return closed @ rate / (2.0 * np.pi * self.omega) + 0.5j * self.system.damping[j, j]
@@ -130,7 +130,7 @@ class ResonantForcing:
         right[1] += self.load - 1j * omega * system.damping[:, j] * Q
         divisor = system.stiffness - (h[:, None] * omega) ** 2
         divisor[1, j] = np.inf
-        small = np.abs(divisor) <= RESONANT * (system.stiffness + (h[:, None] * omega) ** 2 + 1e-300)
+        small = np.abs(divisor) <= RESONANT * (system.stiffness + (h[:, None] * omega) ** 2 + TINY)
         if np.any(small & (np.abs(right) > 1e-13 * np.abs(right).max())):
             k, other = (int(x[0]) for x in np.nonzero(small))
             raise MethodError(

@@ -41,7 +41,7 @@ from beamsim.orbits.aft import cubic as cubic_harmonics
 from beamsim.orbits.aft import one_sided, product
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import TINY, Complexes, Floats
 
 HARMONICS = 400
 RESONANT = 1e-7  # relative distance of h omega_j from omega_l at which the expansion does not exist
@@ -195,12 +195,14 @@ def expand_mode(
     )  # fmt: skip
 
 
+COUNTED_HARMONIC = 1e-9  # share of the largest harmonic of the force above which one counts
+
+
 def _nearest_pole(w2: Floats, mode: int, force: Floats, a1: float) -> tuple[float, int, int]:
     """Factor next to zero with ``h (omega_j + factor omega_1) = omega_l``, l (from 0) and h; where forced at all."""
     omega = np.sqrt(w2)
     shift = abs(a1) / (2.0 * float(omega[mode]))
-    # 1e-9: share of the largest harmonic of the force above which one counts
-    forced = np.abs(force[1:]) > 1e-9 * np.abs(force).max(initial=0.0)
+    forced = np.abs(force[1:]) > COUNTED_HARMONIC * np.abs(force).max(initial=0.0)
     forced[0, mode] = False
     if shift == 0.0 or not np.any(forced):
         return np.inf, -1, 0
@@ -219,7 +221,7 @@ def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -
     divisor = w2 - h2 * (w2[mode] if squared is None else squared)
     skipped = np.zeros(divisor.shape, dtype=bool)
     skipped[1, mode] = True
-    small = (np.abs(divisor) <= RESONANT * (w2 + h2 * w2[mode] + 1e-300)) & ~skipped
+    small = (np.abs(divisor) <= RESONANT * (w2 + h2 * w2[mode] + TINY)) & ~skipped
     bad = small & (np.abs(force) > 1e-13 * np.abs(force).max())
     if np.any(bad):
         h, other = (int(x[0]) for x in np.nonzero(bad))
