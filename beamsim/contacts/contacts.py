@@ -39,13 +39,17 @@ class Contacts:
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: Bools  # (m,) whether it depends on the absolute deflection
     laws: tuple[ContactLaw, ...]  # (m,)
-    lever: Floats | None = None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
+    base_participation: Floats | None = (
+        None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
+    )
     pressed_by: Ints | None = None  # (m,) contact whose force presses each, -1 where there is none; None: nowhere
 
     # what follows from these
     count: int = field(init=False)  # m
-    levers: Floats = field(init=False)  # (m,) as ``lever``
-    base_influence: Floats = field(init=False)  # (m,) as ``levers`` of what is on the ground; 0 of what is on the base
+    base_participations: Floats = field(init=False)  # (m,) as ``base_participation``
+    base_influence: Floats = field(
+        init=False
+    )  # (m,) as ``base_participations`` of what is on the ground; 0 of what is on the base
     presser: Ints = field(init=False)  # (m,) as ``pressed_by``
     pressed: Ints = field(init=False)  # contacts that the force of another one presses
     pressing: Ints = field(init=False)  # of each of them the contact that presses it
@@ -54,15 +58,15 @@ class Contacts:
     first: Ints = field(init=False)  # (m,) index of each contact's first one among all
     owner: Ints = field(init=False)  # (r,) contact of each internal state
     column: Ints = field(init=False)  # (r,) column of each internal state in the rows of its contact's law
-    may_hold: Bools = field(init=False)  # (m,) whether a phase of each contact holds
-    ever_hold: bool = field(init=False)  # whether any phase of any contact holds
+    may_stick_rigidly: Bools = field(init=False)  # (m,) whether a phase of each contact sticks rigidly
+    any_sticks_rigidly: bool = field(init=False)  # whether any phase of any contact sticks rigidly
     start: Ints = field(init=False)  # (m,) phases from which the search for those of a given motion starts
     jointly_acting: bool = field(init=False)  # whether reactions or forces that press others act among them
 
     def __post_init__(self) -> None:
         self.count = m = len(self.laws)
-        self.levers = np.ones(m) if self.lever is None else self.lever
-        self.base_influence = self.on_ground * self.levers
+        self.base_participations = np.ones(m) if self.base_participation is None else self.base_participation
+        self.base_influence = self.on_ground * self.base_participations
         self.presser = np.full(m, -1) if self.pressed_by is None else self.pressed_by
         self.pressed = np.flatnonzero(self.presser >= 0)
         self.pressing = self.presser[self.pressed]
@@ -72,9 +76,11 @@ class Contacts:
         self.owner = np.repeat(np.arange(m), self.states)
         self.column = INTERNAL + np.arange(self.internal_states) - self.first[self.owner]
         self.start = np.array([law.start for law in self.laws], dtype=np.int64)
-        self.may_hold = np.array([any(phase.holds for phase in law.phases) for law in self.laws], dtype=bool)
-        self.ever_hold = bool(self.may_hold.any())
-        self.jointly_acting = self.ever_hold or self.pressed.size > 0
+        self.may_stick_rigidly = np.array(
+            [any(phase.sticks_rigidly for phase in law.phases) for law in self.laws], dtype=bool
+        )
+        self.any_sticks_rigidly = bool(self.may_stick_rigidly.any())
+        self.jointly_acting = self.any_sticks_rigidly or self.pressed.size > 0
         if self.pressed.size:
             self._check_pressing()
 
@@ -118,12 +124,12 @@ class Contacts:
         return self._numbers("dashpot")
 
     def _numbers(self, name: str) -> Floats:
-        if any(law.family is None for law in self.laws):
+        if any(law.rebuild is None for law in self.laws):
             raise ValueError("a contact law is not made of one stiffness and one dashpot")
         return np.array([getattr(law, name) for law in self.laws], dtype=float)
 
     @property
-    def slow(self) -> tuple[Floats, Floats]:
+    def quasi_static(self) -> tuple[Floats, Floats]:
         """(m,) stiffness, N/m, and dashpot, N s/m, for slow motion in contact; nan for a law that gives none."""
         return np.array([law.stiffness for law in self.laws]), np.array([law.dashpot for law in self.laws])
 
@@ -136,7 +142,7 @@ class Contacts:
     @property
     def one_sided(self) -> bool:
         """Whether every law is a sum of one-sided springs: no internal states, and no phase that ends at zero force."""
-        return all(law.parts is not None for law in self.laws)
+        return all(law.one_sided_springs is not None for law in self.laws)
 
     def one_sided_parts(self) -> Contacts:
         """The same forces by one-sided springs alone; each contact is replaced by its parts.
@@ -152,7 +158,7 @@ class Contacts:
 
         Other laws are unchanged, and those of contacts that press others.
         """
-        if all(law.family is not None for law in self.laws):
+        if all(law.rebuild is not None for law in self.laws):
             return self
         owner, direction = self.owners_of_parts
         parts = [part for parts in self._parts for part in parts]
@@ -164,7 +170,7 @@ class Contacts:
         first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
         return Contacts(
             self.shape[owner], direction * self.sign[owner], direction * self.gap[owner] + offset,
-            self.on_ground[owner], laws, self.levers[owner], first[self.presser][owner],
+            self.on_ground[owner], laws, self.base_participations[owner], first[self.presser][owner],
         )  # fmt: skip
 
     @cached_property
@@ -172,7 +178,7 @@ class Contacts:
         """Of each contact its one-sided springs; None where it stays as it is."""
         whole = set(self.pressing.tolist())
         return [
-            (None,) if law.family is not None or law.parts is None or j in whole else law.parts
+            (None,) if law.rebuild is not None or law.one_sided_springs is None or j in whole else law.one_sided_springs
             for j, law in enumerate(self.laws)
         ]
 
@@ -194,7 +200,7 @@ class Contacts:
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
-            self.laws + others.laws, np.concatenate([self.levers, others.levers]),
+            self.laws + others.laws, np.concatenate([self.base_participations, others.base_participations]),
             np.concatenate([self.presser, theirs]),
         )  # fmt: skip
 
@@ -216,7 +222,7 @@ class Contacts:
         ValueError
             If the law is not made of these two.
         """
-        family = self.laws[contact].family
+        family = self.laws[contact].rebuild
         if family is None:
             raise ValueError("this contact law is not made of one stiffness and one dashpot")
         return replace(self, laws=(*self.laws[:contact], family(stiffness, dashpot), *self.laws[contact + 1 :]))
@@ -234,8 +240,8 @@ class Contacts:
 
     # -- phases --------------------------------------------------------------------------------------------------
 
-    def pressing_stretches(self, phases: Ints) -> Floats:
-        """Of each of `pressed` the stretch of its spring for a unit of the pressing force, m/N, in phases (..., m)."""
+    def pressing_extensions(self, phases: Ints) -> Floats:
+        """Extension of the spring of each of `pressed` for a unit pressing force, m/N, in phases (..., m)."""
         place = self.pressed, phases[..., self.pressed]
         strained, factor = self.arrays.energy[(*place, PRESSING, PRESSING)], self.arrays.lost[(*place, PRESSING)]
         return np.asarray(np.divide(strained, factor, out=np.zeros_like(factor), where=factor != 0.0))
@@ -244,9 +250,9 @@ class Contacts:
         """Whether a force of one contact depends on that of another in these phases."""
         return bool(self.arrays.lost[self.pressed, phases[self.pressed], PRESSING].any())
 
-    def touching(self, phases: Ints) -> Bools:
+    def closed(self, phases: Ints) -> Bools:
         """Whether each contact touches; ``phases`` is (..., m)."""
-        return np.asarray(self.arrays.touching[np.arange(self.count), phases])
+        return np.asarray(self.arrays.closed[np.arange(self.count), phases])
 
     def touch_changes(self, contact: Ints, before: Ints, after: Ints) -> Ints:
         """What each event changes.
@@ -259,7 +265,7 @@ class Contacts:
         -------
         (E,) 1 where contact is made, -1 where it ends, 0 between phases of one kind.
         """
-        touching = self.arrays.touching.astype(np.int64)
+        touching = self.arrays.closed.astype(np.int64)
         return np.asarray(touching[contact, after] - touching[contact, before])
 
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
@@ -277,7 +283,10 @@ class Contacts:
         """
         phases = phases.copy()
         for j in self.pressed[self.pressing == contact].tolist():
-            touching, then = self.arrays.touching[contact], self.laws[j].phases[phases[j]].otherwise
+            touching, then = (
+                self.arrays.closed[contact],
+                self.laws[j].phases[phases[j]].phase_when_normal_contact_changes,
+            )
             if touching[following] != touching[phases[contact]] and then is not None:
                 phases[j] = then
         phases[contact] = following
@@ -285,9 +294,9 @@ class Contacts:
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:
         """The phases from which the search starts, with ``start`` (m,) of the contacts that a touching one presses."""
-        phases, touches = phases.copy(), self.touching(phases)
+        phases, touches = phases.copy(), self.closed(phases)
         for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
-            released = self.laws[j].phases[start[j]].otherwise
+            released = self.laws[j].phases[start[j]].phase_when_normal_contact_changes
             phases[j] = start[j] if touches[i] or released is None else released
         return phases
 
@@ -312,7 +321,7 @@ class Contacts:
         """
         row, a = self.guard(contact, before, after), self.arrays
         if row[1] != 0.0 or row[3:].any() or row[0] == 0.0:
-            return 0.0, bool(a.touching[contact, after])
+            return 0.0, bool(a.closed[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
@@ -359,9 +368,9 @@ class Contacts:
                 energy[now] += 0.5 * np.sum(z[now] @ law.arrays.energy[k][np.ix_(columns, columns)] * z[now], axis=1)
         return energy
 
-    def holds(self, phases: Ints) -> Bools:
+    def sticks_rigidly(self, phases: Ints) -> Bools:
         """(m,) whether the force of each contact is what keeps its penetration."""
-        return np.asarray(self.arrays.holds[np.arange(self.count), phases])
+        return np.asarray(self.arrays.sticks_rigidly[np.arange(self.count), phases])
 
     def slides(self, phases: Ints) -> Floats:
         """(..., m) +1 or -1, the direction in which each contact slides, 0 where it does not, in phases (..., m)."""
@@ -380,9 +389,9 @@ class Contacts:
         A face that holds at rest and moves slides against its force.
         """
         phases = self.start.copy()
-        for j in np.flatnonzero(self.may_hold & (np.abs(rate) > least)).tolist():
+        for j in np.flatnonzero(self.may_stick_rigidly & (np.abs(rate) > least)).tolist():
             start = self.laws[j].phases[phases[j]]
-            if start.holds:
+            if start.sticks_rigidly:
                 phases[j] = next(guard.next for guard in start.guards if guard.row.reaction * rate[j] < 0.0)
         return phases
 
@@ -423,20 +432,20 @@ class Contacts:
         columns = [law.dynamic_stiffness(int(k), omega) for law, k in zip(self.laws, phases, strict=True)]
         return np.array(columns, dtype=complex).reshape(self.count, omega.size).T
 
-    def settled_states(self, penetration: Floats) -> Floats:
+    def relaxed_states(self, penetration: Floats) -> Floats:
         """(r,) internal states after a long rest at penetrations (m,), m."""
-        states = [law.settled(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
+        states = [law.relaxed_states(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
         return np.concatenate([np.zeros(0), *states])
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
         return self.internal_states > 0 and bool(self.arrays.coupled[np.arange(self.count), phases].any())
 
-    def kept(self, phases: Ints) -> tuple[Ints, Floats]:
+    def states_to_rewrite(self, phases: Ints) -> tuple[Ints, Floats]:
         """The contacts (k,) whose internal state is to be written anew in these phases; (k, 2) how.
 
-        It is the penetration less a stretch, whose constant, m, and factor of the pressing force, m/N, are given.
+        It is the penetration less an extension, whose constant, m, and factor of the pressing force, m/N, are given.
         """
-        given = [(j, law.phases[phases[j]].written) for j, law in enumerate(self.laws)]
+        given = [(j, law.phases[phases[j]].restart_extension) for j, law in enumerate(self.laws)]
         of = [(j, row.constant, row.pressing) for j, row in given if row is not None]
         return np.array([j for j, *_ in of], dtype=np.int64), np.array([row for _, *row in of]).reshape(-1, 2)

@@ -60,7 +60,7 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    ground: Floats | None = None  # (nc,) stretch for a unit displacement of the base, 0 between masses; None: 1
+    ground: Floats | None = None  # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
     count: int = field(init=False)
     base_influence: Floats = field(init=False)  # (nc,) as ``ground``
 
@@ -68,7 +68,7 @@ class CubicSprings:
         self.count = int(self.stiffness.size)
         self.base_influence = np.ones(self.count) if self.ground is None else self.ground
 
-    def stretch(self, q: Floats, base: Floats | float) -> Floats:
+    def extension(self, q: Floats, base: Floats | float) -> Floats:
         """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
         return np.asarray(q @ self.shape.T + np.multiply.outer(base, self.base_influence))
 
@@ -189,7 +189,7 @@ class _Newton:
         self.matrix = matrix * self.scale * self.scale[:, None]
 
     def step(self, gradient: Floats, misfit: Floats) -> Floats:
-        """(n + c,) of coordinates and forces, from the balance of forces (n,) and of the springs' stretches (c,)."""
+        """(n + c,) of coordinates and forces, from the balance of forces (n,) and of the springs' extensions (c,)."""
         return np.asarray(self.scale * np.linalg.solve(self.matrix, -self.scale * np.concatenate([gradient, misfit])))
 
 
@@ -246,10 +246,10 @@ def _exact_products(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
     """(n, any) numbers whose sums are the forces of cubic springs on the coordinates ``q + rest``."""
-    stretch = _sums(cubic.shape, q, rest, np.zeros((cubic.count, 1)))
-    of_stretch = _sums(cubic.shape, q, rest, -stretch[:, None])
+    extension = _sums(cubic.shape, q, rest, np.zeros((cubic.count, 1)))
+    of_extension = _sums(cubic.shape, q, rest, -extension[:, None])
     exact = [Fraction(k) * (Fraction(x) + Fraction(y)) ** 3 for k, x, y in zip(
-        cubic.stiffness.tolist(), stretch.tolist(), of_stretch.tolist(), strict=True
+        cubic.stiffness.tolist(), extension.tolist(), of_extension.tolist(), strict=True
     )]  # fmt: skip
     force = np.array([float(f) for f in exact])
     of_force = np.array([float(f - Fraction(float(x))) for f, x in zip(exact, force, strict=True)])

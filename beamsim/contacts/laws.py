@@ -1,7 +1,7 @@
 r"""Contact laws as sets of phases.
 
 A law sees the penetration :math:`\delta` and its rate, its internal states p, and, where another contact presses it,
-that one's force N and its rate. A phase is made of springs whose stretch is linear in these, of a part of the force
+that one's force N and its rate. A phase is made of springs whose extension is linear in these, of a part of the force
 whose work is lost, and of the rates of p,
 
 .. math:: E = \sum_i \tfrac12 k_i s_i^2 + F_i s_i + E_i, \qquad
@@ -13,8 +13,8 @@ while its guards, linear in all of these, stay positive. The guard that reaches 
 where the law needs it, the internal states start there from affine functions of the same quantities. What is stored
 less afterwards is lost at the event. A law of another kind is another list of phases, nothing else changes:
 
-* a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, whose spring has a force at zero stretch;
-* a *Maxwell branch* of stiffness k and relaxation time tau: a spring of the stretch delta - p, p' = (delta - p) / tau,
+* a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, whose spring has a force at zero extension;
+* a *Maxwell branch* of stiffness k and relaxation time tau: a spring of extension delta - p, p' = (delta - p) / tau,
   and l = k tau;
 * a law that *never pulls*: one more guard on each phase that touches, the force itself;
 * *friction* with a tangential spring (:mod:`beamsim.contacts.sliders`): delta is the tangential motion; sticking is a
@@ -22,8 +22,8 @@ less afterwards is lost at the event. A law of another kind is another list of p
   force, whose work is lost;
 * *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
   force;
-* friction under the *force of another contact*: its guards, what is lost and the stretch of its spring are proportional
-  to that force, and the phases say which one follows where the other contact begins or ceases to touch;
+* friction under the *force of another contact*: its guards, what is lost and the extension of its spring are
+  proportional to that force, and the phases say which one follows where the other contact begins or ceases to touch;
 * a *latch*: a phase without guards, which nothing ends;
 * *kinematic hardening* (the same module): the two together, an elastic phase and one for yielding in
   either direction, whose resets set the slider where yielding ends;
@@ -71,10 +71,10 @@ class LawRow(NamedTuple):
 
 
 class LawSpring(NamedTuple):
-    """An elastic element of a phase, with the energy ``stiffness s^2 / 2 + force s + energy`` at the stretch s, m."""
+    """An elastic element of a phase, with the energy ``stiffness s^2 / 2 + force s + energy`` at the extension s, m."""
 
     stiffness: float  # N/m
-    stretch: LawRow
+    extension: LawRow
     force: float = 0.0  # N
     energy: float = 0.0  # J
 
@@ -97,37 +97,36 @@ class Phase:
 
     name: str
     guards: tuple[Guard, ...]
-    touching: bool  # shown to users as closed; of friction whether it sticks
+    closed: bool  # shown to users as closed; of friction whether it sticks
     springs: tuple[LawSpring, ...] = ()
     lost: LawRow = field(default_factory=LawRow)  # the part of the force whose work is lost: c, R, r and mu
     rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
-    holds: bool = False  # the force is what keeps the penetration at its value
+    sticks_rigidly: bool = False  # the force is what keeps the penetration at its value
     slides: float = 0.0  # +1 or -1, the direction in which friction slides; 0 where it does not
-    written: LawRow | None = (
-        None  # m; where the internal state does not tell the phase, a state to be started from again
-    )
-    # is written with the penetration less this stretch
-    otherwise: int | None = None  # phase that follows where the contact that presses it begins or ceases to touch
+    # m; where the internal state does not tell the phase, a motion is started again with the penetration less this
+    restart_extension: LawRow | None = None
+    # phase that follows where the contact that presses it begins or ceases to touch
+    phase_when_normal_contact_changes: int | None = None
 
     @property
     def stiffness(self) -> float:
         """N/m, force per penetration."""
-        return float(sum(s.stiffness * s.stretch.penetration**2 for s in self.springs))
+        return float(sum(s.stiffness * s.extension.penetration**2 for s in self.springs))
 
 
 _AXES = {  # of the arrays of a law after that of its phases
-    "touching": "", "opening": "C", "force": "C", "lost": "C", "energy": "CC", "rates": "rC", "losses": "r",
-    "coupled": "", "holds": "", "slides": "", "guards": "", "guard": "GC", "next": "G", "resets": "G",
+    "closed": "", "opening": "C", "force": "C", "lost": "C", "energy": "CC", "rates": "rC", "losses": "r",
+    "coupled": "", "sticks_rigidly": "", "slides": "", "guards": "", "guard": "GC", "next": "G", "resets": "G",
     "reset": "GrC", "event_loss": "P2",
 }  # fmt: skip
-_TYPES = {"touching": bool, "coupled": bool, "holds": bool, "resets": bool, "guards": np.int64, "next": np.int64}
+_TYPES = {"closed": bool, "coupled": bool, "sticks_rigidly": bool, "resets": bool, "guards": np.int64, "next": np.int64}
 
 
 class LawArrays(NamedTuple):
     """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
 
-    touching: Bools  # (P,)
+    closed: Bools  # (P,)
     opening: Floats  # (P, C) distance to the face of a stop as it is in a phase, m: that after which contact is made
     force: Floats  # (P, C) the force's row
     lost: Floats  # (P, C) the part whose work is lost
@@ -135,7 +134,7 @@ class LawArrays(NamedTuple):
     rates: Floats  # (P, r, C) rows of the rates of the internal states
     losses: Floats  # (P, r) power lost with the square of these rates, N s/m
     coupled: Bools  # (P,) whether internal states and structure move together: one drives the other
-    holds: Bools  # (P,)
+    sticks_rigidly: Bools  # (P,)
     slides: Floats  # (P,)
     guards: Ints  # (P,) number of guards
     guard: Floats  # (P, G, C) their rows
@@ -180,32 +179,33 @@ class ContactLaw:
     phases : all of them; guards name them by their place here.
     internal_states : r, the same in every phase.
     start : phase from which the one that belongs to a given motion is looked for.
-    parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
-        end by the force).
+    one_sided_springs : one-sided springs whose forces add up to the law's; None where there are none (internal states,
+        phases that end by the force).
     stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
-    static : one-sided springs that push as the law does after a long rest; by default `parts`, or else one spring of
-        the stiffness.
-    settled : the internal states after a long rest at a penetration, m, where it has some.
+    static : one-sided springs that push as the law does after a long rest; by default `one_sided_springs`, or else one
+        spring of the stiffness.
+    relaxed_states : the internal states after a long rest at a penetration, m, where it has some.
     resting_force : force that does not fade in a long rest and that no static spring gives, N: that of a face that
         sticks.
     undamped_law : the law without its dashpots, where it is another one; None where there is none.
-    mounted : the law with the `static` and `settled` of the beginning of a motion, where it has not had a long rest.
-    family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
+    as_installed : the law with the `static` and `relaxed_states` of the beginning of a motion, where it has not had a
+        long rest.
+    rebuild : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
         change them.
     """
 
     phases: tuple[Phase, ...]
     internal_states: int = 0
     start: int = 0
-    parts: tuple[OneSidedSpring, ...] | None = None
+    one_sided_springs: tuple[OneSidedSpring, ...] | None = None
     stiffness: float = np.nan
     dashpot: float = np.nan
     static: tuple[OneSidedSpring, ...] | None = None
-    settled: Callable[[float], tuple[float, ...]] = lambda penetration: ()
+    relaxed_states: Callable[[float], tuple[float, ...]] = lambda penetration: ()
     resting_force: float = 0.0
     undamped_law: ContactLaw | None = None
-    mounted: ContactLaw | None = None
-    family: Callable[[float, float], ContactLaw] | None = None
+    as_installed: ContactLaw | None = None
+    rebuild: Callable[[float, float], ContactLaw] | None = None
 
     # what follows from these
     static_springs: tuple[OneSidedSpring, ...] = field(init=False)  # that push as it does after a long rest
@@ -222,14 +222,18 @@ class ContactLaw:
                 raise ValueError(f"a guard of phase {phase.name!r} names a phase that the law does not have")
             if len(set(following)) < len(following):
                 raise ValueError(f"two guards of phase {phase.name!r} name the same phase")
-        springs = self.parts if self.static is None else self.static
+        springs = self.one_sided_springs if self.static is None else self.static
         self.static_springs = (OneSidedSpring(1.0, self.stiffness, 0.0, 0.0),) if springs is None else springs
         opened = self.phases[0]
-        self.needs_pressing = any(phase.otherwise is not None for phase in self.phases)
-        self.rubs = self.needs_pressing or any(p.lost.constant or p.lost.penetration or p.holds for p in self.phases)
-        self.yields = self.rubs and not opened.touching and bool(opened.guards[0].row.internal)
-        self.latches = len(self.phases) > 1 and any(not p.guards and p.otherwise is None for p in self.phases)
-        self.linear_in_contact = self.family is not None or self.latches
+        self.needs_pressing = any(phase.phase_when_normal_contact_changes is not None for phase in self.phases)
+        self.rubs = self.needs_pressing or any(
+            p.lost.constant or p.lost.penetration or p.sticks_rigidly for p in self.phases
+        )
+        self.yields = self.rubs and not opened.closed and bool(opened.guards[0].row.internal)
+        self.latches = len(self.phases) > 1 and any(
+            not p.guards and p.phase_when_normal_contact_changes is None for p in self.phases
+        )
+        self.linear_in_contact = self.rebuild is not None or self.latches
 
     def static_force(self, penetration: Floats) -> Floats:
         """Forces after a long rest at penetrations, N, of any shape."""
@@ -256,12 +260,12 @@ class ContactLaw:
         r, guards = self.internal_states, [phase.guards for phase in self.phases]
         a = LawArrays.zeros((len(guards),), max(map(len, guards)), r)
         for k, phase in enumerate(self.phases):
-            a.touching[k], a.holds[k], a.slides[k] = phase.touching, phase.holds, phase.slides
+            a.closed[k], a.sticks_rigidly[k], a.slides[k] = phase.closed, phase.sticks_rigidly, phase.slides
             for spring in phase.springs:
-                stretch = spring.stretch.array(r)
-                a.energy[k] += spring.stiffness * np.outer(stretch, stretch)
-                a.energy[k, CONSTANT] += spring.force * stretch
-                a.energy[k, :, CONSTANT] += spring.force * stretch
+                extension = spring.extension.array(r)
+                a.energy[k] += spring.stiffness * np.outer(extension, extension)
+                a.energy[k, CONSTANT] += spring.force * extension
+                a.energy[k, :, CONSTANT] += spring.force * extension
                 a.energy[k, CONSTANT, CONSTANT] += 2.0 * spring.energy
             a.lost[k] = phase.lost.array(r)
             a.force[k] = a.energy[k, PENETRATION] + a.lost[k]
@@ -278,7 +282,7 @@ class ContactLaw:
             for g in reversed(range(len(guards[k]))):
                 following = a.next[k, g]
                 a.event_loss[k, following] = _event_loss(a, k, g)
-                if a.touching[following] and not phase.touching:
+                if a.closed[following] and not phase.closed:
                     a.opening[k] = a.guard[k, g]
         return a
 
@@ -298,7 +302,7 @@ class ContactLaw:
 
     def _at_rest(self, penetration: float) -> Floats:
         """(6 + r,) what the law sees after a long rest at a penetration, m; no other contact presses it."""
-        return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled(penetration)])
+        return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.relaxed_states(penetration)])
 
     def borders(self, penetration: float) -> list[Border]:
         """Where motions about a long rest at a penetration, m, leave the phase there: a border for each guard."""
@@ -347,14 +351,14 @@ class ContactLaw:
                 p,
                 springs=tuple(
                     LawSpring(
-                        factor * s.stiffness, s.stretch.of_scaled_forces(factor), factor * s.force, factor * s.energy
+                        factor * s.stiffness, s.extension.of_scaled_forces(factor), factor * s.force, factor * s.energy
                     )
                     for s in p.springs
                 ),
                 lost=p.lost._replace(**{x: factor * getattr(p.lost, x) for x in ("penetration", "rate", "constant")}),
                 rates=rows(p.rates),
                 losses=tuple(factor * x for x in p.losses),
-                written=None if p.written is None else p.written.of_scaled_forces(factor),
+                restart_extension=None if p.restart_extension is None else p.restart_extension.of_scaled_forces(factor),
                 guards=tuple(
                     replace(g, row=g.row.of_scaled_forces(factor), reset=None if g.reset is None else rows(g.reset))
                     for g in p.guards
@@ -365,13 +369,13 @@ class ContactLaw:
         return replace(
             self,
             phases=phases,
-            parts=_scaled(self.parts, factor),
+            one_sided_springs=_scaled(self.one_sided_springs, factor),
             static=_scaled(self.static, factor),
             stiffness=factor * self.stiffness,
             dashpot=factor * self.dashpot,
             resting_force=factor * self.resting_force,
             undamped_law=None if self.undamped_law is None else self.undamped_law.scaled(factor),
-            mounted=None if self.mounted is None else self.mounted.scaled(factor),
+            as_installed=None if self.as_installed is None else self.as_installed.scaled(factor),
         )
 
     def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
@@ -387,9 +391,11 @@ class ContactLaw:
             return self.undamped_law
         if self.internal_states or self.rubs:
             return None
-        parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)
+        parts = (
+            None if self.one_sided_springs is None else tuple(replace(s, dashpot=0.0) for s in self.one_sided_springs)
+        )
         phases = tuple(replace(p, lost=p.lost._replace(rate=0.0)) for p in self.phases)
-        return replace(self, phases=phases, parts=parts, dashpot=0.0)
+        return replace(self, phases=phases, one_sided_springs=parts, dashpot=0.0)
 
 
 NO_LOSS = 1e-12  # of the terms of a loss of energy: a smaller one is their round-off
@@ -433,10 +439,12 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     ['open', 'closed']
     """
     spring, lost = LawSpring(stiffness, DEPTH), LawRow(rate=dashpot)
-    opened = Phase("open", (Guard(1, LawRow(penetration=-1.0)),), touching=False)
-    closed = Phase("closed", (Guard(0, DEPTH),), touching=True, springs=(spring,), lost=lost)
+    opened = Phase("open", (Guard(1, LawRow(penetration=-1.0)),), closed=False)
+    closed = Phase("closed", (Guard(0, DEPTH),), closed=True, springs=(spring,), lost=lost)
     parts = (OneSidedSpring(1.0, stiffness, dashpot, 0.0),)
-    return ContactLaw((opened, closed), parts=parts, stiffness=stiffness, dashpot=dashpot, family=kelvin_voigt)
+    return ContactLaw(
+        (opened, closed), one_sided_springs=parts, stiffness=stiffness, dashpot=dashpot, rebuild=kelvin_voigt
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -501,9 +509,9 @@ def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_r
         if i < len(breakpoints):
             guards.append(Guard(i + 1, LawRow(penetration=-1.0, constant=breakpoints[i])))
         spring = LawSpring(slope - slopes[at_rest], DEPTH, force[i], energy[i])
-        phases.append(Phase(f"segment {i + 1}", tuple(guards), touching=i != at_rest, springs=(spring,)))
+        phases.append(Phase(f"segment {i + 1}", tuple(guards), closed=i != at_rest, springs=(spring,)))
     parts = [OneSidedSpring(-1.0, slopes[i] - slopes[i + 1], 0.0, -breakpoints[i]) for i in range(at_rest)]
     parts += [
         OneSidedSpring(1.0, slopes[i + 1] - slopes[i], 0.0, breakpoints[i]) for i in range(at_rest, len(breakpoints))
     ]
-    return ContactLaw(tuple(phases), start=at_rest, parts=tuple(parts))
+    return ContactLaw(tuple(phases), start=at_rest, one_sided_springs=tuple(parts))

@@ -128,7 +128,7 @@ def _merged(curve: ForceCurve) -> ForceCurve:
 
 
 def hinges(x: Floats, knots: Floats) -> Floats:
-    """(points, knots) stretch of each segment at deflections: what the slopes multiply."""
+    """(points, knots) extension of each segment at deflections: what the slopes multiply."""
     width = np.append(np.diff(knots), np.inf)
     return np.asarray(np.clip(x[:, None] - knots, 0.0, width))
 
@@ -254,12 +254,12 @@ def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
     law = piecewise_linear(curve.deflection[:-1].tolist(), [0.0, *curve.slopes.tolist()], 0)
     names = ["open", *(f"segment {i + 1}" for i in range(len(law.phases) - 1))]
     phases = tuple(
-        replace(phase, name=name, lost=LawRow(rate=dashpot if phase.touching else 0.0))
+        replace(phase, name=name, lost=LawRow(rate=dashpot if phase.closed else 0.0))
         for name, phase in zip(names, law.phases, strict=True)
     )
-    assert law.parts is not None
-    parts = (replace(law.parts[0], dashpot=dashpot), *law.parts[1:])
-    return replace(law, phases=phases, parts=parts, stiffness=curve.stiffness, dashpot=dashpot)
+    assert law.one_sided_springs is not None
+    parts = (replace(law.one_sided_springs[0], dashpot=dashpot), *law.one_sided_springs[1:])
+    return replace(law, phases=phases, one_sided_springs=parts, stiffness=curve.stiffness, dashpot=dashpot)
 
 
 def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[MaxwellBranch] = ()) -> ContactLaw:
@@ -289,8 +289,8 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
         internal_states=pad.states,
         stiffness=curve.stiffness,
         dashpot=dashpot,
-        static=table_law(curve).parts,
-        settled=settled,
+        static=table_law(curve).one_sided_springs,
+        relaxed_states=settled,
         undamped_law=None if branches else table_law(curve),
     )
 
@@ -303,10 +303,10 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     penetration at release; contact is made where the penetration reaches it. Without a dashpot the law is that of
     Kelvin–Voigt.
     """
-    undamped = replace(kelvin_voigt(stiffness), family=no_tension)
+    undamped = replace(kelvin_voigt(stiffness), rebuild=no_tension)
     if dashpot == 0.0:
         return undamped
-    return replace(recovering_law(ForceCurve.line(stiffness), dashpot), family=no_tension, undamped_law=undamped)
+    return replace(recovering_law(ForceCurve.line(stiffness), dashpot), rebuild=no_tension, undamped_law=undamped)
 
 
 def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:
@@ -319,7 +319,7 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
     ([3.0, -3.0], [2.0, -2.0])
     """
     pad = _Pad(ForceCurve(np.zeros(1), np.zeros(1)), 0.0, tuple(branches))
-    phases = (Phase("stretched", (), touching=False),) if law is None else law.phases
+    phases = (Phase("stretched", (), closed=False),) if law is None else law.phases
     return ContactLaw(
         tuple(
             replace(
@@ -332,8 +332,8 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
         ),
         internal_states=pad.states,
         start=0 if law is None else law.start,
-        static=() if law is None else law.parts,
-        settled=lambda stretch: (stretch,) * pad.states,
+        static=() if law is None else law.one_sided_springs,
+        relaxed_states=lambda extension: (extension,) * pad.states,
     )
 
 
@@ -374,8 +374,8 @@ class _Pad:
 
     def of_branches(self, compression: Floats) -> tuple[LawSpring, ...]:
         """The springs of the branches, compressed by a row."""
-        stretches = [_row(compression - self.unit(OWN + j)) for j in range(self.first, self.states)]
-        return tuple(LawSpring(b.stiffness, stretch) for b, stretch in zip(self.branches, stretches, strict=True))
+        extensions = [_row(compression - self.unit(OWN + j)) for j in range(self.first, self.states)]
+        return tuple(LawSpring(b.stiffness, extension) for b, extension in zip(self.branches, extensions, strict=True))
 
     def springs(self, i: int, compression: Floats) -> tuple[LawSpring, ...]:
         """Curve and branches on a segment, compressed by a row."""
@@ -430,7 +430,7 @@ class _Pad:
         face = self.face(i)
         meets = Guard(self.curve.slopes.size + i, _row(face - self.delta), self.reset(LawRow()))
         return Phase(
-            f"released {i + 1}", (meets, *self.crossings(i, face, 0)), touching=False, springs=self.springs(i, face),
+            f"released {i + 1}", (meets, *self.crossings(i, face, 0)), closed=False, springs=self.springs(i, face),
             rates=(*self.recovering(i, released=True), *self.relaxing(face)), losses=self.losses,
         )  # fmt: skip
 
@@ -439,7 +439,7 @@ class _Pad:
         force[1] = self.dashpot
         lets_go = Guard(i, _row(force), self.reset(DEPTH))
         return Phase(
-            f"segment {i + 1}", (lets_go, *self.crossings(i, self.delta, self.curve.slopes.size)), touching=True,
+            f"segment {i + 1}", (lets_go, *self.crossings(i, self.delta, self.curve.slopes.size)), closed=True,
             springs=self.springs(i, self.delta), lost=LawRow(rate=self.dashpot),
             rates=(*self.recovering(i, released=False), *self.relaxing(self.delta)),
             losses=(0.0,) * self.first + self.losses[self.first :],

@@ -59,7 +59,7 @@ FREE = 3  # of a contact that another one presses; without a spring those of mot
 _SIDES = ((FORWARDS, 1.0), (BACKWARDS, -1.0))  # phases of sliding and the direction of their friction force
 _NAMES = {FORWARDS: "sliding forwards", BACKWARDS: "sliding backwards"}
 OPEN, ELASTIC, LOADING, UNLOADING = 0, 1, 2, 3  # phases of hardening; the last two yield
-_STRETCH = LawRow(penetration=1.0, internal=(-1.0,))  # of the tangential spring
+_EXTENSION = LawRow(penetration=1.0, internal=(-1.0,))  # of the tangential spring
 
 
 def _written(static: float, sliding: float) -> float:
@@ -79,7 +79,7 @@ def drops(law: ContactLaw) -> bool:
     [True, True, False]
     """
     stick = law.phases[STICK]
-    if not stick.holds:
+    if not stick.sticks_rigidly:
         return bool(law.arrays.event_loss[STICK].any())
     return any(abs(guard.row.reaction) * sliding_limit(law) < 1.0 - 1e-12 for guard in stick.guards)
 
@@ -123,7 +123,7 @@ def friction_law(stiffness: float, static: float, sliding: float, start: float =
         _behind_spring(stiffness, static, sliding, pressed=False),
         internal_states=1,
         static=(),
-        settled=lambda penetration: (penetration - start / stiffness,),
+        relaxed_states=lambda penetration: (penetration - start / stiffness,),
         resting_force=start,
     )
 
@@ -143,7 +143,7 @@ def rigid_friction_law(static: float, sliding: float, start: float = 0.0) -> Con
 
     Examples
     --------
-    >>> [(phase.name, phase.holds, phase.lost.constant) for phase in rigid_friction_law(3.0, 2.0).phases]
+    >>> [(phase.name, phase.sticks_rigidly, phase.lost.constant) for phase in rigid_friction_law(3.0, 2.0).phases]
     [('stick', True, 0.0), ('sliding forwards', False, 2.0), ('sliding backwards', False, -2.0)]
     """
     return ContactLaw(_rigid(static, sliding, pressed=False), static=(), resting_force=start)
@@ -177,7 +177,7 @@ def falling_friction_law(static: float, sliding: float, speed: float, start: flo
         faster = Guard(phase + len(_SIDES), LawRow(rate=-sign, constant=speed))
         slower = Guard(phase, LawRow(rate=sign, constant=-speed))
         name, lost = slow[k].name.replace(" ", " fast "), LawRow(constant=sign * sliding)
-        fast.append(Phase(name, (slower,), touching=False, slides=sign, lost=lost))
+        fast.append(Phase(name, (slower,), closed=False, slides=sign, lost=lost))
         lost = damping._replace(constant=sign * static)
         slow[k] = replace(slow[k], guards=(*slow[k].guards, faster), lost=lost)
     return ContactLaw((stick, *slow, *fast), static=(), resting_force=start)
@@ -200,20 +200,36 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
     Examples
     --------
     >>> law = pressed_friction_law(None, 0.3, 0.2)
-    >>> [(phase.name, phase.lost.pressing, phase.otherwise) for phase in law.phases[:3]]
+    >>> [(phase.name, phase.lost.pressing, phase.phase_when_normal_contact_changes) for phase in law.phases[:3]]
     [('stick', 0.0, 3), ('sliding forwards', 0.2, 3), ('sliding backwards', -0.2, 4)]
     """
     if stiffness is not None:
-        free = Phase("free", (), touching=False, rates=(LawRow(rate=1.0),), written=LawRow(), otherwise=STICK)
-        phases = [replace(phase, otherwise=FREE) for phase in _behind_spring(stiffness, static, sliding, pressed=True)]
-        return ContactLaw((*phases, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
+        free = Phase(
+            "free",
+            (),
+            closed=False,
+            rates=(LawRow(rate=1.0),),
+            restart_extension=LawRow(),
+            phase_when_normal_contact_changes=STICK,
+        )
+        phases = [
+            replace(phase, phase_when_normal_contact_changes=FREE)
+            for phase in _behind_spring(stiffness, static, sliding, pressed=True)
+        ]
+        return ContactLaw(
+            (*phases, free), internal_states=1, static=(), relaxed_states=lambda penetration: (penetration,)
+        )
     stick, *slides = _rigid(static, sliding, pressed=True)
-    touching = [replace(stick, otherwise=FREE)]
+    touching = [replace(stick, phase_when_normal_contact_changes=FREE)]
     frees = []
     for slide, (phase, sign) in zip(slides, _SIDES, strict=True):
-        touching.append(replace(slide, otherwise=FREE + phase - FORWARDS))
+        touching.append(replace(slide, phase_when_normal_contact_changes=FREE + phase - FORWARDS))
         turns = Guard(FREE + BACKWARDS - phase, LawRow(rate=sign))
-        frees.append(Phase(slide.name.replace("sliding", "free,"), (turns,), touching=False, otherwise=phase))
+        frees.append(
+            Phase(
+                slide.name.replace("sliding", "free,"), (turns,), closed=False, phase_when_normal_contact_changes=phase
+            )
+        )
     return ContactLaw((*touching, *frees), static=())
 
 
@@ -237,17 +253,17 @@ def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tu
     )
     slides = []
     for phase, sign in _SIDES:
-        stretch, written = sign * sliding / k, sign * _written(static, sliding) / k
+        extension, written = sign * sliding / k, sign * _written(static, sliding) / k
         ends = LawRow(rate=sign, pressing_rate=-sliding / k if pressed else 0.0)
         slides.append(
             Phase(
-                _NAMES[phase], (Guard(STICK, ends, reset=(_plus(DEPTH, -stretch, pressed),)),), touching=False,
-                slides=sign, springs=(LawSpring(k, _plus(LawRow(), stretch, pressed)),),
+                _NAMES[phase], (Guard(STICK, ends, reset=(_plus(DEPTH, -extension, pressed),)),), closed=False,
+                slides=sign, springs=(LawSpring(k, _plus(LawRow(), extension, pressed)),),
                 lost=_plus(LawRow(), sign * sliding, pressed),
-                rates=(LawRow(rate=1.0),) if pressed else (), written=_plus(LawRow(), written, pressed),
+                rates=(LawRow(rate=1.0),) if pressed else (), restart_extension=_plus(LawRow(), written, pressed),
             )
         )  # fmt: skip
-    return Phase("stick", breaks_away, touching=True, springs=(LawSpring(k, _STRETCH),)), *slides
+    return Phase("stick", breaks_away, closed=True, springs=(LawSpring(k, _EXTENSION),)), *slides
 
 
 def _rigid(static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
@@ -260,13 +276,13 @@ def _rigid(static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
         Phase(
             _NAMES[phase],
             (Guard(STICK, LawRow(rate=sign)),),
-            touching=False,
+            closed=False,
             slides=sign,
             lost=_plus(LawRow(), sign * sliding, pressed),
         )
         for phase, sign in _SIDES
     )
-    return Phase("stick", breaks_away, touching=True, holds=True), *slides
+    return Phase("stick", breaks_away, closed=True, sticks_rigidly=True), *slides
 
 
 @lru_cache(maxsize=1024)
@@ -296,7 +312,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     share = k_s / stiffness  # of the slider's position, at which the face is
     face, beside = LawRow(internal=(share,)), LawSpring(hardening, DEPTH)
     open_ = Phase(
-        "open", (Guard(ELASTIC, LawRow(-1.0, internal=(share,))),), touching=False,
+        "open", (Guard(ELASTIC, LawRow(-1.0, internal=(share,))),), closed=False,
         springs=(LawSpring(hardening, face), LawSpring(k_s, LawRow(internal=(share - 1.0,)))),
     )  # fmt: skip
     elastic = Phase(
@@ -306,7 +322,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             Guard(LOADING, LawRow(-k_s, internal=(k_s,), constant=f)),
             Guard(UNLOADING, LawRow(k_s, internal=(-k_s,), constant=f)),
         ),
-        touching=True, springs=(beside, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
+        closed=True, springs=(beside, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
     )  # fmt: skip
 
     springs, damping = (beside, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
@@ -324,18 +340,18 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             OneSidedSpring(1.0, stiffness, dashpot, 0.0),
             OneSidedSpring(1.0, hardening - stiffness, 0.0, yield_force / stiffness),
         ),
-        settled=lambda penetration: (max(penetration - f / k_s, 0.0),),
+        relaxed_states=lambda penetration: (max(penetration - f / k_s, 0.0),),
     )
 
 
 def _yielding(
     name: str, springs: tuple[LawSpring, LawSpring], lost: LawRow, ends: Sequence[tuple[int, LawRow]]
 ) -> Phase:
-    """A phase that yields: its second spring has a constant stretch, with which it goes on where yielding ends."""
-    stretch = springs[1].stretch
-    slider = (LawRow(1.0, constant=-stretch.constant),)
+    """A phase that yields: its second spring has a constant extension, with which it goes on where yielding ends."""
+    extension = springs[1].extension
+    slider = (LawRow(1.0, constant=-extension.constant),)
     guards = tuple(Guard(following, row, reset=slider) for following, row in ends)
-    return Phase(name, guards, touching=True, springs=springs, lost=lost, written=stretch)
+    return Phase(name, guards, closed=True, springs=springs, lost=lost, restart_extension=extension)
 
 
 ELASTIC_SHARE = 1.0 - 1e-12  # of the force of the first loading, up to which small motions about it are elastic
@@ -386,7 +402,7 @@ def unloading_law(
     area = 0.5 * (low[1:] + low[:-1]) * np.diff(at)
     offset, zero = low[:-1] - below * x, width[:-1] - apart * x  # at zero deflection
     energy = np.cumsum(area) - area - (0.5 * below * x + offset) * x
-    phases = [] if recovery is None else [Phase("open", (Guard(2, LawRow(-1.0), (LawRow(),)),), touching=False)]
+    phases = [] if recovery is None else [Phase("open", (Guard(2, LawRow(-1.0), (LawRow(),)),), closed=False)]
     for i, of_segment in enumerate(zip(below, offset, energy, apart, zero, strict=True)):
         ends = (float(x[i]) if i else None, float(x[i + 1]) if i + 1 < x.size else None)
         phases += _segment(3 * i + (recovery is not None), ends, of_segment, stiffness, dashpot)
@@ -395,9 +411,14 @@ def unloading_law(
         limit = ELASTIC_SHARE * float(loading.at(np.array(penetration)) - lower.at(np.array(penetration)))
         return (max(penetration, 0.0) - limit / stiffness,)
 
-    static = table_law(loading).parts
+    static = table_law(loading).one_sided_springs
     return ContactLaw(
-        tuple(phases), internal_states=1, stiffness=loading.stiffness, dashpot=dashpot, static=static, settled=settled
+        tuple(phases),
+        internal_states=1,
+        stiffness=loading.stiffness,
+        dashpot=dashpot,
+        static=static,
+        relaxed_states=settled,
     )
 
 

@@ -1,6 +1,6 @@
 r"""Snubbers, springs and friction contacts of a scenario: their laws, dashpots, and the gaps that follow from preloads.
 
-With the slope :math:`k_0` about zero stretch x, breakpoints :math:`b_i` and the changes of slope :math:`\Delta_i` at
+With the slope :math:`k_0` about zero extension x, breakpoints :math:`b_i` and the changes of slope :math:`\Delta_i` at
 them going away from zero, a piecewise-linear force is
 
 .. math:: F(x) = k_0 x + \sum_{b_i > 0} \Delta_i [x - b_i]_+ - \sum_{b_i < 0} \Delta_i [b_i - x]_+ ,
@@ -52,39 +52,39 @@ class SpringInfo:
     kind: str  # "linear" (which relaxes), "cubic", "piecewise_linear", "spring" of a joint, or "friction"
     places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
     masses: tuple[int, ...]  # their numbers where they are masses
-    shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
+    shape: Floats  # (n,) extension for a unit of each coordinate, 1/sqrt(kg)
     on_ground: bool  # whether it depends on the absolute displacement
-    lever: float  # displacement of its place for a unit displacement of the base
+    base_participation: float  # displacement of its place for a unit displacement of the base
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
-    law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
+    law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the extension
     normal_force: float | None = None  # N, of friction where it is constant
-    gap_unit: str = "m"  # of the stretch; rad in a hinge, whose forces are moments
+    gap_unit: str = "m"  # of the extension; rad in a hinge, whose forces are moments
 
     @property
     def base_influence(self) -> float:
-        """How much of the base's displacement adds to its stretch."""
-        return self.lever if self.on_ground else 0.0
+        """How much of the base's displacement adds to its extension."""
+        return self.base_participation if self.on_ground else 0.0
 
     @property
     def relaxes(self) -> bool:
-        """Whether the force depends on more than the stretch."""
+        """Whether the force depends on more than the extension."""
         return self.law is not None and (self.law.internal_states > 0 or self.law.rubs)
 
-    def force(self, stretch: Floats) -> Floats:
-        """N, positive where it pulls back a positive stretch (any shape); of one that relaxes after a long rest."""
-        force = self.linear * stretch + self.cubic * stretch**3
-        return np.asarray(force if self.law is None else force + self.law.static_force(stretch))
+    def force(self, extension: Floats) -> Floats:
+        """N, positive where it pulls back a positive extension (any shape); of one that relaxes after a long rest."""
+        force = self.linear * extension + self.cubic * extension**3
+        return np.asarray(force if self.law is None else force + self.law.static_force(extension))
 
 
-def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) -> tuple[SpringInfo, ...]:
+def describe_springs(springs: Sequence[Located], shape: Floats, base_participations: Floats) -> tuple[SpringInfo, ...]:
     """Springs, joints and friction contacts with laws.
 
     Parameters
     ----------
     springs : and where they are written.
-    shape : (count, n) stretch of each for a unit of each coordinate.
-    levers : (count,) displacement of its place for a unit displacement of the base.
+    shape : (count, n) extension of each for a unit of each coordinate.
+    base_participations : (count,) displacement of its place for a unit displacement of the base.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
-    for row, lever, located in zip(shape, levers, springs, strict=True):
+    for row, lever, located in zip(shape, base_participations, springs, strict=True):
         path, spring = located.path, located.item
         places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
@@ -171,7 +171,7 @@ def cubic_springs(springs: Sequence[SpringInfo]) -> CubicSprings | None:
 
 
 def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
-    """Springs with laws of phases as contacts whose penetration is the stretch."""
+    """Springs with laws of phases as contacts whose penetration is the extension."""
     piecewise = [s for s in springs if s.law is not None]
     count = len(piecewise)
     return Contacts(
@@ -180,7 +180,7 @@ def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
         gap=np.zeros(count),
         on_ground=np.array([s.on_ground for s in piecewise], dtype=bool),
         laws=tuple(s.law for s in piecewise if s.law is not None),
-        lever=np.array([s.lever for s in piecewise]),
+        base_participation=np.array([s.base_participation for s in piecewise]),
     )
 
 
@@ -255,7 +255,7 @@ def build_contacts(
         laws=tuple(
             _law(at, float(k), curve, c) for at, k, curve, c in zip(located, stiffness, curves, dashpot, strict=True)
         ),
-        lever=levers,
+        base_participation=levers,
     )
 
 
@@ -318,9 +318,9 @@ def _mounted(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) 
     static = (*law.static_springs, *(OneSidedSpring(side, sum(stiffness), 0.0, 0.0) for side in sides))
 
     def settled(penetration: float) -> tuple[float, ...]:
-        return tuple((relaxed * law.settled(penetration)).tolist())
+        return tuple((relaxed * law.relaxed_states(penetration)).tolist())
 
-    return replace(law, mounted=replace(law, static=static, settled=settled))
+    return replace(law, as_installed=replace(law, static=static, relaxed_states=settled))
 
 
 def resists(snubber: Any) -> str:

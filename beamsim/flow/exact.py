@@ -413,7 +413,7 @@ class ExactFlow:
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
         before = phases if before is None else before
-        made = entered & contacts.touching(phases) & ~contacts.touching(before)
+        made = entered & contacts.closed(phases) & ~contacts.closed(before)
         faces = np.flatnonzero(made & contacts.arrays.opening[every, before, INTERNAL:].any(axis=1))  # that move
         if faces.size:  # were touched before where they are penetrated by more than round-off as they are when new
             rows = self.equations.penetration[faces]

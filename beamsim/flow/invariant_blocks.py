@@ -378,10 +378,10 @@ def _invariant(A: Floats, lam: Complexes, group: Ints) -> Block | None:
     return Block(right, left, left @ A @ right, _mean(chosen, real), 1.0 if real else 2.0)
 
 
-# Updated modes take half as long as a fresh eigenvalue problem, or less, from so many coordinates on and up to so many
-# contacts that differ. Measured: one contact 3 times as fast at 36 coordinates, 5 times at 52, 8 times at 112; two
-# contacts 2.4 times at 52 and 4 times at 112; four 1.2 and 2.3 times; below 30 coordinates hardly any gain.
-LEAST_COORDINATES, MOST_CHANGED = 40, 2
+# Coordinates from which on updated modes take a third of the time of a fresh eigenvalue problem where one contact
+# differs, and the number of contacts that may differ. Measured alternating in one process: one contact 1.1 times as
+# fast at 24 coordinates, 2.3 at 40, 3.1 at 52, 5.5 at 80; two contacts 1.6 at 52 and 2.7 at 80; four 1.0 and 1.5.
+LEAST_COORDINATES, MOST_CHANGED = 52, 2
 
 
 def neighbouring_modes(
@@ -405,7 +405,9 @@ def neighbouring_modes(
     damped = contacts.damped or bool(np.diag(system.damping).any())
     if not damped or system.coupled_by_damping or np.count_nonzero(before != phases) > MOST_CHANGED:
         return None
-    if any(contacts.coupled(of) or contacts.holds(of).any() or contacts.presses(of) for of in (before, phases)):
+    if any(
+        contacts.coupled(of) or contacts.sticks_rigidly(of).any() or contacts.presses(of) for of in (before, phases)
+    ):
         return None
     upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
     if upper.size < n:

@@ -281,7 +281,7 @@ def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amo
     c = system.contacts
     moved = replace(
         c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape,
-        lever=c.levers + amount * direction.base_participation,
+        base_participation=c.base_participations + amount * direction.base_participation,
     )  # fmt: skip
     if direction.along is not None:
         pairs = zip(c.laws, direction.along.laws, strict=True)

@@ -222,7 +222,7 @@ class _Record:
         """Go to the end of a piece of the motion, with the outputs on the way."""
         assert piece.sol is not None
         end, self.restarts = float(piece.t[-1]), self.restarts + 1
-        self.touched += self.contacts.touching(self.phases) * (end - self.t)
+        self.touched += self.contacts.closed(self.phases) * (end - self.t)
         last = int(np.searchsorted(self.times, end, side="right" if end >= self.times[-1] else "left"))
         if last > self.done:
             self.states[self.done : last] = piece.sol(self.times[self.done : last]).T
@@ -237,7 +237,7 @@ class _Record:
         contact, following = int(equations.events.contact[guard]), int(equations.events.next[guard])
         equations.reset(guard, self.t, self.y)
         before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
-        equations.stop(self.contacts.holds(before) | self.contacts.holds(self.phases), self.t, self.y)
+        equations.stop(self.contacts.sticks_rigidly(before) | self.contacts.sticks_rigidly(self.phases), self.t, self.y)
         self.y[-2] += equations.lost(before, self.phases, self.t, self.y)
         self.events.append((self.t, contact, int(before[contact]), following))
         self.left.update((j, int(before[j])) for j in np.flatnonzero(before != self.phases).tolist())

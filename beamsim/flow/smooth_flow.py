@@ -179,10 +179,10 @@ class SmoothFlow(PeriodicFlow):
             touching.astype(np.int64), states, event[0], event[1], 1 - closing, closing,
         )  # fmt: skip
 
-    def cubic_stretch(self, y: Floats, times: Floats) -> Floats:
+    def cubic_extension(self, y: Floats, times: Floats) -> Floats:
         """(nt, nc) stretch of the cubic springs at states (nt, N)."""
         d, _ = self.loads.base_motion(self.omega, self.level, times)
-        return self.springs.stretch(y[:, : self.system.size], d)
+        return self.springs.extension(y[:, : self.system.size], d)
 
     @property
     def fastest(self) -> float:

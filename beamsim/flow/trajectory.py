@@ -253,7 +253,7 @@ class Trajectory:
 
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""
-        touching, total = self.flow.system.contacts.touching(self.phases), float(self.length.sum())
+        touching, total = self.flow.system.contacts.closed(self.phases), float(self.length.sum())
         return np.asarray(self.length @ touching / total) if total > 0 else np.zeros(touching.shape[1])
 
     def by_state(self, segments: Ints | None = None) -> Iterator[tuple[ContactState, Ints]]:
@@ -286,7 +286,7 @@ class Trajectory:
         """
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
-        lasts = (self.length > 0.0) | (not self.flow.system.contacts.ever_hold)
+        lasts = (self.length > 0.0) | (not self.flow.system.contacts.any_sticks_rigidly)
         sums = (sums for _, sums in self.sums(output_of, lasts if lasts.any() else ~lasts, edges, scale))
         outputs = output_of(self.flow.system.contacts.start).shape[0]
         found = search_extrema(sums, outputs, 1 if edges is None else edges.size - 1, squares, rivals)

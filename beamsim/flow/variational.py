@@ -156,13 +156,16 @@ class FlowOutputs:
         at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
         begun, n = equations.state.copy(), self.flow.system.size
         begun[equations.velocities, equations.velocities] -= at.held @ at.held.T
-        contact, _ = contacts.kept(phases)
+        contact, _ = contacts.states_to_rewrite(phases)
         begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
         return begun
 
     def _kept(self, phases: Ints) -> Floats:
         law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state.copy()
-        contact, (constant, pressing) = contacts.kept(phases)[0], contacts.kept(phases)[1].T[:, :, None]
+        contact, (constant, pressing) = (
+            contacts.states_to_rewrite(phases)[0],
+            contacts.states_to_rewrite(phases)[1].T[:, :, None],
+        )
         written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, PRESSING]
         end[2 * self.flow.system.size + contacts.first[contact]] = written
         return end
@@ -255,11 +258,11 @@ def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences
     held has no part in the motion. Where nothing holds they are those of the flow.
     """
     contacts = flow.system.contacts
-    turn = np.eye(flow.system.size) if contacts.ever_hold and np.any(direction.shape) else None
+    turn = np.eye(flow.system.size) if contacts.any_sticks_rigidly and np.any(direction.shape) else None
     pairs = (
         (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
         (direction.gap, contacts.gap), (direction.shape, contacts.shape),
-        (direction.base_participation, contacts.levers),
+        (direction.base_participation, contacts.base_participations),
         (np.array([direction.along is not None], dtype=float), np.ones(1)),
     )  # fmt: skip
     sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)

@@ -90,7 +90,7 @@ def appropriate_force(
     q, v = states[:, :n], states[:, n : 2 * n]
     by_structure = float(weight @ np.einsum("ti,ij,tj->t", v, damped.damping, v))
     closed = -c.gap - c.sign * (q @ c.shape.T) > 0
-    by_contacts = float(weight @ (np.where(closed, (v @ c.shape.T) ** 2, 0.0) @ c.slow[1]))
+    by_contacts = float(weight @ (np.where(closed, (v @ c.shape.T) ** 2, 0.0) @ c.quasi_static[1]))
     power = v @ load
     work = complex((weight * np.exp(1j * omega * t)) @ power)
     reach = float(np.sqrt(period * (weight @ np.abs(power) ** 2)))

@@ -46,7 +46,7 @@ class ForcedOrbits:
         self._one = np.eye(self.flow.size)
         self._smallest = max(1e-3 * float(np.max(np.abs(contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
-        held = contacts.shape[contacts.may_hold]  # displacements that contacts may hold
+        held = contacts.shape[contacts.may_stick_rigidly]  # displacements that contacts may hold
         held = held / np.linalg.norm(held, axis=1, keepdims=True)
         faces = np.pad(held, ((0, 0), (0, self.flow.size - held.shape[1])))
         self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], faces])

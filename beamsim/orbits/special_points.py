@@ -51,7 +51,7 @@ def without_borders(contacts: Contacts) -> set[int]:
 
     Faces that hold let go by a force and begin to stick by a rate, and those that a snubber presses follow that one.
     """
-    return set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
+    return set(np.flatnonzero(contacts.may_stick_rigidly).tolist()) | set(contacts.pressed.tolist())
 
 
 def _crossings(flow_map: FlowMap) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:

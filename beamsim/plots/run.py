@@ -357,7 +357,7 @@ def friction_loops(result: RunResult, moved: Mapping[str, LabelledArray]) -> lis
 
 def spring_forces(result: RunResult, forces: Mapping[str, LabelledArray]) -> Chart:
     """Forces of springs, by name, over their stretch: those that relax draw loops."""
-    stretch = result["histories"].by_label("spring_stretch")
+    stretch = result["histories"].by_label("spring_extension")
     curves = [
         Curve(name, stretch[name].values[-MOST_STATES:], force.values[-MOST_STATES:]) for name, force in forces.items()
     ]

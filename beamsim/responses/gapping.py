@@ -94,7 +94,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     that is held is lost at no level, an infinite one, and needs no preload.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
-    if system.static_equilibrium is None or count == 0 or contacts.ever_hold or contacts.pressed.size:
+    if system.static_equilibrium is None or count == 0 or contacts.any_sticks_rigidly or contacts.pressed.size:
         return {}
     penetration = static_penetration(system)
     closed = penetration > 0
@@ -120,7 +120,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
         if not law.linear_in_contact:
             continue
         # a contact that can pull is lost when the penetration vanishes, one without tension when the force does
-        losing = np.abs(impedance[:, j]) if law.parts is None else law.stiffness
+        losing = np.abs(impedance[:, j]) if law.one_sided_springs is None else law.stiffness
         if law.latches:  # is not lost without a preload either
             losing = np.zeros(omega.size)
         onset, loss = (unknown, first[j]) if closed[j] else (first[j], unknown)

@@ -112,7 +112,7 @@ class HistoryRecorder:
             part = slice(number, min(number + self._at_once, last))
             at = np.minimum(self._times[part], chunk.end)
             self._values[part] = channel_values(chunk, self._channels, at)
-            self._touching[part] = self._contacts.touching(chunk.phases[chunk.segments_at(at)])
+            self._touching[part] = self._contacts.closed(chunk.phases[chunk.segments_at(at)])
             end = at[-1:] if part.stop < last else [chunk.end]
             work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
             self._energy[0, part], self._energy[2, part] = work[:-1], sampled_stored_energy(chunk, at)

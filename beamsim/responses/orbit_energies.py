@@ -122,7 +122,7 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
     delta, _ = flow.penetration_of(y, times)
     energy = stored_energy(flow.system, y, delta, phases)
     if isinstance(flow, SmoothFlow):
-        energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.springs.stiffness
+        energy += 0.25 * flow.cubic_extension(y, times) ** 4 @ flow.springs.stiffness
     return np.asarray(energy)
 
 
@@ -152,6 +152,8 @@ def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[
     _, base_rate = loads.base_motion(flow.omega, flow.level, times)
     power = (outside * v).sum(axis=1) - push * base_rate
     if isinstance(flow, SmoothFlow):
-        power += (flow.springs.stiffness * flow.cubic_stretch(y, times) ** 3) @ flow.springs.base_influence * base_rate
+        power += (
+            (flow.springs.stiffness * flow.cubic_extension(y, times) ** 3) @ flow.springs.base_influence * base_rate
+        )
     loss = ((v @ flow.system.damping) * v).sum(axis=1) + (dashpots[each] * rate**2).sum(axis=1)
     return float(share @ power), float(share @ loss)

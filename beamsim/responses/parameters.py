@@ -198,7 +198,7 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
                 "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
             )
         )
-    if system.dynamics.contacts.laws[contacts[0]].family is None and (
+    if system.dynamics.contacts.laws[contacts[0]].rebuild is None and (
         kind == "stiffness" or (kind == "position" and ratio)
     ):
         raise scenario.located(

@@ -170,7 +170,7 @@ class Measurement:
         samples = values(even, even)[:, self.channels.places[DISPLACEMENT]]
         lines = self.harmonics + 1
         spectrum = np.array([RECTANGULAR.amplitudes(x)[:lines] for x in samples.T]).reshape(-1, lines)
-        touching = flow.system.contacts.touching(phases)
+        touching = flow.system.contacts.closed(phases)
         by_snubber = [touching[:, owner == j].any(axis=1) for j in range(len(self.system.snubbers))]
         share = np.array([np.diff(edges) @ touches / edges[-1] for touches in by_snubber])
         return MeasuredMotion(found.high[0], found.low[0], spectrum, share)

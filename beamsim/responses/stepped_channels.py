@@ -54,5 +54,5 @@ class SteppedChannels:
         beside = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
         if system.cubic is None:
             return beside
-        pull = system.cubic.stiffness * system.cubic.stretch(y[:, : system.dynamics.size], base) ** 3
+        pull = system.cubic.stiffness * system.cubic.extension(y[:, : system.dynamics.size], base) ** 3
         return beside + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T

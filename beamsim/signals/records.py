@@ -23,8 +23,9 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from beamsim.flow.channels import Exponentials, MotionPart
-from beamsim.typing import TINY, Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
+NEXT_TO_ZERO = 1e-20  # of a period, in place of zero, where its square does not underflow
 _DIFFERENCE = 1e-3  # of frequencies, over one over the duration, for derivatives by the frequency
 _MOST_STEPS = 24  # to the frequencies of lines
 _NEAR = 0.02  # change of a frequency over one over the duration, below which curvature of the misfit is trusted
@@ -101,7 +102,7 @@ class Window:
         x = np.asarray(omega, dtype=float) * (duration / (2.0 * np.pi))
         turns = np.rint(2.0 * x)
         rest = x - 0.5 * turns  # no more than a quarter, so that sines keep their digits near zero
-        rest[rest == 0.0] = TINY  # sin(z) / z is 1 there
+        rest[rest == 0.0] = NEXT_TO_ZERO  # sin(z) / z is 1 there
         sine, cosine = np.sin(np.pi * rest), np.cos(np.pi * rest)
         quarter = turns.astype(np.int64) % 4
         along, across = _RIGHT_ANGLES[quarter], _RIGHT_ANGLES[quarter - 1]

@@ -344,9 +344,9 @@ def _statics(parts: Parts, pushing: _Pushing, loads: Floats) -> tuple[Contacts, 
 
 def _as_mounted(contacts: Contacts) -> Contacts:
     """The contacts as a motion begins, of which some have not had a long rest; themselves where all have."""
-    if all(law.mounted is None for law in contacts.laws):
+    if all(law.as_installed is None for law in contacts.laws):
         return contacts
-    return replace(contacts, laws=tuple(law.mounted or law for law in contacts.laws))
+    return replace(contacts, laws=tuple(law.as_installed or law for law in contacts.laws))
 
 
 @dataclass(frozen=True)
@@ -423,7 +423,7 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
         apart += contacts.base_influence * float(forcing.base_displacement(0.0))
     if forcing.influence is not None:
         apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
-    return _as_mounted(contacts).settled_states(-contacts.gap - contacts.sign * apart)
+    return _as_mounted(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
 
 
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
@@ -497,7 +497,7 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     refused = [
         (f".{snubber.memory or 'force_deflection'}", path, linear)
         for (path, _, snubber, _), law in zip(snubbers, stops.laws, strict=True)
-        if law.family is None
+        if law.rebuild is None
     ]
     for path, _, spring, _ in springs:
         if getattr(spring, "maxwell", ()):

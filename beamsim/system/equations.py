@@ -82,7 +82,7 @@ class PiecewiseLinearSystem:
     def acts(self, phases: Ints) -> bool:
         """Whether contacts act on the structure in given phases, or move by themselves."""
         arrays, every = self.contacts.arrays, np.arange(self.contacts.count)
-        pushing = arrays.force[every, phases, :PRESSING].any() or arrays.holds[every, phases].any()
+        pushing = arrays.force[every, phases, :PRESSING].any() or arrays.sticks_rigidly[every, phases].any()
         return self.contacts.internal_states > 0 or bool(pushing)
 
     def one_sided(self) -> PiecewiseLinearSystem:
@@ -262,7 +262,7 @@ class StateEquations:
         self.force = _products(self.factors, law)
         applied = free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
         self.held, acceleration = np.zeros((e.system.size, 0)), applied
-        sticking = np.flatnonzero(c.arrays.holds[every, phases])
+        sticking = np.flatnonzero(c.arrays.sticks_rigidly[every, phases])
         if sticking.size:
             acceleration = self._held_back(sticking, applied)
         self.internal_factors = self.factors[c.owner, c.column]
@@ -366,7 +366,7 @@ class StateEquations:
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
         moved = self.law[:, RATE].copy()
         if c.pressed.size:  # the spring of a slider gives way
-            moved[c.pressed] -= c.pressing_stretches(self.phases)[:, None] * self.law[c.pressed, PRESSING_RATE]
+            moved[c.pressed] -= c.pressing_extensions(self.phases)[:, None] * self.law[c.pressed, PRESSING_RATE]
         forces = _products(c.arrays.lost[every, self.phases], self.law)
         of_states = self.lost_by_rate[c.count :, None] * self.internal_rates
         return np.vstack([forces, of_states]), np.vstack([moved, self.internal_rates])

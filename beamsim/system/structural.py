@@ -284,7 +284,7 @@ class StructuralSystem:
     def contact_names(self) -> tuple[str, ...]:
         """(m,) owner of each contact: a snubber's name, or that of a piecewise-linear spring."""
         split = self.cubic is not None
-        laws = [(spring.name, spring.law.parts or ()) for spring in self.springs if spring.law is not None]
+        laws = [(spring.name, spring.law.one_sided_springs or ()) for spring in self.springs if spring.law is not None]
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
         return (*(snubber.name for snubber in self.snubbers), *names)
 
@@ -338,7 +338,7 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             pull[pulling] = 1.0
             pulling += 1
         if spring.law is not None:
-            for part in (spring.law.parts if split else None) or (None,):
+            for part in (spring.law.one_sided_springs if split else None) or (None,):
                 of_contacts[contact] = 1.0 if part is None else part.direction
                 contact += 1
         force = sizes.rows(1, displacement=spring.linear * spring.shape,
@@ -347,7 +347,7 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
         stretch = sizes.rows(1, displacement=spring.shape, base_displacement=spring.base_influence)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
-            Channel(section, spring.name, "stretch", spring.gap_unit, stretch),
+            Channel(section, spring.name, "extension", spring.gap_unit, stretch),
             Channel(section, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
         ]
     return channels

@@ -66,7 +66,7 @@ def described(system):
         for name in ("contact", "opening", "constant", "cubic")
     }
     found |= {name: np.asarray(getattr(contacts, name), dtype=float) for name in
-              ("gap", "sign", "on_ground", "levers", "pressing", "pressed")}  # fmt: skip
+              ("gap", "sign", "on_ground", "base_participations", "pressing", "pressed")}  # fmt: skip
     found |= {f"laws: {name}": np.asarray(of, dtype=float) for name, of in contacts.arrays._asdict().items()}
     found["at rest"] = contacts.shape @ (np.full(system.dynamics.size, np.nan) if rest is None else rest)
     found["start"] = contacts.shape @ system.initial_state[: system.dynamics.size]
@@ -125,7 +125,7 @@ def moved_as_built(assembly, along, path):
         anew = build_system(load_scenario(data, {path_text(path): value}))
         assert unlike(described(moved), described(anew)) == [], (along, value)
         contacts, _ = model.followed.moved(model.followed.outward(unknown))
-        for name in ("shape", "gap", "levers"):
+        for name in ("shape", "gap", "base_participations"):
             np.testing.assert_array_equal(getattr(contacts, name), getattr(moved.dynamics.contacts, name))
     return True
 
@@ -203,7 +203,7 @@ PAIR = {
     [
         ({"kind": "gap", "from": 1e-4, "to": 2e-4}, 1e-6, {"gap"}),
         ({"kind": "stiffness", "from": 1e5, "to": 2e5, "snubber": "tip"}, 1.0, {"stiffness", "dashpot"}),
-        ({"kind": "position", "from": 0.22, "to": 0.26}, 1e-6, {"shape", "dashpot", "levers"}),
+        ({"kind": "position", "from": 0.22, "to": 0.26}, 1e-6, {"shape", "dashpot", "base_participations"}),
     ],
     ids=lambda along: along["kind"] if isinstance(along, dict) else "",
 )
@@ -214,9 +214,9 @@ def test_both_stops_of_a_pair_are_followed(along, step, changing):
     _, rates = moved(value)
     above, below = moved(value + step)[0], moved(value - step)[0]
     changed = set()
-    for name in ("stiffness", "dashpot", "gap", "shape", "levers"):
+    for name in ("stiffness", "dashpot", "gap", "shape", "base_participations"):
         difference = (getattr(above, name) - getattr(below, name)) / (2 * step)
-        exact = rates.base_participation if name == "levers" else getattr(rates, name)
+        exact = rates.base_participation if name == "base_participations" else getattr(rates, name)
         np.testing.assert_allclose(exact, difference, rtol=2e-5, atol=1e-8 * np.abs(difference).max(initial=1e-3))
         changed |= {name} if np.all(exact.reshape(2, -1).any(axis=1)) else set()
     assert changed == changing

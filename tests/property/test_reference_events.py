@@ -236,7 +236,7 @@ def random_system(seed):
     )
     flow = ExactFlow(system, Forcing(rng.normal(size=(2, n)), signals), 8.0)
     start = np.zeros(2 * n) if rng.random() < 0.5 else 0.5 * rng.normal(size=2 * n)
-    return flow, np.append(start, contacts.settled_states(-gap - sign * (shape @ start[:n])))
+    return flow, np.append(start, contacts.relaxed_states(-gap - sign * (shape @ start[:n])))
 
 
 def agrees(seed, integrator="DOP853", rtol=1e-10):

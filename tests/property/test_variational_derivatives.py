@@ -226,6 +226,6 @@ def test_derivatives_by_the_position_of_a_contact_that_sticks(seeds, pressed):
             continue  # other events on the two sides
         np.testing.assert_allclose(flow_map.parameters[:, 0], expected, atol=2e-3 * size, err_msg=str(seed))
         stuck += bool(
-            flow.system.contacts.arrays.holds[np.arange(len(flow.system.contacts.laws)), flow_map.phases].any()
+            flow.system.contacts.arrays.sticks_rigidly[np.arange(len(flow.system.contacts.laws)), flow_map.phases].any()
         )
     assert stuck > 0.8 * len(seeds)

@@ -218,7 +218,7 @@ def test_the_system_with_another_number_is_that_built_anew(key, value):
     path = ("snubbers", 0, key.rpartition(".")[2])
     family = build_family(load_scenario(scenario), places)
     moved, anew = family.at(path, value), build_family(load_scenario(scenario, {key: value}), places).system
-    for name in ("shape", "gap", "levers"):
+    for name in ("shape", "gap", "base_participations"):
         np.testing.assert_allclose(*(getattr(each.dynamics.contacts, name) for each in (moved, anew)), rtol=1e-10)
     (law,), (other,) = moved.dynamics.contacts.laws, anew.dynamics.contacts.laws
     assert (law.stiffness, law.dashpot) == (other.stiffness, pytest.approx(other.dashpot, rel=1e-12))

@@ -104,7 +104,7 @@ def test_contacts_have_exact_derivatives(family, quantity, value, h, changing):
     above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
     changed = set()
     for name in ("stiffness", "dashpot", "gap", "shape", "base_participation"):
-        of = {"base_participation": "levers"}.get(name, name)
+        of = {"base_participation": "base_participations"}.get(name, name)
         difference = (getattr(above, of) - getattr(below, of)) / (2 * h)
         exact = getattr(rates, name)
         np.testing.assert_allclose(exact, difference, rtol=2e-5, atol=1e-8 * np.abs(difference).max(initial=1e-3))

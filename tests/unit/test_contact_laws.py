@@ -39,10 +39,10 @@ def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
 
 def test_phases_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="names a phase"):
-        ContactLaw((Phase("alone", (Guard(1, DEPTH),), touching=True),))
+        ContactLaw((Phase("alone", (Guard(1, DEPTH),), closed=True),))
     twice = (Guard(1, DEPTH), Guard(1, LawRow(rate=1.0)))
     with pytest.raises(ValueError, match="name the same phase"):
-        ContactLaw((Phase("a", twice, touching=True), Phase("b", (), touching=False)))
+        ContactLaw((Phase("a", twice, closed=True), Phase("b", (), closed=False)))
     with pytest.raises(ValueError, match="not a sum"):
         Contacts(
             np.ones((1, 1)), np.ones(1), np.zeros(1), np.array([False]), (hardening_law(9.0, 1.0, 2.0),)

@@ -103,7 +103,7 @@ def test_work_lost_in_a_branch_in_a_cycle(omega):
 
 def test_after_a_long_rest():
     law = recovering_law(CURVE, 0.5, TWO)
-    assert law.settled(0.3) == (0.0, 0.3, 0.3)
+    assert law.relaxed_states(0.3) == (0.0, 0.3, 0.3)
     assert law.phases[law.resting_phase(0.3)].name == "segment 3"
     assert law.phases[law.resting_phase(-0.1)].name == "released 1"
     assert law.static_force(0.3) == pytest.approx(7.0)

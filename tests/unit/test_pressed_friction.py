@@ -37,7 +37,7 @@ def system_of(law, stop=None, shape=SHAPE, gap=GAP, pressed=True):
 def motion(system, duration, load=LOAD, start=(0.0, 0.0, 0.0, 0.0)):
     forcing = Forcing(np.diag(load), (Signal.harmonic(1.0, OMEGA[0]), Signal.harmonic(1.0, OMEGA[1])))
     flow = ExactFlow(system, forcing, duration)
-    y = np.append(start, system.contacts.settled_states(-system.contacts.gap - system.contacts.sign * (
+    y = np.append(start, system.contacts.relaxed_states(-system.contacts.gap - system.contacts.sign * (
         system.contacts.shape @ np.array(start[:2]))))  # fmt: skip
     return simulate(flow, y, max_events=2000)
 

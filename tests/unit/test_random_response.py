@@ -327,7 +327,9 @@ def share_of_tests(found, cycles, energy_of):
 def test_what_is_extrapolated_of_a_softer_stop_is_the_energy_at_full_compression():
     """Cycles with exponentially distributed energies against 10 kN/m up to 1 mm, then 1 kN/m, behind a spring."""
     law = replace(
-        kelvin_voigt(1e4), parts=None, static=(OneSidedSpring(1, 1e4, 0, 0), OneSidedSpring(1, -9e3, 0, 1e-3))
+        kelvin_voigt(1e4),
+        one_sided_springs=None,
+        static=(OneSidedSpring(1, 1e4, 0, 0), OneSidedSpring(1, -9e3, 0, 1e-3)),
     )
     stiffness, gap = 2e3, 0.5e-3
     depth = np.linspace(0.0, 0.1, 1_000_001)
@@ -424,7 +426,7 @@ def test_intervals_of_largest_values_hold_whatever_the_spring(law):
 
     k, (_, below, _, gap, beyond, knee, _, _) = (20 * np.pi) ** 2, LAWS[law]
     stop = OneSidedSpring(1, below * k, 0, 0), OneSidedSpring(1, (beyond - below) * k, 0, knee)
-    table = replace(kelvin_voigt(k), parts=None, static=stop)
+    table = replace(kelvin_voigt(k), one_sided_springs=None, static=stop)
     history(20)
     found, largest = [], []
     for _ in range(number):

@@ -224,7 +224,7 @@ def test_what_is_held_at_a_displacement_loads_what_moves_beside_it(beside):
     flow = ExactFlow(system, Forcing(rng.normal(size=(1, n)), (Signal.harmonic(4.0, 1.3),)), 12.0)
     q = np.array([0.5, -0.2, 0.1])
     penetration = -contacts.gap - contacts.sign * (contacts.shape @ q)
-    start = np.concatenate([q, np.zeros(n), contacts.settled_states(penetration)])
+    start = np.concatenate([q, np.zeros(n), contacts.relaxed_states(penetration)])
     motion, checked = simulate(flow, start), 0
     for k in np.flatnonzero(motion.length > 0.01):
         t, phases = motion.time[k] + 0.5 * motion.length[k], motion.phases[k]

@@ -192,7 +192,9 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     omega = parts.omega[: parts.basis.modes]
     if closed:
         contacts, count = build_system(scenario).dynamics.contacts, len(parts.snubber_sites)
-        omega, modes = closed_modes(parts.omega, contacts.shape[:count], contacts.slow[0][:count], parts.basis.rigid)
+        omega, modes = closed_modes(
+            parts.omega, contacts.shape[:count], contacts.quasi_static[0][:count], parts.basis.rigid
+        )
         shapes = shapes @ modes
     frequencies = omega / (2 * np.pi)
     order = np.argsort(frequencies, kind="stable")

@@ -225,7 +225,7 @@ class LocalExtremes:
         One that never touches, and that the structure comes towards at the end of the record, is as near as it is then.
         """
         motion, found = self.motion, list[Peak]()
-        touching = motion.flow.system.contacts.touching(motion.phases)
+        touching = motion.flow.system.contacts.closed(motion.phases)
         last = int(np.flatnonzero(motion.length > 0.0)[-1])
         for j, row in enumerate(self.channels.places.get(OPENING, ())):
 

@@ -94,7 +94,7 @@ def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
         "spring": [spring.name for spring in springs],
         "spring_kind": [spring.kind for spring in springs],
         "spring_masses": [json.dumps(spring.masses) for spring in springs],
-        "spring_stretch": histories.of(("springs", "stretch")).T,
+        "spring_extension": histories.of(("springs", "extension")).T,
         "spring_force": histories.of(("springs", "force")).T,
     }
 
@@ -190,7 +190,7 @@ def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict
         ],
         "friction_slides": None if None in slides else slides,
         **{f"friction_{name}": _known([of.get(name) for of in sliding]) for name in _SLIDING_UNITS},
-        "friction_displacement": histories.of(("friction", "stretch")).T,
+        "friction_displacement": histories.of(("friction", "extension")).T,
         "friction_force": histories.of(("friction", "force")).T,
         "friction_stuck": histories.touching[:, number].T,
     }

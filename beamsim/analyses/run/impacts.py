@@ -177,7 +177,7 @@ class _Contacts:
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     """Contacts at one snubber."""
     flow = trajectory.flow
-    touching = flow.system.contacts.touching(trajectory.phases)[:, contact]
+    touching = flow.system.contacts.closed(trajectory.phases)[:, contact]
     first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
     last = np.flatnonzero(touching & ~np.append(touching[1:], False))
     start, end = trajectory.time[first], trajectory.time[last] + trajectory.length[last]

@@ -77,7 +77,7 @@ HISTORIES = Layout(
         ),
         "snubber_displacement": Variable(
             _SNUBBER + _TIME, "{gap_unit}",
-            "displacement of the structure at the snubber, relative to the base; between two masses the stretch",
+            "displacement of the structure at the snubber, relative to the base; between two masses the extension",
         ),
         "snubber_velocity": Variable(
             _SNUBBER + _TIME, "{gap_unit}/s", "velocity of the structure at the snubber, relative to the base"
@@ -91,11 +91,11 @@ HISTORIES = Layout(
             "JSON list of the mass that it ties to the ground, or the two that it joins; empty between points of beams",
             str,
         ),
-        "spring_stretch": Variable(
-            _SPRING + _TIME, "m", "stretch of the spring; to the ground the absolute displacement there"
+        "spring_extension": Variable(
+            _SPRING + _TIME, "m", "extension of the spring; to the ground the absolute displacement there"
         ),
         "spring_force": Variable(
-            _SPRING + _TIME, "N", "force of the spring, positive where it pulls back a positive stretch"
+            _SPRING + _TIME, "N", "force of the spring, positive where it pulls back a positive extension"
         ),
         "friction": Variable(_FRICTION, "1", "name of the friction contact", str),
         "friction_normal_force": Variable(
@@ -129,7 +129,7 @@ HISTORIES = Layout(
         ),
         "friction_displacement": Variable(
             _FRICTION + _TIME, "{gap_unit}",
-            "displacement along the face, relative to what it rubs on; between two places the stretch",
+            "displacement along the face, relative to what it rubs on; between two places the extension",
         ),
         "friction_force": Variable(
             _FRICTION + _TIME, "{force_unit}", "friction force, positive where it resists a positive displacement"

@@ -55,7 +55,7 @@ UNDAMPED = 1e-9  # half-power bandwidth over frequency
 Deviations = dict[tuple[str, str], float]  # by name and quantity
 SIGMAS = 3.0  # of a stationary motion that a preload withstands
 ALWAYS_CLOSED = 1e-12  # of the penetration at rest: a smaller excursion is round-off
-_WATCHED = (PENETRATION, FORCE, ("springs", "stretch"), ("friction", "stretch"))
+_WATCHED = (PENETRATION, FORCE, ("springs", "extension"), ("friction", "extension"))
 OfSnubbers = dict[str, dict[str, Any]]
 
 
@@ -74,7 +74,7 @@ def linear_input(system: StructuralSystem) -> LinearInput | None:
     """
     excitation = system.scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
-    linear = system.cubic is None and not system.springs and not system.dynamics.contacts.ever_hold
+    linear = system.cubic is None and not system.springs and not system.dynamics.contacts.any_sticks_rigidly
     resting = system.forcing.influence is None  # stops move with the base alone
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
@@ -233,7 +233,7 @@ def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> 
         laws = enumerate(zip(contacts.laws[:count], penetration.tolist(), strict=False))
         return [
             max(law.stiffness * rest - float(linear[FORCE][0, j]), 0.0)
-            if law.parts is None
+            if law.one_sided_springs is None
             else law.stiffness * max(rest - float(linear[PENETRATION][0, j]), 0.0)
             for j, (law, rest) in laws
         ]
@@ -290,7 +290,7 @@ def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) ->
     }
     springs = [spring for spring in system.springs if spring.law is not None]
     owners = [(*PENETRATION, snubber.name) for snubber in system.snubbers]
-    owners += [("friction" if spring.kind == "friction" else "springs", "stretch", spring.name) for spring in springs]
+    owners += [("friction" if spring.kind == "friction" else "springs", "extension", spring.name) for spring in springs]
     factors = []
     for owner, law, rest in zip(owners, system.dynamics.contacts.laws, penetration.tolist(), strict=True):
         found = [(math.inf, math.nan)]
@@ -343,7 +343,7 @@ def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
         """Contact forces at rest, N; a contact with tension is lost by the force of the spring alone."""
         laws = zip(names, contacts.laws, strict=True)
         return [
-            SIGMAS * (of[name, "force"] if law.parts is None else law.stiffness * of[name, "penetration"])
+            SIGMAS * (of[name, "force"] if law.one_sided_springs is None else law.stiffness * of[name, "penetration"])
             for name, law in laws
         ]
 

@@ -631,7 +631,7 @@ def _beyond_record(
     histories = result["histories"]
     pressed = histories.by_label("snubber_penetration")
     moved = [(f"snubber {name}", penetration.unit, penetration.values) for name, penetration in pressed.items()]
-    stretched = histories.by_label("spring_stretch") | histories.by_label("friction_displacement")
+    stretched = histories.by_label("spring_extension") | histories.by_label("friction_displacement")
     moved += [(f"spring {s.name}", "m", stretched[s.name].values) for s in system.springs if s.law is not None]
     reasons = {}
     for (name, unit, values), law in zip(moved, system.dynamics.contacts.laws, strict=True):

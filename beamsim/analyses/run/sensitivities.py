@@ -338,7 +338,7 @@ def _shares(system: StructuralSystem, motion: Trajectory, log: Log, found: Motio
     log : cut segments of the motion.
     found : derivatives along them.
     """
-    touching = motion.flow.system.contacts.touching(np.array(motion.flow.visited)[log.state]).astype(int)
+    touching = motion.flow.system.contacts.closed(np.array(motion.flow.visited)[log.state]).astype(int)
     by = -np.diff(touching, axis=0).T @ found.kept.dt[1:-1] / motion.end
     shares, end = motion.contact_share(), np.array([motion.end])
     names = [f"snubbers/{snubber.name}/contact_share" for snubber in system.snubbers]

@@ -67,7 +67,7 @@ def stepped_motion_of(
     energy = _energies(system, flow, trajectory)
     balance = EnergyBalance()
     balance.add(at, energy, float(np.abs(np.diff(trajectory.work_in)).sum()))
-    histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
+    histories = Histories(at, sampled.channels, values, flow.system.contacts.closed(trajectory.phases), energy)
     extremes, contact = outputs.extremes(trajectory), None
     if len(system.bodies) > 1 and system.snubbers and (largest := largest_contact(system, extremes)) is not None:
         nearest = int(np.abs(trajectory.time - largest.time).argmin())  # output time
@@ -103,7 +103,7 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
     stored = stored_energy(flow.system, y, penetration, phases)
     if system.cubic is not None:
         base = 0.0 if system.base_displacement is None else system.base_displacement(at)
-        stretch = system.cubic.stretch(y[:, : system.dynamics.size], base)
+        stretch = system.cubic.extension(y[:, : system.dynamics.size], base)
         stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness
     return EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
 

@@ -281,7 +281,7 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
     displacement = [q @ shape for shape in shapes]
     acceleration = [base - omega2 * w for base, w in zip(system.base_influence, displacement, strict=True)]
     responses = {"displacement": displacement, "absolute_acceleration": acceleration}
-    known = bool(system.snubbers) and not contacts.ever_hold and not contacts.pressed.size
+    known = bool(system.snubbers) and not contacts.any_sticks_rigidly and not contacts.pressed.size
     if known:
         pressed = transfer(system, frequency, pressed_phases(system, penetration))
         responses["displacement_closed"] = [pressed @ shape for shape in shapes]

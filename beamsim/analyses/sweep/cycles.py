@@ -192,7 +192,7 @@ def record_cycles(
     high, low = np.full((2, count, square.shape[1]), np.nan)
     found = motion.extrema(lambda phases: output_of(phases)[searched], edge)
     low[:, searched], high[:, searched] = found.low, found.high
-    touching = motion.flow.system.contacts.touching(motion.phases)
+    touching = motion.flow.system.contacts.closed(motion.phases)
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
     closes = motion.touch_changes > 0
     of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)

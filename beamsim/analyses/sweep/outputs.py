@@ -355,6 +355,6 @@ def _wear_rows(at: StateEquations) -> Floats:
 def _impact_rows(at: StateEquations, snubbers: int) -> Floats:
     """Penetration rates of the snubbers in contact, 0 elsewhere, and rows whose squares are the power lost."""
     rate = at.equations.penetration_rate
-    touching = at.equations.contacts.touching(at.phases)[:snubbers, None]
+    touching = at.equations.contacts.closed(at.phases)[:snubbers, None]
     size = np.sqrt(np.maximum(at.lost_by_rate, 0.0))[:, None]
     return np.vstack([touching * rate[:snubbers], size * np.vstack([rate, at.internal_rates])])
