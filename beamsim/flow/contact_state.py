@@ -13,7 +13,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +58,7 @@ class ContactState:
     # (F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)
     terms_of_sources: tuple[Ints, Ints]
     forced_at_start: Complexes  # (F, N) state at the start of a piece that a unit of each input forces
+    drive: Drive | None = None  # kept once loads have changed
 
     @classmethod
     def of(
@@ -93,11 +94,24 @@ class ContactState:
         growing = [*lam.real.tolist(), *(complex(b.centre).real for b in modes.blocks)]
         fastest = max([0.0, *(b.radius for b in modes.blocks), *(rate / GROWN for rate in growing)])
         horizon = float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf))
-        return _tabulated(equations, modes, horizon, sources)
+        return _tabulated(equations, modes, horizon, sources, responses(Drive.of(equations, modes, horizon), sources))
 
-    def under(self, sources: Sources) -> ContactState:
-        """The same state under other signals of the same channels."""
-        return _tabulated(self.equations, self.modes, self.horizon, sources)
+    def with_loads(self, sources: Sources) -> ContactState:
+        """The same state under other signals of the same channels.
+
+        Where each input forces a motion with its own time function alone, before and now, only that motion is new:
+        the first F terms, one for each input. Else all terms are listed anew.
+        """
+        drive = self.drive or Drive.of(self.equations, self.modes, self.horizon)
+        forced, F = responses(drive, sources), sources.power.size
+        if forced.shape[1] == 1 and self.exponential and self.term_basis.size == F + self.projector.shape[0]:
+            exponent, vectors = self.exponent.copy(), self.term_vector.copy()
+            own = np.append(sources.exponent, exponent[self.term_basis[F:]])  # of the terms
+            exponent[self.term_basis[:F]], vectors[:F] = sources.exponent, forced[:, 0]
+            if np.array_equal(exponent[self.term_basis], own):  # the same terms share functions
+                at_start = forced[:, 0]
+                return replace(self, exponent=exponent, term_vector=vectors, forced_at_start=at_start, drive=drive)
+        return replace(_tabulated(self.equations, self.modes, self.horizon, sources, forced), drive=drive)
 
     def coefficients(self, rows: Floats, sources: Sources) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
@@ -163,10 +177,12 @@ class ContactState:
         return np.ascontiguousarray(size)
 
 
-def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> ContactState:
-    """The tables of a contact state: the responses to the sources, and the free motion."""
+def _tabulated(
+    equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources, forced: Complexes
+) -> ContactState:
+    """The tables of a contact state: the responses (F, D, N) to the sources, and the free motion."""
     (X, Xi, lam), F, rising = modes.simple, sources.power.size, np.flatnonzero(sources.power)
-    forced, every = responses(equations, modes, horizon, sources), np.arange(F)
+    every = np.arange(F)
     exists: Bools = np.asarray(forced.any(axis=2))
     exists[every, sources.power] = exists[rising, sources.power[rising] - 1] = True
     (of_source, power), basis = exists.nonzero(), dict[tuple[complex, int], int]()
@@ -217,34 +233,55 @@ def _terms_of_blocks(
         first += block.matrix.shape[0]
 
 
-def responses(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> Complexes:
+class Drive(NamedTuple):
+    """What inputs drive in a contact state, whatever their signals."""
+
+    equations: StateEquations
+    modes: BlockForm  # both of each conjugate pair
+    horizon: float  # s, see `ContactState.horizon`
+    inputs: Floats  # (F, N) rate of the state for a unit of each input
+    slopes: Floats  # (F, N) the same of their slopes
+
+    @classmethod
+    def of(cls, equations: StateEquations, modes: BlockForm, horizon: float) -> Drive:
+        """That of a contact state with one mode of each conjugate pair."""
+        (right, left, lam), of = modes.simple, equations.equations
+        pair = np.flatnonzero(lam.imag > 0.0)
+        both = SimpleModes(
+            np.hstack([right, right[:, pair].conj()]), np.vstack([left, left[pair].conj()]),
+            np.append(lam, lam[pair].conj()),
+        )  # fmt: skip
+        rates = equations.rates
+        return cls(equations, BlockForm(both, modes.blocks), horizon, rates[:, of.inputs].T, rates[:, of.slopes].T)
+
+
+def responses(drive: Drive, sources: Sources) -> Complexes:
     """The forced motion for a unit of each source: its factors of ``tau^p e^{nu_f tau}``.
 
     Parameters
     ----------
-    equations, modes, horizon : of the contact state.
+    drive : of the contact state.
     sources : F of them, of the inputs.
 
     Returns
     -------
     (F, D, N), for the powers p of time below D.
     """
-    of, power, slopes = equations.equations, sources.power, equations.rates[:, equations.equations.slopes].T
-    (right, left, lam), rising, F = modes.simple, np.flatnonzero(power), np.arange(power.size)
-    pair, longest = np.flatnonzero(lam.imag > 0.0), np.minimum(horizon, sources.longest_piece)
-    both = SimpleModes(
-        np.hstack([right, right[:, pair].conj()]), np.vstack([left, left[pair].conj()]),
-        np.append(lam, lam[pair].conj()),
-    )  # fmt: skip
-    driving = np.zeros((F.size, power.max() + 1, of.states), dtype=complex)
-    driving[F, power] = equations.rates[:, of.inputs].T + sources.exponent[:, None] * slopes
-    driving[rising, power[rising] - 1] = power[rising, None] * slopes[rising]
-    forced = _forced(BlockForm(both, modes.blocks), driving, sources, longest)
+    power, equations = sources.power, drive.equations
+    longest = np.minimum(drive.horizon, sources.longest_piece)
+    driving = (drive.inputs + sources.exponent[:, None] * drive.slopes)[:, None]
+    if power.any():
+        F, rising, direct = np.arange(power.size), np.flatnonzero(power), driving[:, 0]
+        driving = np.zeros((F.size, power.max() + 1, equations.equations.states), dtype=complex)
+        driving[F, power], driving[rising, power[rising] - 1] = direct, (power[:, None] * drive.slopes)[rising]
+    forced = _forced(drive.modes, driving, sources, longest)
     if not equations.factors[:, : RATE + 1].any():
         return forced
     # what a stiff contact's load leaves in slow motions is a small part of it
-    corrected = _forced(BlockForm(both, modes.blocks), _residual(forced, equations, sources), sources, longest)
-    total = np.zeros((F.size, max(forced.shape[1], corrected.shape[1]), of.states), dtype=complex)
+    corrected = _forced(drive.modes, _residual(forced, equations, sources), sources, longest)
+    if forced.shape == corrected.shape:
+        return forced + corrected
+    total = np.zeros((*forced.shape[:1], max(forced.shape[1], corrected.shape[1]), forced.shape[2]), dtype=complex)
     total[:, : forced.shape[1]] = forced
     total[:, : corrected.shape[1]] += corrected
     return total
@@ -263,19 +300,17 @@ def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: 
     sources : all F.
     longest : (F,) s, for which each response must hold.
     """
-    forced, (X, left, lam) = np.zeros_like(polynomial), modes.simple
-    acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
-    window, limit = longest[acting], sources.limit[acting]
-    beta = polynomial[acting] @ left.T
-    distance = sources.exponent[acting, None] - lam
-    near = np.abs(distance) * window[:, None] < limit[:, None]
-    distance[near], w = np.inf, np.zeros((acting.size, lam.size), dtype=complex)
+    (X, left, lam), forced = modes.simple, np.empty_like(polynomial)
+    beta, distance = polynomial @ left.T, sources.exponent[:, None] - lam
+    near, w = np.abs(distance) * longest[:, None] < sources.limit[:, None], np.zeros_like(beta[:, 0])
+    series = bool(modes.blocks) or bool(near.any())
+    if series:
+        near &= polynomial.any(axis=(1, 2))[:, None]  # what drives nothing needs no series
+        distance[near | (distance == 0.0)] = np.inf
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance
-        forced[acting, p] = w @ X.T
-    if near.any() or modes.blocks:
-        return _with_series(forced, modes, polynomial, sources, longest, near)
-    return forced
+        forced[:, p] = w @ X.T
+    return _with_series(forced, modes, polynomial, sources, longest, near) if series else forced
 
 
 def _with_series(
@@ -287,11 +322,11 @@ def _with_series(
     ----------
     forced : (F, degree + 1, N) the responses of other modes.
     modes, polynomial, sources, longest : as for `_forced`.
-    near : (a, modes) whether an eigenvalue is near the exponent, of the sources that act.
+    near : (F, modes) whether an eigenvalue is near the exponent, of the sources that act.
     """
     X, left, lam = modes.simple
     acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
-    window, limit, beta = longest[acting], sources.limit[acting], polynomial[acting] @ left.T
+    window, limit, beta, near = longest[acting], sources.limit[acting], polynomial[acting] @ left.T, near[acting]
     series: list[tuple[int, int, Complexes]] = []  # input, power of time, factor
     for a in range(acting.size) if modes.blocks else np.flatnonzero(near.any(axis=1)).tolist():
         f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
@@ -547,12 +582,13 @@ def _residual(forced: Complexes, equations: StateEquations, sources: Sources) ->
     z = np.zeros((F.size, degrees, of.width), dtype=complex)
     z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
     z[F, power, of.slopes.start + F] = sources.exponent
-    rising = np.flatnonzero(power)
-    z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
-    rates = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
-    out = rates - sources.exponent[:, None, None] * y
-    out[:, : higher.shape[1]] -= np.arange(1, higher.shape[1] + 1)[:, None] * higher
-    out[np.arange(degrees) > power[:, None]] = 0.0
+    if degrees > 1:
+        rising = np.flatnonzero(power)
+        z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
+    out = equations.rates_at(z.reshape(-1, of.width).T).T.reshape(y.shape) - sources.exponent[:, None, None] * y
+    if degrees > 1 or higher.shape[1]:
+        out[:, : higher.shape[1]] -= np.arange(1, higher.shape[1] + 1)[:, None] * higher
+        out[np.arange(degrees) > power[:, None]] = 0.0
     return np.asarray(out)
 
 

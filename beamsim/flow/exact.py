@@ -154,16 +154,15 @@ class ExactFlow:
         self.sources = sources
         self.inputs = Inputs(sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last)
 
-    def _clear(self, like: ExactFlow | None = None) -> None:
-        """Remove all states; the arrays get the sizes of those of another flow, since there will be as many states."""
+    def _clear(self, arrays: dict[str, NDArray[np.generic]] | None = None) -> None:
+        """Remove all states; the first to come are in the rows of arrays, if they are given."""
         self.states, self.visited = [], []
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
         self._visits: dict[bytes, int] = {}  # numbers in ``visited``, by the phases
         self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
         self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
-        arrays = {} if like is None else like._arrays
-        self._arrays: dict[str, NDArray[np.generic]] = {k: np.zeros(a.shape, a.dtype) for k, a in arrays.items()}
+        self._arrays: dict[str, NDArray[np.generic]] = arrays or {}
 
     def on_pieces(self, first: int, last: int) -> ExactFlow:
         """The same flow, which shares its contact states, with other pieces of the record."""
@@ -172,12 +171,12 @@ class ExactFlow:
         flow._load()
         return flow
 
-    def under(
+    def with_loads(
         self, forcing: Forcing, observers: tuple[Signal, ...] | None = None, duration: float | None = None
     ) -> ExactFlow:
         """The same flow under other loads, with the contact states that were used, whose modes are shared.
 
-        Where only amplitudes differ, the responses to the loads are shared, too.
+        Only the forced motions in these states are new. Where only amplitudes differ, they are shared, too.
 
         Parameters
         ----------
@@ -201,7 +200,7 @@ class ExactFlow:
             flow.equations = Equations(flow.system, forcing.load, flow.influence, flow.sources.channel)
             flow._clear()
             return flow
-        return flow._with_states_of(self, lambda state: state.under(flow.sources))
+        return flow._with_states_of(self, lambda state: state.with_loads(flow.sources))
 
     def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
         """The same flow of a structure with other contacts of as many phases, with the contact states that were used.
@@ -218,15 +217,23 @@ class ExactFlow:
         return flow._with_states_of(self, renewed)
 
     def _with_states_of(self, before: ExactFlow, renewed: Callable[[ContactState], ContactState]) -> ExactFlow:
-        """This flow, with nothing but the used states of another one, each renewed."""
+        """This flow, with nothing but the used states of another one, each renewed.
+
+        A state with the same terms keeps its tables but for what follows from the loads.
+        """
         used, number = sorted(before._used), np.full(len(before.states) + 1, -1)
         number[used] = np.arange(len(used))
-        follower = [number[before._arrays["follower"][index]] for index in used]
-        states = [before.states[index] for index in used]
-        self._clear(before)
-        for index, state in enumerate(states):
-            self._append(renewed(state))
-            self._arrays["follower"][index] = follower[index]
+        known = {name: array[used] for name, array in before._arrays.items()}
+        self._clear(known)
+        for index, (of, follower) in enumerate(zip(used, known.get("follower", ()), strict=True)):
+            old, state = before.states[of], renewed(before.states[of])
+            if state.term_basis is not old.term_basis:
+                self._append(state)
+            else:
+                self._enter(index, state)
+                if state is not old:
+                    self._write_loads(index, state)
+            self._arrays["follower"][index, : follower.size] = number[follower]
         return self
 
     @property
@@ -280,18 +287,11 @@ class ExactFlow:
 
     def _append(self, state: ContactState) -> int:
         """Add a state to the tables; its number may be that of the least recently used one, which is dropped for it."""
-        self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
-        self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
-        events, key = state.equations.events, state.phases.tobytes()
+        events = state.equations.events
         watch = state.coefficients(events.rows, self.sources)
         full = self.most_states is not None and len(self.states) >= self.most_states
         index = self._drop() if full else len(self.states)
-        if key not in self._visits:
-            self._visits[key] = len(self.visited)
-            self.visited.append(state.phases)
-        self.states[index : index + 1] = [state]  # a new place, or that of a state that was dropped
-        self._index[key] = index
-        self._used.discard(index)
+        self._enter(index, state)
         rows: dict[str, NDArray[np.generic]] = {name: np.asarray(getattr(state, name)) for name in OF_STATES}
         rows |= {
             "n_basis": np.array(state.exponent.size),
@@ -316,6 +316,28 @@ class ExactFlow:
             place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
             old[place] = row
         return index
+
+    def _enter(self, index: int, state: ContactState) -> None:
+        """Enter a state at a new place, or at that of a state that was dropped; its tables are written apart."""
+        self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
+        self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
+        key = state.phases.tobytes()
+        if key not in self._visits:
+            self._visits[key] = len(self.visited)
+            self.visited.append(state.phases)
+        self.states[index : index + 1] = [state]
+        self._index[key] = index
+        self._used.discard(index)
+
+    def _write_loads(self, index: int, state: ContactState) -> None:
+        """Write what follows from the loads, the first F terms, into the tables of a state that has the others."""
+        F, events, arrays = self.sources.power.size, state.equations.events, self._arrays
+        forced = replace(state, term_vector=state.term_vector[:F])
+        watch = forced.coefficients(events.rows, self.sources)
+        arrays["exponent"][index, : state.exponent.size] = state.exponent
+        arrays["term_vector"][index, :F], arrays["watch"][index, :F, : watch.shape[1]] = state.term_vector[:F], watch
+        roughness = forced.roughness(events.guards, watch[:, : events.count])
+        arrays["roughness"][index, :F, : events.count] = roughness
 
     def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
         """An array with more rows, or wider ones; rows that no state has yet are zeros."""

@@ -301,7 +301,7 @@ class PeriodicFlow(ABC):
     ----------
     system : the structure.
     forcing : its periodic loads (default: none).
-    omega, level : frequency, rad/s, and factor of the loads; `under` gives the flow at others.
+    omega, level : frequency, rad/s, and factor of the loads; `with_loads` gives the flow at others.
     """
 
     system: PiecewiseLinearSystem
@@ -332,7 +332,7 @@ class PeriodicFlow(ABC):
         """Motions computed so far, of this flow and of those that come from it."""
         return self._followed[0]
 
-    def under(self, omega: float | None = None, level: float | None = None) -> Self:
+    def with_loads(self, omega: float | None = None, level: float | None = None) -> Self:
         """The flow of the same structure at another frequency and level."""
         flow = copy(self)
         flow.omega = self.omega if omega is None else float(omega)

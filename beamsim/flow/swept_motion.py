@@ -59,7 +59,7 @@ def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, car
     The flow over the duration of the windows.
     """
     forcing, observers = loads(windows, carrier)
-    return flow.under(forcing, observers, windows.duration)
+    return flow.with_loads(forcing, observers, windows.duration)
 
 
 @dataclass(frozen=True)

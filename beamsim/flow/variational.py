@@ -356,12 +356,12 @@ class VariationalFlow(PeriodicFlow):
         self.exact = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
         self._outputs = FlowOutputs(self.exact)
 
-    def under(self, omega: float | None = None, level: float | None = None) -> VariationalFlow:
+    def with_loads(self, omega: float | None = None, level: float | None = None) -> VariationalFlow:
         """The flow of the same structure at another frequency and level, which shares the contact states' modes."""
-        flow = super().under(omega, level)
+        flow = super().with_loads(omega, level)
         if (flow.omega, flow.level) == (self.omega, self.level):
             return self
-        flow.exact = self.exact.under(self.loads.signals(flow.omega, flow.level))
+        flow.exact = self.exact.with_loads(self.loads.signals(flow.omega, flow.level))
         return flow
 
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:

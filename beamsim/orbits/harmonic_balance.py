@@ -392,12 +392,12 @@ class ForcedBalance:
             # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
                 return orbits.multipliers(beside)
-        return orbits.flow.under(orbits.omega, orbits.level).flow_map(state, motion.period).multipliers
+        return orbits.flow.with_loads(orbits.omega, orbits.level).flow_map(state, motion.period).multipliers
 
     def shooting(self, value: float) -> ForcedOrbits:
         """The shooting problem in frequency at a value of the parameter."""
         omega, level = self.at(value)
-        return ForcedOrbits(self._flow.under(omega, level), multiple=self.multiple)
+        return ForcedOrbits(self._flow.with_loads(omega, level), multiple=self.multiple)
 
     def first_motion(self, value: float, forward: float) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.

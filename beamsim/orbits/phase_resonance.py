@@ -146,7 +146,7 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
 
     try:
         # the direction in which the motion moves along itself
-        slope = problem.flow.under(omega, problem.level).flow_map(u[:-1], 2 * np.pi / omega).slope
+        slope = problem.flow.with_loads(omega, problem.level).flow_map(u[:-1], 2 * np.pi / omega).slope
         along = np.append(slope, 0.0) / scale
         row = along / np.linalg.norm(along)
         speed = float(np.linalg.norm(along)) / omega  # of the unknowns by the phase

@@ -62,14 +62,14 @@ class ForcedOrbits:
         if self.parameter == "frequency":
             if value <= 0:
                 raise ArithmeticError("the frequency became negative")
-            self.flow = self.flow.under(value, self.level)
+            self.flow = self.flow.with_loads(value, self.level)
             return self.flow, Frequency()
         if self.parameter == "level":
-            self.flow = self.flow.under(self.omega, value)
+            self.flow = self.flow.with_loads(self.omega, value)
             return self.flow, Level()
         if self._moved is None or self._moved[0] != value:
             self._moved = (value, *self.parameter(value))
-        return self._moved[1].under(self.omega, self.level), self._moved[2]
+        return self._moved[1].with_loads(self.omega, self.level), self._moved[2]
 
     def shoot(self, flow: PeriodicFlow, z: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, Floats, FlowMap]:
         """``z(T) - z(0)`` with its Jacobian by the start and by parameters.

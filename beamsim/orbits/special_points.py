@@ -437,7 +437,7 @@ def switch_at_period_doubling(problem: ForcedOrbits, special: SpecialPoint) -> t
     finds the parameter that belongs to this distance from the old branch. Its tangent points away from the old
     branch.
     """
-    flow = problem.flow.under(problem.omega, problem.level)
+    flow = problem.flow.with_loads(problem.omega, problem.level)
     doubled = replace(problem, flow=flow, multiple=2 * problem.multiple)
     mu, vectors = np.linalg.eig(special.point.data.transition)
     v = vectors[:, int(np.argmin(np.abs(mu + 1.0)))].real

@@ -143,7 +143,7 @@ def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
     level = problem.level
     for factor in RAISED:
         high = factor * level
-        raised = ForcedOrbits(problem.flow.under(problem.omega, high), "level", problem.multiple)
+        raised = ForcedOrbits(problem.flow.with_loads(problem.omega, high), "level", problem.multiple)
         start = find_orbit(raised, forward=-1.0)
         if start is None or not start.data.signature:
             continue

@@ -124,7 +124,7 @@ class Measurement:
         if self._exact is None or self._exact.system is not flow.system:
             self._exact = ExactFlow(flow.system, forcing, duration, observers)
         else:
-            self._exact = self._exact.under(forcing, observers)
+            self._exact = self._exact.with_loads(forcing, observers)
         return self._exact
 
     def _in_closed_form(self, flow: VariationalFlow, flow_map: FlowMap) -> MeasuredMotion:

@@ -38,9 +38,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import CONSTANT, INTERNAL, PENETRATION, PRESSING, PRESSING_RATE, RATE, REACTION
@@ -50,6 +51,7 @@ from beamsim.typing import Complexes, Floats, Ints
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
 
+Number = TypeVar("Number", np.float64, np.complex128)
 RowsOf = Callable[[Ints], Floats]  # rows (k, V) in given phases of the contacts (m,)
 
 
@@ -153,28 +155,16 @@ class Equations:
         self.penetrations = -c.sign[:, None] * c.shape  # (m, n) for a unit of each coordinate
         self.unit = np.eye(self.width)  # (V, V) z for a unit of each of its entries
         self.state = self.unit[: self.states]  # (N, V) the state itself
-        self.law, self.free = self.given(self.unit)
+        self.law = np.zeros((c.count, INTERNAL + int(c.states.max(initial=0)), self.width))
+        self.law[:, PENETRATION, self.coordinates] = self.law[:, RATE, self.velocities] = self.penetrations
+        self.law[:, PENETRATION, self.inputs] = self.law[:, RATE, self.slopes] = -self._mounting
+        self.law[:, PENETRATION, self.inputs.start] -= c.gap
+        self.law[:, CONSTANT, self.inputs.start] = 1.0
+        self.law[c.owner, c.column] = self.unit[self.internal]
+        self.free = self.rows(  # (n, V) generalised forces on the structure, those of contacts apart
+            n, coordinates=-np.diag(system.stiffness), velocities=-system.damping, inputs=self._load
+        )
         self.penetration, self.penetration_rate = self.law[:, PENETRATION], self.law[:, RATE]  # (m, V) m and m/s
-
-    def given(self, z: Any) -> tuple[Any, Any]:
-        """What does not depend on the phases.
-
-        Parameters
-        ----------
-        z : (V, k) columns.
-
-        Returns
-        -------
-        law : (m, C, k) what the laws depend on, pressing forces and reactions apart.
-        free : (n, k) generalised forces on the structure, those of contacts apart.
-        """
-        c, q, v, u = self.contacts, z[self.coordinates], z[self.velocities], z[self.inputs]
-        law = np.zeros((c.count, INTERNAL + int(c.states.max(initial=0)), z.shape[1]), dtype=z.dtype)
-        law[:, PENETRATION] = self.penetrations @ q - self._mounting @ u - np.outer(c.gap, u[0])
-        law[:, RATE] = self.penetrations @ v - self._mounting @ z[self.slopes]
-        law[:, CONSTANT] = u[0]
-        law[c.owner, c.column] = z[self.internal]
-        return law, self._load @ u - self.system.stiffness[:, None] * q - self.system.damping @ v
 
     def rows(self, count: int, **parts: Floats | float) -> Floats:
         """Rows of which some parts are given, the others being zero.
@@ -227,15 +217,12 @@ class EventFunctions:
 
 
 class StateEquations:
-    """The equations with the contacts in given phases: arrays of rows on z, or their values for given z.
+    """The equations with the contacts in given phases: arrays of rows on z.
 
     Parameters
     ----------
     equations : of the system under its inputs.
     phases : (m,) of the contacts.
-    z : (V, k) columns, whose values take the place of rows; by default a unit of each entry. Each contact force then
-        acts along the contact's own shape, its terms added before: where both sides of a stiff contact move together,
-        or follow the base, the round-off of a product with the rates would be a load of slow motions.
     """
 
     factors: Floats  # (m, C) of ``law`` in the contact forces, reactions apart
@@ -248,27 +235,35 @@ class StateEquations:
     internal_rates: Floats  # (r, V) time derivatives of the internal states of all contacts
     rates: Floats  # (N, V) time derivative of the state
 
-    def __init__(self, equations: Equations, phases: Ints, z: Any = None) -> None:
+    def __init__(self, equations: Equations, phases: Ints) -> None:
         e, c, every = equations, equations.contacts, np.arange(equations.contacts.count)
         self.equations, self.phases = equations, phases
-        law, free = (e.law, e.free) if z is None else e.given(z)
-        velocities = e.unit[e.velocities] if z is None else z[e.velocities]
-        if c.jointly_acting:
-            law = law.copy()
-        self.law, self.factors, drive = law, c.arrays.force[every, phases], c.arrays.rates[every, phases]
+        self.law = e.law.copy() if c.jointly_acting else e.law
+        self.factors, drive = c.arrays.force[every, phases], c.arrays.rates[every, phases]
         if c.pressed.size:
             self._press(drive)
-        self.pressing = law[c.pressed, PRESSING]
-        self.force = _products(self.factors, law)
-        applied = free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
+        self.pressing = self.law[c.pressed, PRESSING]
+        self.force = self._own_force = _products(self.factors, self.law)
+        applied = e.free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
         self.held, acceleration = np.zeros((e.system.size, 0)), applied
         sticking = np.flatnonzero(c.arrays.sticks_rigidly[every, phases])
         if sticking.size:
             acceleration = self._held_back(sticking, applied)
         self.internal_factors = self.factors[c.owner, c.column]
         self.internal_drive = drive[c.owner, c.column - INTERNAL]
-        self.internal_rates = (drive @ law)[c.owner, c.column - INTERNAL]
-        self.rates = np.vstack([velocities, acceleration, self.internal_rates])
+        self.internal_rates = (drive @ self.law)[c.owner, c.column - INTERNAL]
+        self.rates = np.vstack([e.unit[e.velocities], acceleration, self.internal_rates])
+
+    def rates_at(self, z: Complexes) -> Complexes:
+        """(N, k) time derivatives of states, for columns z (V, k).
+
+        The terms of each contact force are added before it acts along the contact's own shape: where both sides of a
+        stiff contact move together, or follow the base, the round-off of a product with `rates` would be a load of slow
+        motions.
+        """
+        e = self.equations
+        applied = e.free @ z - e.penetrations.T @ (self._own_force @ z)
+        return np.concatenate([z[e.velocities], self._unheld(applied), self.internal_rates @ z])
 
     def _press(self, drive: Floats) -> None:
         """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
@@ -278,16 +273,23 @@ class StateEquations:
         of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
         law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
 
-    def _held_back(self, sticking: Ints, applied: Any) -> Any:
-        """(n, V) accelerations under generalised forces with the reactions of contacts that stick, which are entered.
-
-        What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
-        """
+    def _held_back(self, sticking: Ints, applied: Floats) -> Floats:
+        """(n, V) accelerations under generalised forces with reactions of contacts that stick, which are entered."""
         left, size, right = np.linalg.svd(self.equations.penetrations[sticking], full_matrices=False)
         rank = int(np.sum(size > SMALLEST * size.max()))
         self.held, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
         self.law[sticking, REACTION] = share @ applied
+        self.force = self.force.copy()
         self.force[sticking] += self.law[sticking, REACTION]
+        return self._unheld(applied)
+
+    def _unheld(self, applied: NDArray[Number]) -> NDArray[Number]:
+        """(n, k) accelerations under generalised forces (n, k), the reactions of contacts that stick apart.
+
+        What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
+        """
+        if not self.held.shape[1]:
+            return applied
         acceleration = applied - self.held @ (self.held.T @ applied)
         balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
         return np.where(balanced, 0.0, acceleration)

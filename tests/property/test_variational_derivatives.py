@@ -124,7 +124,7 @@ def test_a_flow_under_other_loads_has_the_motions_of_a_new_one(make_system, case
     flow, z = VariationalFlow(system, loads, omega=1.3, level=2.0), np.zeros(VariationalFlow(system, loads).size)
     flow.flow_map(z, 5.3, [Frequency()])
     for omega, level in ((1.3, 1.1), (0.9, 2.0), (1.7, 0.4), (1.3, 2.0)):
-        flow = flow.under(omega, level)
+        flow = flow.with_loads(omega, level)
         found = flow.flow_map(z, 5.3, [Frequency(), Level()])
         expected = VariationalFlow(system, loads, omega, level).flow_map(z, 5.3, [Frequency(), Level()])
         assert found.signature == expected.signature

@@ -240,7 +240,7 @@ def test_with_a_dashpot(flow_of, law, turns):
     assert max(np.abs(problem.multipliers(s.point) - 1.0).min() for s in folds) < 1e-8
     contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
     orbit = problem.orbit(contacting[len(contacting) // 2])
-    problem.flow = problem.flow.under(omega=orbit.parameter)
+    problem.flow = problem.flow.with_loads(omega=orbit.parameter)
     long = 300 * orbit.period
     end = simulate(problem.flow.exact, orbit.state[:4] * (1 + 1e-4), duration=long)
     np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)

@@ -120,7 +120,7 @@ def test_folds_bound_the_motion(orbits, ring):
 
     def settled(omega, z):
         """Distance between the states 300 and 303 periods later, against the motion."""
-        orbits.flow = orbits.flow.under(omega)
+        orbits.flow = orbits.flow.with_loads(omega)
         ends = []
         for _ in range(2):
             periods = 300 if not ends else 3

@@ -53,12 +53,12 @@ def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
 
 def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch):
     """The base's level becomes NaN above 0.77 Hz: before, the outcome was that of a step too small."""
-    change = VariationalFlow.under
+    change = VariationalFlow.with_loads
 
     def broken(flow, omega=None, level=None):
         return change(flow, omega, np.nan if omega is not None and omega > 2 * np.pi * 0.77 else level)
 
-    monkeypatch.setattr(VariationalFlow, "under", broken)
+    monkeypatch.setattr(VariationalFlow, "with_loads", broken)
     result = continuation(forced("linear"))
     ends = result.outcome.all_of("orbit_not_finite")
     assert ends or "orbit_not_finite" in result["branches"]["outcome"].values

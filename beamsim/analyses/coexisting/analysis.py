@@ -427,7 +427,7 @@ class Marches:
 
     def flow_at(self, hz: float) -> PeriodicFlow:
         """The flow at a frequency, Hz."""
-        return self.flow.under(2.0 * np.pi * hz)
+        return self.flow.with_loads(2.0 * np.pi * hz)
 
     def drawn(self) -> Floats:
         """(starts, coordinates) that are drawn, the same at every frequency."""
@@ -490,7 +490,7 @@ class Marches:
         last = flow.omega / (2.0 * np.pi)
         sign = 1.0 if last > hz else -1.0
         while sign * (last - hz) > 0.0 and not asked_to_stop():
-            stepper, motion = stepper_on(flow.under(2.0 * np.pi * hz), y)
+            stepper, motion = stepper_on(flow.with_loads(2.0 * np.pi * hz), y)
             y = stepper.carry(motion, 1)[0]
             change = sign * starts.rate.value / hz
             hz = hz * 2.0**change if starts.rate.unit == "oct/s" else hz + change

@@ -557,7 +557,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
 
 def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
-    flow = problem.flow.under(motion.force.omega, motion.level)
+    flow = problem.flow.with_loads(motion.force.omega, motion.level)
     system = held.damped.dynamics
     n, T = system.size, motion.whole.duration
     mode = motion.states(T * np.arange(RATE) / RATE)

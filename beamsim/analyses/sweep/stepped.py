@@ -118,7 +118,7 @@ def steady_at(
         If the work exceeds that of the stepper.
     """
     settings, (forcing, observers) = of_kind(SteppedSine, one.settings), loads_at(one, f)
-    stepper.use(stepper.flow.under(forcing, observers, 1.0 / f), 1.0 / f, motion)
+    stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / f), 1.0 / f, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,
