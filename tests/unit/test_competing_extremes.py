@@ -136,7 +136,65 @@ def test_a_contact_that_begins_just_after_the_end_of_the_record_is_counted():
     })  # fmt: skip
     of = result.summary["sensitivities"]["snubbers/stop/peak_force"]["chain.snubbers.stop.gap"]
     assert of["holds_within"] == pytest.approx(1e-6, rel=1e-4)
-    assert any("only grazed" in text for text in result.warnings)
+    assert any("enters the record" in text for text in result.warnings)
+
+
+def of_a_stop(gap, end):
+    """How far the gap may change: by closed forms, and by a run; the oscillator is released at -START."""
+    stiffness, omega, inside = 3e4, math.sqrt(K / 2.0), math.sqrt((K + 3e4) / 2.0)
+
+    def begins(gap):
+        return math.acos(-gap / START) / omega
+
+    def ends(gap):
+        """Half of the contact's time is that from the stop to where the motion turns."""
+        offset, speed = K * gap / (K + stiffness), omega * math.sqrt(START**2 - gap**2)
+        return begins(gap) + 2.0 * math.atan2(speed, inside * offset) / inside
+
+    stop = {"name": "stop", "mass": 1, "side": "above", "stiffness": stiffness, "gap": gap}
+    result = oscillating(0.0, "0.1 N", chain={"masses": [2.0], "springs": [K], "snubbers": [stop]}, run={
+        "duration": end, "start": {"displacement": [-START]}, "convergence": "off",
+        "sensitivities": [{"path": "chain.snubbers.stop.gap", "tolerance": "0.01 mm"}],
+    })  # fmt: skip
+    found = result.summary["sensitivities"]["snubbers/stop/contact_share"]["chain.snubbers.stop.gap"]["holds_within"]
+    rates = [(time(gap + 1e-8) - time(gap - 1e-8)) / 2e-8 for time in (begins, ends)]
+    expected = [abs((end - time(gap)) / rate) for time, rate in zip((begins, ends), rates, strict=True)]
+    return found, expected, [text for text in result.warnings if "record" in text]
+
+
+@pytest.mark.parametrize("late", [2e-5, -2e-5])
+def test_a_contact_that_begins_near_the_end_leaves_or_enters_the_record(late):
+    found, (expected, _), notes = of_a_stop(2e-3, 2.0 * math.pi / 3.0 / math.sqrt(K / 2.0) + late)
+    assert found == pytest.approx(expected, rel=2e-3)
+    assert len(notes) == 1
+    assert ("leaves" if late > 0.0 else "enters") in notes[0]
+
+
+@pytest.mark.parametrize("late", [2e-5, -2e-5])
+def test_a_contact_that_ends_near_the_end_leaves_or_enters_the_record(late):
+    """The share of the time in contact then changes otherwise."""
+    omega, inside = math.sqrt(K / 2.0), math.sqrt((K + 3e4) / 2.0)
+    speed, offset = omega * math.sqrt(START**2 - 4e-6), K * 2e-3 / (K + 3e4)
+    ends = 2.0 * math.pi / 3.0 / omega + 2.0 * math.atan2(speed, inside * offset) / inside
+    found, (_, expected), notes = of_a_stop(2e-3, ends + late)
+    assert found == pytest.approx(expected, rel=2e-3)
+    assert len(notes) == (expected < 1e-5)
+
+
+def test_all_values_for_which_extremes_compete_are_in_one_note():
+    """Two numbers, and peaks of the oscillator and of the limit that is the same."""
+    result = oscillating(1e-3, "0.1 N", limits={"peak_displacement": "20 mm"}, run={
+        "duration": 1.0, "start": {"displacement": [-START]}, "convergence": "off",
+        "sensitivities": [{"path": path, "tolerance": "5 %"} for path in (FORCE, "run.start.displacement[0]")]
+        + [{"path": "chain.springs[0]", "tolerance": "1 %"}],
+    })  # fmt: skip
+    rows = {
+        (name, path) for name, by in result.summary["sensitivities"].items() for path, of in by.items()
+        if of["derivative_below"] != of["derivative_above"]
+    }  # fmt: skip
+    [note] = [text for text in result.warnings if "extremes compete" in text]
+    assert {name for name, _ in rows} == {PEAK}
+    assert all(name in note and path in note for name, path in rows)
 
 
 def test_the_rule_itself():

@@ -6,7 +6,7 @@ others are the turning points of the channels, with the ends of the record.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -220,13 +220,9 @@ class LocalExtremes:
         return Peak(row, high, segment, begin if later else end, later)
 
     def misses(self) -> list[Peak]:
-        """The nearest ones of the moments when an open snubber is closest to the structure and does not touch.
-
-        One that never touches, and that the structure comes towards at the end of the record, is as near as it is then.
-        """
+        """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
         motion, found = self.motion, list[Peak]()
         touching = motion.flow.system.contacts.closed(motion.phases)
-        last = int(np.flatnonzero(motion.length > 0.0)[-1])
         for j, row in enumerate(self.channels.places.get(OPENING, ())):
 
             def opening(phases: Ints, row: int = row) -> Floats:
@@ -238,9 +234,42 @@ class LocalExtremes:
             inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
             nearest = inner[np.argsort(value[inner])[:MISSES]]
             found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
-            if not touching[:, j].any() and value[-1] < value[-2]:
-                found.append(Peak(int(row), MISSED, last, float(motion.time[last] + motion.length[last]), 0))
         return found
+
+    def ends(self) -> list[Peak]:
+        """The beginning and the end of the record, where changes of contacts may enter it."""
+        motion = self.motion
+        first, last = np.flatnonzero(motion.length > 0.0)[[0, -1]].tolist()
+        end = float(motion.time[last] + motion.length[last])
+        return [Peak(0, MISSED, first, float(motion.time[first]), 1), Peak(0, MISSED, last, end, 0)]
+
+    def entering(
+        self, ends: Sequence[Peak], kept: Sequence[int], varied: Sequence[Varied], found: MotionDerivative
+    ) -> Iterator[tuple[float, float, Floats]]:
+        """Changes of contacts that are before the beginning of the record, or after its end.
+
+        Parameters
+        ----------
+        ends : of the record.
+        kept : which of the instants that are kept these are.
+        varied : (P,) what changes.
+        found : derivatives of the motion.
+
+        Yields
+        ------
+        Time, s; the function that is zero at the event, and its derivatives (P,). At the end it comes towards zero.
+        """
+        motion, flow, of = self.motion, self.motion.flow, found.kept
+        for peak, k in zip(ends, kept, strict=True):
+            at = flow.states[motion.state[peak.segment]]
+            events, v, moving = at.equations.events, of.instant.v[k], of.instant.moving[k]
+            value, rate = events.guards @ v, events.guards @ moving
+            terms = np.abs(events.guards) @ np.abs(v)
+            for g in np.flatnonzero((value > ROUND_OFF * terms) & ((rate < 0.0) | bool(peak.later))).tolist():
+                key = at.phases, int(events.contact[g]), int(events.next[g])
+                row, n = events.guards[g], flow.size
+                changed = np.array([each.rates.event(key)[-1] for each in varied]) @ v
+                yield peak.time, float(value[g]), row[:n] @ of.S[k] + of.instant.moved[k] @ row[n:] + changed
 
     def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
         """The motion with a segment that begins at each peak, and where the peaks are for `sensitivity`."""

@@ -11,7 +11,9 @@ where its time moves with an event, or :math:`\dot x = 0`; a time in contact cha
 
 A contact at whose event the guard has the rate g' and the second derivative g'' is only grazed after a change of the
 number by about :math:`|g' / (2 g''\, \partial_p t)|`, and one that stays open at a distance is touched after about
-that over the distance's derivative. Beyond, the motion has other contacts, of which no derivative tells. A peak is the
+that over the distance's derivative. One that begins or ends near the end of the record leaves it when its time has
+moved that far, and what is about to happen there enters it. Beyond, the motion has other contacts, of which no
+derivative tells. A peak is the
 largest of many extremes, which all have their derivatives: where they cross, another one takes over
 (:mod:`beamsim.results.competition`).
 """
@@ -55,8 +57,8 @@ BOTH = (
 AHEAD = (-1.5, 2.0, 0.0, -0.5, 0.0)
 APART = 1.5  # ratio of frequencies from which on modes have coordinates of their own
 GRAZING = 1e-9  # of a number: a contact that so small a change takes away is only grazed
+GRAZED = "is only grazed"
 BEND = 0.01  # of a derivative, by which that on one side may differ from it
-LISTED = 3  # values in a note whose derivatives are given
 
 
 class Derivative(NamedTuple):
@@ -75,6 +77,18 @@ class Derivative(NamedTuple):
     holds_within: float
     change: float  # in the unit of the value
     change_below: float
+
+
+Near = tuple[float, float, Floats]
+"""Time, s, of a contact that nearly changes, how far it is from that, and the derivatives (P,) of that."""
+
+
+class Reach(NamedTuple):
+    """How far a number changes until a contact begins or ends."""
+
+    change: float
+    time: float  # s, of that contact
+    what: str  # happens to it
 
 
 def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
@@ -111,20 +125,24 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
     everywhere = [of for of, place in map(limited, scenario.limits.given if scenario.limits else ()) if not place]
     contests, misses = along.contests(chosen, everywhere), along.misses()
-    peaks = sorted({*misses, *(peak for of in contests for peak in of.peaks)}, key=lambda p: (p.segment, p.time, p[4]))
+    ends, order = along.ends(), lambda peak: (peak.segment, peak.time, peak.later)
+    peaks = sorted({*misses, *ends, *(peak for of in contests for peak in of.peaks)}, key=order)
     log, instants = along.cut(peaks)
     start = np.stack([each.start for each in varied], axis=1)
     found = sensitivity(trajectory.flow, along.outputs, log, [each.rates for each in varied], start, instants)
     by = dict(zip(peaks, along.slopes(peaks, varied, found), strict=True))
     near = [(miss.time, along.distance(miss), by[miss]) for miss in misses]
+    beyond = [*along.entering(ends, [peaks.index(end) for end in ends], varied, found)]
     every = [*(of.contenders(by) for of in contests), *_shares(system, trajectory, log, found)]
     rows, warnings = list[Derivative](), along.still(contests)
+    noted = list[tuple[VariedParameter, Contenders, Competition]]()
     for p, number in enumerate(numbers):
-        holds, time = min(_reaches(found, log, near, p))
+        holds = min(_reaches(found, log, near, beyond, p))
         decided = [of.decided(p, _tolerance(number)) for of in every]
-        rows += [_derivative(number, of, each, holds) for of, each in zip(every, decided, strict=True)]
-        warnings += _doubts(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds, time)
-        warnings += _competing(number, [pair for pair in zip(every, decided, strict=True) if pair[1].noted])
+        rows += [_derivative(number, of, each, holds.change) for of, each in zip(every, decided, strict=True)]
+        warnings += _doubts(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
+        noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.noted]
+    warnings += _competing(noted)
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
     return (SENSITIVITIES.table(rows, units) if rows else None), warnings
 
@@ -164,27 +182,29 @@ def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) ->
             yield abs(one - both) / size, of.name
 
 
-def _competing(number: VariedParameter, noted: Sequence[tuple[Contenders, Competition]]) -> Iterator[str]:
-    """A note on the values for which extremes compete, the first of them with both derivatives.
+def _competing(noted: Sequence[tuple[VariedParameter, Contenders, Competition]]) -> Iterator[str]:
+    """A note on the values for which extremes compete, the nearest with both derivatives, the others by name.
 
     Parameters
     ----------
-    number : from the scenario.
-    noted : these values, and how they change with the number.
+    noted : numbers, these values, and how they change with the number.
     """
     if not noted:
         return
-    nearest, texts = sorted(noted, key=lambda item: abs(item[1].takes_over)), list[str]()
-    for of, each in nearest[:LISTED]:
-        unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
-        texts.append(
-            f"{of.name} has the derivative {each.below:.4g}{per} for smaller and {each.above:.4g}{per} for larger "
-            f"values (the extreme at {of.times[each.rival]:.6g} s takes over where it changes by "
-            f"{each.takes_over + 0.0:+.3g}{unit})"
-        )
-    more = ", ".join(of.name for of, _ in nearest[LISTED:])
-    others = f"; and {more}" if more else ""
-    yield f"run.sensitivities: {number.path}: extremes compete: {'; '.join(texts)}{others}"
+    near = sorted(range(len(noted)), key=lambda k: abs(noted[k][2].takes_over) / _tolerance(noted[k][0]))
+    number, of, each = noted[near[0]]
+    unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
+    paths, alike = dict[str, list[str]](), dict[str, list[str]]()
+    for k in near[1:]:
+        paths.setdefault(noted[k][1].name, []).append(noted[k][0].path)
+    for name, by in paths.items():
+        alike.setdefault(", ".join(sorted(by)), []).append(name)
+    more = "; ".join(f"{', '.join(names)} by {by}" for by, names in alike.items())
+    yield (
+        f"run.sensitivities: {number.path}: extremes compete: {of.name} has the derivative {each.below:.4g}{per} for "
+        f"smaller and {each.above:.4g}{per} for larger values (the extreme at {of.times[each.rival]:.6g} s takes over "
+        f"where it changes by {each.takes_over + 0.0:+.3g}{unit}){f'; also for {more}' if more else ''}"
+    )
 
 
 def _per(unit: str, other: str) -> str:
@@ -199,31 +219,36 @@ def _per(unit: str, other: str) -> str:
 
 
 def _reaches(
-    found: MotionDerivative, log: Log, missed: Sequence[tuple[float, float, Floats]], p: int
-) -> Iterator[tuple[float, float]]:
-    """Changes of a number with which the contact of an event is only grazed, or an open one touches; and times, s.
+    found: MotionDerivative, log: Log, missed: Iterable[Near], beyond: Iterable[Near], p: int
+) -> Iterator[Reach]:
+    """Changes of a number with which contacts begin or end that the motion does not have, or do not any more.
 
     Parameters
     ----------
     found, log : derivatives along segments.
-    missed : times at which an open contact is near, its distance, and the derivatives of that.
+    missed : times, s, at which an open contact is near, its distance, and the derivatives of that.
+    beyond : ends of the record at which a contact is about to change, the function that is zero then, and its
+        derivatives.
     p : which number.
     """
-    yield np.inf, 0.0
-    for time, (pace, turn), dt in zip(log.time, found.kept.pace.T, found.kept.dt[:, p], strict=False):
-        if pace and turn * dt:
-            yield abs(float(pace / (2.0 * turn * dt))), float(time)
-    yield from ((distance / abs(float(slope[p])), time) for time, distance, slope in missed if slope[p])
+    yield Reach(np.inf, 0.0, "")
+    end = float(log.time[-1] + log.length[-1])
+    for time, (pace, turn), dt in zip(log.time.tolist(), found.kept.pace.T, found.kept.dt[:, p], strict=False):
+        if pace and dt:
+            yield Reach(abs(float(pace / (2.0 * turn * dt))) if turn else np.inf, time, GRAZED)
+            yield Reach(abs(min(time, end - time) / float(dt)), time, "leaves the record")
+    for what, nears in ((GRAZED, missed), ("enters the record", beyond)):
+        yield from (Reach(distance / abs(float(slope[p])), time, what) for time, distance, slope in nears if slope[p])
 
 
-def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: float, time: float) -> Iterator[str]:
+def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
     """What limits the derivatives by a number.
 
     Parameters
     ----------
     number : from the scenario.
     bends : shares of derivatives by which those on one side differ, with the names of the values.
-    holds, time : the smallest change of the number that makes or takes away a contact, and when that is, s.
+    holds : the smallest change of the number that makes or takes away a contact.
     """
     if bent := [each for each in bends if each[0] > BEND]:
         bend, name = max(bent)
@@ -234,12 +259,12 @@ def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: 
             f"of the mesh moves, a record is fitted anew), or they are lost in round-off: that of {name} is "
             f"{known}{others}"
         )
-    at = f"run.sensitivities: {number.path}: at {time:.6g} s a contact is only grazed"
-    if holds <= GRAZING * abs(float(number.nominal)):
+    at = f"run.sensitivities: {number.path}: at {holds.time:.6g} s a contact {holds.what}"
+    if holds.what == GRAZED and holds.change <= GRAZING * abs(float(number.nominal)):
         yield f"{at}: the derivatives of what follows are infinite"
-    elif holds < _tolerance(number):
+    elif holds.change < _tolerance(number):
         unit = "" if number.unit == "1" else f" {number.unit}"
-        yield f"{at} where it changes by {holds:.3g}{unit}: the derivatives hold for smaller changes"
+        yield f"{at} where it changes by {holds.change:.3g}{unit}: the derivatives hold for smaller changes"
 
 
 def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
