@@ -21,6 +21,7 @@ from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_text
 from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.results.competition import ALIKE
+from beamsim.results.values import limit_label, limited
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -78,10 +79,16 @@ def _matched(result: RunResult, _: Errors) -> Iterator[str]:
 
 def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     random = result["random"]
-    signals = sorted(random.rows("signal")[1:], key=lambda signal: signal["quantity"] != "force")
+    limits = [limited(name) for name in result.summary["margins"]]
+
+    def compared(signal: Mapping[str, Any]) -> bool:
+        return any(value.on_peak_of(signal) and place in ("", signal["name"]) for value, place in limits)
+
+    signals = sorted(random.rows("signal")[1:], key=lambda of: (not compared(of), of["quantity"] != "force"))
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
-        yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, SHOWN)}"
+        shown = max(SHOWN, sum(map(compared, signals)))  # all that a limit is compared with
+        yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, shown)}"
     yield from limits_in_test(result)
 
 
@@ -189,9 +196,8 @@ def sweep_screen(result: SweepResult) -> Screen:
     )  # fmt: skip
     rows = []
     for name, curve in result.curves.items():
-        level = scale_for(curve.level_unit, curve.level)
-        said = f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()
-        row = {"": said if level.unit in ("", "g") else f"{said}{in_gravities(curve)}"}
+        called, level = _curve_text(curve), scale_for(curve.level_unit, curve.level)
+        row = {"": called if level.unit in ("", "g") else f"{called}{in_gravities(curve)}"}
         for entry, quantity, unit, heading in of:
             values = s.get(entry, {}).get(name, {})
             place = max(values, key=lambda at: values[at], default="")
@@ -206,9 +212,29 @@ def sweep_screen(result: SweepResult) -> Screen:
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
     lines = [
         *contact_levels(result, errors), *list(_output_lines(result, errors))[:SHOWN],
-        *profile_jumps(result.scenario), *notches, *limit_lines(result), *errors.legend(),
+        *profile_jumps(result.scenario), *notches, *limit_lines(result), *_exceeded_in(result), *errors.legend(),
     ]  # fmt: skip
     return Screen(errors.verdict(), rows, lines)
+
+
+def _curve_text(curve: SweepCurve) -> str:
+    """Direction and level of a curve: up, 2 g."""
+    level = scale_for(curve.level_unit, curve.level)
+    return f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()
+
+
+def _exceeded_in(result: SweepResult) -> Iterator[str]:
+    """Of several curves those that exceed each limit, whose largest value is that of one of them."""
+    for name, of in result.summary["margins"].items() if len(result.curves) > 1 else ():
+        value, place = limited(name)
+        by_curve = result.summary.get(value.entry, {})
+        if of["exceeded"] and set(by_curve) <= set(result.curves):
+            largest = {
+                curve: max((x for at, x in by_curve[curve].items() if place in ("", at)), default=0.0) * value.scale
+                for curve in by_curve
+            }
+            over = [_curve_text(result.curves[curve]) for curve, x in largest.items() if x > of["limit"]]
+            yield f"{limit_label(name)} exceeded in {len(over)} of {len(largest)} sweeps: {'; '.join(over[:SHOWN])}"
 
 
 def in_gravities(curve: SweepCurve) -> str:

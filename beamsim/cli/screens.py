@@ -284,7 +284,7 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
             text = predicted(result, of)[0] + errors.mark("gapping_ratio", name)
-            text += _closest(result, closest[name]) if name in closest else ""
+            text += _closest(result, closest[name], of) if name in closest else ""
             names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
         verb, rest = text.split(" ", 1)
@@ -292,16 +292,29 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
         yield f"{first_of(alike, SHOWN)} {several.get(verb, verb)} {rest}"
 
 
-def _closest(result: Result, of: Mapping[str, Any]) -> str:
-    """Where a test whose level differs between frequencies comes closest to opening or closing a contact."""
+def _closest(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
+    """Where a test whose level differs between frequencies comes closest to opening or closing a contact.
+
+    Parameters
+    ----------
+    result : of the test.
+    of : its level, share of the level of the test and frequency, or what happens first.
+    lowest : the same of the lowest level, which the sentence begins with.
+    """
     share = of["share_of_level"]
     if "not_predicted" in of:
-        return f"; in this test, raised as a whole, {of['not_predicted']}"
+        return (
+            ""
+            if lowest.get("not_predicted") == of["not_predicted"]
+            else (f"; in this test, raised as a whole, {of['not_predicted']}")
+        )
     if not math.isfinite(share):
         return "; not in this test at any level"
     verb, where = "opens" if of["closed_at_rest"] else "touches", f"{of['frequency_hz']:.4g} Hz"
-    times = f"{share:.3g} times the level there"
-    return f"; this test comes closest at {where}, where it {verb} from {_level(result, of)}, {times}"
+    if of["frequency_hz"] == lowest["frequency_hz"]:
+        return f"; this test comes closest there, where that is {share:.3g} times its level"
+    level = f"{_level(result, of)}, {share:.3g} times the level there"
+    return f"; this test comes closest at {where}, where it {verb} from {level}"
 
 
 def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:

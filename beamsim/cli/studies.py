@@ -99,7 +99,7 @@ def _comparison(result: StudyResult) -> str:
     count, total = int(result["cases"]["compared"].values.sum()), result.count
     if count == total:
         return "all cases compared with a finer model"
-    others = f", the other {total - count} not" if count else ""
+    others = f", the other {f'{total - count} ' if total - count > 1 else ''}not" if count else ""
     return f"{count or 'none'} of {total} cases compared with a finer model{others}"
 
 

@@ -641,7 +641,7 @@ def damage_place(body: Mapping[str, Any]) -> str:
     -------
     For people: x = 250 mm, or (135 mm, 60 mm), sigma_x.
     """
-    x = amount(body["position"], "m")
+    x = amount(body["position"], "m") if body["position"] else "0"
     if "across" not in body:
         return f"x = {x}"
     stress = "tau_xy" if body["component"] == "xy" else f"sigma_{body['component']}"

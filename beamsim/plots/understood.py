@@ -10,10 +10,10 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.files import CurveFile
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS, amplitude_unit
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Rate, amplitude_unit
 from beamsim.scenario.sweep import LevelPath, swept_cycles
 from beamsim.structures.assembly import load_site_in
 
@@ -141,7 +141,7 @@ def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
     ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
     yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
     if rate := getattr(sweep, "rate", None):
-        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}, {sweep.cycles:.0f} cycles"
+        yield f"{_rate_text(rate)}, {_cycles_text(sweep.cycles)}"
 
 
 def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[str, Any]) -> str:
@@ -215,7 +215,18 @@ def _swept_input(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
     cycles = swept_cycles(low, high, part.rate, "")
     if "duration" in known:
         cycles = min(cycles, part.cycles_in(known["duration"]))
-    yield f"{60.0 * part.rate.value:.4g} {part.rate.unit.replace('/s', '/min')}, {cycles:.0f} cycles"
+    yield f"{_rate_text(part.rate)}, {_cycles_text(cycles)}"
+
+
+def _rate_text(rate: Rate) -> str:
+    """How fast a sweep is: octaves in a minute; Hz in a second, or in a minute where it is slow."""
+    slow = rate.unit != "Hz/s" or rate.value < 0.1
+    return f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}" if slow else f"{rate.value:.4g} Hz/s"
+
+
+def _cycles_text(cycles: float) -> str:
+    """How many cycles a sweep has."""
+    return counted(round(cycles), "cycle") if cycles >= 1.0 else "less than 1 cycle"
 
 
 _INPUTS = {

@@ -133,6 +133,12 @@ class Value(NamedTuple):
             return False
         return self.unit in ("", channel.unit)
 
+    def on_peak_of(self, signal: Mapping[str, Any]) -> bool:
+        """Whether it is the peak of a signal, which has a section, a quantity and a unit."""
+        if self.of is None or signal["section"] != self.section or self.quantity not in ("", signal["quantity"]):
+            return False
+        return self.unit in ("", signal["unit"])
+
     @property
     def key(self) -> Key:
         """Section and quantity of its channels."""
@@ -436,7 +442,8 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
             size = float(found.get(at, math.nan))
         else:
             body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
-            at, size = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(found)
+            x = summary["largest_bending_stress_position_m"]
+            at, size = f"{body}x = {f'{x:.6g} m' if x else '0'}", float(found)
         largest[name] = size * value.scale, "" if value is OUTPUT else at
     return margins_of(limits, largest)
 
@@ -523,6 +530,9 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
             margin = f"the margin is {item['margin_db']:.2f} dB"
             texts.append(f"{limit_label(name)} {verdict} limits.{name} at {item['at']}: {margin}")
             continue
-        value = f"{limit_label(name)} = {item['value']:.5g}{unit}{between}"
-        texts.append(f"{value} {verdict} limits.{name} = {item['limit']:.5g}{unit}")
+        limit = f"limits.{name} = {item['limit']:.5g}{unit}"
+        if math.isnan(item["value"]):
+            texts.append(f"{limit_label(name)} is not known, so that {limit} is neither met nor exceeded")
+            continue
+        texts.append(f"{limit_label(name)} = {item['value']:.5g}{unit}{between} {verdict} {limit}")
     return texts

@@ -558,7 +558,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: s
     if name not in names:
         plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")
         remedy = suggestion(name, names, f"the {plural} are") if names else otherwise or f"there is no {kind}"
-        yield problem(path, f"= {name} is an unknown {kind}", remedy)
+        yield problem(path, f"names no {kind}" if path[-1] == name else f"= {name} is an unknown {kind}", remedy)
 
 
 def named_twice(named: Iterable[tuple[Path, Any]]) -> Problems:

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     PAIR,
@@ -461,7 +462,9 @@ class RatioDamping(Schema):
         """A damping ratio that is critical or above."""
         ratio = max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio
         if ratio >= 1.0:
-            yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above; was {ratio:g} % meant?"
+            known = scenario.unit_written((*at, "ratio"), ratio, units.RATIO)  # of one ratio
+            meant = "" if known == "%" else f"; was {ratio:g} % meant?"
+            yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above{meant}"
 
 
 class ModalDamping(RatioDamping):

@@ -107,8 +107,8 @@ class Chain(Body):
         if mass > self.count:
             yield problem(
                 at,
-                f"= {mass}, but the chain has {self.count} masses",
-                f"masses are numbered from 1 to {self.count}",
+                f"= {mass}, but the chain has {counted(self.count, 'mass', 'masses')}",
+                f"masses are numbered from 1 to {self.count}" if self.count > 1 else "its number is 1",
             )
 
     def shape_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:

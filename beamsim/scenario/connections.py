@@ -450,14 +450,15 @@ class SnubberAtPlaces(SnubberBase):
         bodies = [all_bodies[name] for name in named if name in all_bodies]
         largest = min((min(of.largest_deflection, 10.0 * of.depth or math.inf) for of in bodies), default=math.inf)
         if self.gap is not None and abs(self.gap) > largest:
-            yield _large_gap((*at, "gap"), self.gap, largest)
+            meant = scenario.unit_written((*at, "gap"), self.gap, units.LENGTH) in ("", "m")
+            yield _large_gap((*at, "gap"), self.gap, largest) + (f"; was {self.gap:g} mm meant?" if meant else "")
 
 
 def _large_gap(at: Path, gap: float, largest: float) -> str:
     """That a gap at a path is larger than structures deflect, m."""
     return (
         f"{path_text(at)} = {gap:g} m is a large {'gap' if gap > 0 else 'prestress'} for a structure of this size "
-        f"(more than {largest:.3g} m): a unit such as mm may be missing"
+        f"(more than {largest:.3g} m)"
     )
 
 
@@ -900,9 +901,11 @@ class HingeJoint(_Turning):
         yield from super().doubts(scenario, at)
         for path, stop in self.all_stops:
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
+                meant = scenario.unit_written((*at, *path, "angle"), stop.gap, units.ANGLE) in ("", "rad")
                 yield (
                     f"{path_text((*at, *path))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory of "
-                    f"small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg): was {stop.gap:.3g} deg meant?"
+                    f"small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg)"
+                    + (f"; was {stop.gap:.3g} deg meant?" if meant else "")
                 )
 
     @property

@@ -415,7 +415,7 @@ class Tone(Schema):
     """Amplitude, zero to peak; a bare number is m/s^2 on the base, N at a point."""
     frequency: q.Frequency
     """Frequency."""
-    phase: q.Angle = 0.0
+    phase: q.Phase = 0.0
     """Phase of the sine at t = 0."""
 
 
@@ -633,7 +633,7 @@ class SweptSineInput(Driven, FrequencyRange):
     """Frequency ranges with a reduced level."""
     rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
-    phase: q.Angle = 0.0
+    phase: q.Phase = 0.0
     """Phase of the sine at t = 0."""
 
     def cycles_in(self, duration: float) -> float:

@@ -685,6 +685,9 @@ LowPass = Annotated[
     ),
 ]  # fmt: skip
 Angle = Annotated[float, Quantity(units.ANGLE)]
+Phase = Annotated[
+    Angle, Usual(units.ANGLE, ("rad", "deg"), -6.3, 6.3, "is more than a turn, 6.283 rad", bare=True)
+]  # fmt: skip
 FreePlay = Annotated[float, Quantity(units.ANGLE, minimum=0.0)]
 Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
 Force = Annotated[float, Quantity(units.FORCE)]
@@ -695,7 +698,11 @@ Moment = Annotated[float, Quantity(units.MOMENT)]
 PositiveMoment = Annotated[float, Quantity(units.MOMENT, above=0.0)]
 Memory = Annotated[float, Quantity(units.MEMORY, minimum=64e6)]
 Energy = Annotated[float, Quantity(units.ENERGY, above=0.0)]
-Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
+Gravity = Annotated[
+    float,
+    Quantity(replace(units.ACCELERATION, example="1 g")),
+    Usual(units.ACCELERATION, ("m/s^2", "mm/s^2"), -300.0, 300.0, "is more than 30 times that of the Earth", bare=True),
+]
 PositiveAcceleration = Annotated[float, Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
 Quality = Annotated[float, Quantity(replace(units.NUMBER, example="10"), above=0.5)]
 Speed = Annotated[float, Quantity(units.VELOCITY, above=0.0)]
@@ -719,7 +726,7 @@ SpectralDensity = Annotated[
 DensityOfTest = Annotated[
     SpectralDensity,
     Usual(
-        units.ACCELERATION_PSD, ("m^2/s^3", "g^2/Hz"), 1.0 / 30.0, math.inf,
+        units.ACCELERATION_PSD, ("(m/s^2)^2/Hz", "g^2/Hz"), 1.0 / 30.0, math.inf,
         "is low for the highest density of a test", "highest density", bare=True,
     ),
 ]  # fmt: skip

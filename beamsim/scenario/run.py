@@ -466,6 +466,13 @@ class Run(Schema):
         if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
             yield from self._doubts_of_rest(scenario)
         lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
+        for path, part in excitation.items:
+            if part.kind == "swept_sine" and part.cycles_in(self.duration) < 1.0:
+                at_path = path_text(("excitation", *path))
+                yield (
+                    f"run.duration = {self.duration:g} s ends within the first cycle of {at_path}, which begins at "
+                    f"{part.from_:g} Hz"
+                )
         if self.duration * lowest < 1.0:
             yield f"run.duration = {self.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
         if rate < LEAST_OF_PERIOD * highest:

@@ -125,8 +125,8 @@ class DisplayUnits(Schema):
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
         if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
             counts["acceleration"] = {units.ACCELERATION.unit: 1}
-        most = {  # of equally many the smallest
-            name: max(of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name])))
+        most = {  # of equally many g, in which tests are written beside a gravity in m/s^2, and then the smallest
+            name: max(of, key=lambda u: (of[u], units.is_in_gravities(u), -units.size_of(u, DIMENSIONS[name])))
             for name, of in counts.items()
             if of and getattr(self, name) is None
         }
@@ -459,7 +459,7 @@ class Scenario(Schema):
         for at, part in walk(self) if self.as_written is not None else ():
             for name, usual in usual_of(type(part)).items():
                 value = getattr(part, name) if usual.times in sizes and name in part.model_fields_set else None
-                size = None if value is None else sizes[usual.times](self, at)
+                size = sizes[usual.times](self, at) if isinstance(value, float) else None
                 if value is not None and size is not None and not usual.contains(value, size):
                     yield from self._question((*at, name), value, size, usual)
 
@@ -480,6 +480,17 @@ class Scenario(Schema):
     def as_written(self) -> Any:
         """The data that it was read from, with the units that were written; None where it comes from elsewhere."""
         return None if self._solved is not None else self._text
+
+    def unit_written(self, at: Path, value: float, of: Dimension) -> str | None:
+        """The unit in which a number was written, empty without one; None where it was not written.
+
+        Parameters
+        ----------
+        at : path of the number.
+        value, of : SI, and its dimension.
+        """
+        written = None if self.as_written is None else written_number(self.as_written, at, value, of)
+        return None if written is None else units.number_and_unit(written)[1]
 
     def to_yaml(self) -> str:
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""

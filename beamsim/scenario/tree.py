@@ -607,6 +607,8 @@ def _numbers(written: Any) -> Iterator[Any]:
 
 def _split(override: str) -> tuple[str, Any]:
     path, equals, text = override.partition("=")
+    if equals and not path.strip():
+        raise ScenarioError(problem((), f"the override {single_line(override)} has no path before =", _EXAMPLE))
     if not equals:
         raise ScenarioError(problem((), f"the override {single_line(override)} has no =", _EXAMPLE))
     try:

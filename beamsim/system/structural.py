@@ -438,7 +438,7 @@ def _loads(parts: Parts) -> Floats:
 
 # Relative change of every natural frequency, below which closed stops are said to have no effect: no test shows less.
 SMALLEST_EFFECT = 1e-3
-_WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect; was kN/m meant?"
+_WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect"
 _UNDAMPED = (
     "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body damping, for "
     "example {kind: modal, ratio: 1 %}"
@@ -541,7 +541,7 @@ def damping_remarks(snubbers: Sequence[Located], modes: Dataset) -> list[str]:
     other = {name: x for name, x in written.items() if x > 0.0 and not 1.0 / DIFFERENT < ratio / x < DIFFERENT}
     if not other:
         return []
-    shares = ", ".join(dict.fromkeys(f"{100 * x:.3g}" for x in other.values()))
+    shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other.values()))
     return [
         f"snubbers: the first mode with all snubbers closed, {hz:.4g} Hz, has a damping ratio of {100 * ratio:.3g} %, "
         f"{shares} % is written for {first_of(list(other), 4)}: the dashpot 2 ratio k / Omega damps a mode by the "

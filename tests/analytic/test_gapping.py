@@ -1,5 +1,7 @@
 """Gapping: levels against one mass in closed form and against motions just below and above, preloads against runs."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from beamsim.cli.screens import Errors
 from beamsim.cli.screens import contact_levels as contact_sentences
 from beamsim.cli.tables import all_rows
 from beamsim.responses.gapping import contact_levels, transfer
+from beamsim.results.values import limits_not_met
 from beamsim.scenario import load_scenario
 
 
@@ -271,3 +274,47 @@ def test_a_sweep_of_one_level_has_one_level_that_opens(level, integrals):
     least = level_of_pad(hz) / (2 * np.pi * hz) ** integrals
     assert summary["gapping"]["pad"]["frequency_hz"] == pytest.approx(hz[np.argmin(least)], abs=0.02)
     assert "closest_to_test" not in summary
+
+
+TWO_PADS = """
+chain: {masses: [1 kg, 2 kg], springs: [10 kN/m, 30 kN/m], dashpots: [8 N s/m, 12 N s/m]}
+snubbers:
+  - {name: low, mass: 1, side: above, stiffness: 20 kN/m, preload: 10 N}
+  - {name: high, mass: 2, side: above, stiffness: 50 kN/m, preload: 8 N}
+probes: [{name: upper, mass: 2}]
+excitation: {kind: harmonic, applied_to: base, level: 10 mm/s, frequency: 20 Hz}
+sweep: {kind: swept_sine, from: 10 Hz, to: 60 Hz, rate: 240 oct/min, convergence: off, profile: %s}
+"""
+
+
+def test_a_profile_of_velocities_that_comes_closest_at_the_lowest_level_says_so_once():
+    """Two masses with both pads as springs, by the matrices; the profile is in the quantity of the excitation."""
+    scenario = load_scenario(TWO_PADS % "[{frequency: 10 Hz, level: 10 mm/s}, {frequency: 20 Hz, level: 2 mm/s}]")
+    result = sweep_alone(scenario)
+    hz = np.linspace(10.0, 60.0, 100_001)
+    w = 2 * np.pi * hz[:, None, None]
+    stiffness = np.array([[10e3 + 30e3 + 20e3, -30e3], [-30e3, 30e3 + 50e3]])
+    damping = np.array([[20.0, -12.0], [-12.0, 12.0]])
+    dynamic = stiffness + 1j * w * damping - w**2 * np.diag([1.0, 2.0])
+    per_velocity = np.linalg.solve(dynamic, -(w * np.array([[1.0], [2.0]])))[:, :, 0]
+    level = np.array([10.0 / 20e3, 8.0 / 50e3]) / np.abs(per_velocity)  # m/s
+    k, j = np.unravel_index(np.argmin(level), level.shape)
+    first, later = (("low", "high"), ("high", "low"))[j]
+    of = result.summary["gapping"][first]
+    assert of["frequency_hz"] == pytest.approx(hz[k], abs=0.05)
+    assert of["level"] / (2 * np.pi * of["frequency_hz"]) == pytest.approx(level[k, j], rel=1e-3)
+    said = list(contact_sentences(result, Errors(result)))
+    assert said[0].startswith(f"{first} opens from ")
+    times = re.search(r"; this test comes closest there, where that is (\S+) times its level$", said[0])[1]
+    assert float(times) == pytest.approx(level[k, j] / 2e-3, rel=5e-3)
+    assert said[1] == f"{later} not predicted: {first} opens first"
+
+
+def test_a_limit_on_a_contact_that_changes_later_says_that_it_is_not_known():
+    changes = {"sweep": None, "run": {"duration": 0.1, "convergence": "off"}, "excitation.frequency": 27}
+    case = load_scenario(TWO_PADS % "[]", changes | {"limits": {"gapping": {"low": 0.9, "high": 0.9}}})
+    margins = beamsim.run(case).summary["margins"]
+    (name,) = (name for name, of in margins.items() if np.isnan(of["value"]))
+    (text,) = limits_not_met(case, {name: margins[name]})
+    label = f"gapping of {name.removeprefix('gapping.')}"
+    assert text == f"{label} is not known, so that limits.{name} = 0.9 is neither met nor exceeded"

@@ -98,6 +98,16 @@ def test_a_sweep_shows_its_curves(printed):
     assert len(lines) < 12
 
 
+def test_of_several_sweeps_those_that_exceed_a_limit_are_named(printed):
+    """Below the stop the displacement grows with the level: 1, 2 and 4 times."""
+    stepped = {"kind": "stepped", "from": "50 Hz", "to": "52 Hz", "points": 2, "levels": ["1 mg", "2 mg", "4 mg"]}
+    more = {"sweep": stepped | {"convergence": "off"}, "run": None}
+    rows = [line for line in printed(command="sweep", **more) if line.startswith("up, ")]
+    size, unit = re.search(r"([\d.e-]+) (\wm) at", rows[0]).groups()
+    lines = printed(command="sweep", **more, limits={"peak_displacement": f"{1.5 * float(size)} {unit}"})
+    assert "peak displacement exceeded in 2 of 3 sweeps: up, 2 mg; up, 4 mg" in lines
+
+
 SHOWN = {
     "continuation": ("400 mN   0.085 to 0.1 Hz", "1.44 m at 0.1 Hz, the other", "gap EXCEEDED, margin -61.2 %"),
     "folds": ("62 of 123 points", "3 folds at 0.104, 0.1203, 0.1203 Hz", "1.96 m at 0.12 Hz, first",

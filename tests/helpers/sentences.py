@@ -790,6 +790,7 @@ def _opening(facts, found):
         yield from _opening_level(facts, found[3], name, of)
 
 
+COINCIDES = re.compile(r"(?P<lowest>.*?); this test comes closest there, where that is (?P<times>\S+) times its level")
 CLOSEST = re.compile(
     r"(?P<lowest>.*?); this test comes closest at (?P<hz>\S+) Hz, where it (?:opens|touches) from"
     r" (?P<level>.*?), (?P<times>\S+) times the level there"
@@ -811,6 +812,15 @@ def _opening_level(facts: ResultFacts, text: str, name: str, of: dict[str, Any])
         if test["level"] < of["level"] * (1 - 1e-9):
             yield "what comes closest is lower than the lowest"
         text = closest["lowest"]
+    elif same := COINCIDES.fullmatch(text):
+        test = facts.summary["closest_to_test"][name]
+        if test["frequency_hz"] != of["frequency_hz"]:
+            yield f"this test comes closest at {test['frequency_hz']:.4g} Hz"
+        if not rounds_to(same["times"], test["share_of_level"]):
+            yield f"it is {test['share_of_level']:.4g} times the level there"
+        text = same["lowest"]
+    elif name in facts.summary.get("closest_to_test", {}) and "; " not in text:
+        yield "where the test comes closest is not named"
     text = text.split("; ")[0]
     if sigma := re.fullmatch(r"at (\S+) sigma of the stationary linear motion(, rarely or never)?(?: [*~^])?", text):
         if not rounds_to(sigma[1], of["sigmas"]) or bool(sigma[2]) != (of["sigmas"] >= 5.0):
@@ -872,7 +882,7 @@ def _not_predicted(facts, found):
         of, test = (facts.summary.get(key, {}).get(name, {}) for key in ("gapping", "closest_to_test"))
         reasons = [each.get("not_predicted") for each in (of, test) if each]
         said = re.split(r"; in this test, raised as a whole, ", split_mark(found[2])[0])
-        if said != reasons[: len(said)]:
+        if said != list(dict.fromkeys(reasons))[: len(said)]:
             yield f"the file says {reasons}"
 
 
@@ -886,6 +896,23 @@ def _statistic(facts, found):
     tested = "test_duration" in (facts.scenario.get("run") or {})
     if not tested and "test_duration" in found[2]:
         yield "no test_duration is given"
+
+
+@rule("line", r"(.*?) exceeded in (\d+) of (\d+) sweeps: (.*)")
+def _exceeded_sweeps(facts, found):
+    own, scale, _ = LIMITED[found[1].split(" of ")[0]]
+    place = found[1].partition(" of ")[2]
+    name = "_".join(found[1].split(" of ")[0].split()) + (f".{place}" if place else "")
+    limit = facts.summary["margins"][name]["limit"]
+    sizes = {
+        curve: max(x for at, x in of.items() if place in ("", at)) * scale for curve, of in facts.summary[own].items()
+    }
+    over = [curve for curve, size in sizes.items() if size > limit]
+    if (int(found[2]), int(found[3])) != (len(over), len(sizes)):
+        yield f"{len(over)} of {len(sizes)} exceed it"
+    for text, curve in zip(found[4].split("; "), over, strict=False):
+        if curve_number(facts, text)[1] != curve:
+            yield f"{text} does not exceed it"
 
 
 VERDICT = r"(ok|EXCEEDED|NOT RELIABLE|UNDECIDED)"
@@ -1266,11 +1293,15 @@ def _regions(facts, found):
         yield f"it finds {facts.summary['reliability']['cross_check']:.3g}"
 
 
-@rule("line", r"(?:(\d+)|none|all)(?: of (\d+))? cases compared with a finer model(?:, the other (\d+) not)?")
+@rule("line", r"(?:(\d+)|none|all)(?: of (\d+))? cases compared with a finer model(?:, the other (\d+ )?not)?")
 def _compared_cases(facts, found):
     compared, count = int(facts.data["cases/compared"].sum()), facts.data["cases/case"].size
     said = count if found[0].startswith("all") else int(found[1] or 0)
-    if said != compared or int(found[2] or count) != count or (found[3] and int(found[3]) != count - compared):
+    if (
+        said != compared
+        or int(found[2] or count) != count
+        or ("other" in found[0] and int(found[3] or 1) != count - compared)
+    ):
         yield f"{compared} of {count} are"
 
 
@@ -1731,13 +1762,12 @@ def _excitation(facts, found):
         yield f"the case has {[p.get('kind') for p in parts]}"
     numbers = json.dumps([facts.scenario.get(k) for k in ("excitation", "sweep", "nnm", "vary")])
     known = [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", numbers)] + _derived(facts, parts)
-    for text in re.findall(
-        r"(?<![\w./])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)( [a-zA-Zµ%][\w/^]*)?(?![\w.]*\.csv)", words or ""
-    ):
+    words = (words or "").replace("less than 1 cycle", "0 cycles")
+    for text in re.findall(r"(?<![\w./])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)( [a-zA-Zµ%][\w/^]*)?(?![\w.]*\.csv)", words):
         number, unit = text[0], text[1].strip()
         open_unit = unit in ("and", "to")  # that of the next number
         scales = [1.0, 1e-3, 1e-6, 1e3, GRAVITY] if open_unit else [_scale(unit)]
-        if not any(rounds_to(number, x / s, 1 if unit == "cycles" else 3) for x in known for s in scales):
+        if not any(rounds_to(number, x / s, 1 if unit.startswith("cycle") else 3) for x in known for s in scales):
             yield f"{number} {unit} is no number of the case"
 
 

@@ -26,7 +26,7 @@ SAID = {
     "length": ({"beam": BEAM | {"length": 270.0}}, "beam.length = 270 m is long for a structure; was 270 mm meant?"),
     "nothing": ({"excitation": {"kind": "none"}}, "nothing moves: there is no excitation"),
     "zero": ({"excitation": SHAKEN | {"level": 0.0}}, "nothing moves: the level of the excitation is zero"),
-    "stiffness": ({"snubbers": [TIP | {"stiffness": 1.0}]}, "the stiffness has no effect; was kN/m meant?"),
+    "stiffness": ({"snubbers": [TIP | {"stiffness": 1.0}]}, "the stiffness has no effect"),
     "damping": ({"beam": UNDAMPED}, "nothing is damped"),
 }
 

@@ -24,6 +24,7 @@ from beamsim.analyses.run.random_response import (
     sampling_errors,
     statistics_of,
 )
+from beamsim.cli.motions import run_screen
 from beamsim.cli.screens import limits_in_test
 from beamsim.cli.tables import table_rows
 from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
@@ -527,6 +528,20 @@ def test_a_limit_is_compared_with_the_largest_value_of_the_test():
             assert of["verdict"] == verdict
 
 
+def test_what_a_limit_is_compared_with_is_on_the_first_screen():
+    """Of more signals than a line shows those with a limit come first, however many they are."""
+    stop = {"name": "stop", "mass": 1, "side": "above", "stiffness": 1e4, "gap": 1e-3}
+    probes = [{"name": name, "mass": 1} for name in "abcdef"]
+    limits = {"peak_force": 9e3, "gap": 1.0, "peak_displacement": {"e": 1.0, "f": 1.0}, "peak_acceleration": {"d": 900}}
+    run = OSCILLATOR["run"] | {"duration": 20.0, "test_duration": 30.0, "convergence": "off"}
+    case = load_scenario(OSCILLATOR | {"snubbers": [stop], "probes": probes, "limits": limits, "run": run})
+    screen = run_screen(beamsim.run(case))
+    (line,) = (line for line in screen.lines if line.startswith("largest in"))
+    for signal in ("stop force", "stop opening", "e displacement", "f displacement", "d absolute acceleration"):
+        assert f"{signal} " in line
+    assert " and " in line
+
+
 @pytest.mark.slow
 def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
     """A gap that opens away from a stop out of reach follows the displacement; a filter lowers accelerations
@@ -563,7 +578,7 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
     assert body["life_s"] == pytest.approx(1.0 / done)
     low, high = (60.0 * body[f"damage_{end}"] for end in ("low", "high"))
     test = f"{60 * done:.2g} ({low:.2g} to {high:.2g}, 95 %) in 60 s of test"
-    assert f", {test}, life {years:.3g} years, at x = 0 m" in damage_text(result, body)
+    assert f", {test}, life {years:.3g} years, at x = 0" in damage_text(result, body)
     weak = run | {"run.fatigue": life | {"cycles": 2e6 * 20.0 * done}}
     warned = beamsim.run(load_scenario("configs/random_vibration.yaml", weak)).warnings
     assert [text for text in warned if "failure" in text] == [

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.plots.style import shown_in
 from beamsim.plots.understood import understood
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -95,8 +96,13 @@ DOUBTFUL = {
     "rubber": ("beam.youngs_modulus=69 MPa", "is outside the range of structural materials; was 69 GPa meant?"),
     "pulse": (PULSE.format("half_sine").replace(" ms", ""), "11 s is 616 periods of the first mode"),
     "sawtooth": (PULSE.format("sawtooth").replace(" ms", " s"), "was 11 ms meant?"),
-    "density": (FLAT.format("0.01"), "excitation.psd[0].density = 0.01 m^2/s^3 is low for the highest density"),
+    "density": (FLAT.format("0.01"), "excitation.psd[0].density = 0.01 (m/s^2)^2/Hz is low for the highest density"),
     "length": ("beam.length=270", "beam.length = 270 m is long for a structure; was 270 mm meant?"),
+    "degrees": ("excitation.phase=90", "excitation.phase = 90 rad is more than a turn, 6.283 rad; was 90 deg meant?"),
+    "gravity": ("gravity=9810", "was 9810 mm/s^2 meant?"),
+    "gap": ("snubbers.tip.gap=0.1", "structure of this size (more than 0.05 m); was 0.1 mm meant?"),
+    "ratio": ("beam.damping.ratio=2", "beam.damping.ratio = 2 is critical or above; was 2 % meant?"),
+    "stop without effect": ("snubbers.tip.stiffness=0.151", "5477 N/m; was another unit meant?"),
     "slow sine": ("excitation.frequency=0.065", "times the highest frequency of the excitation, 0.065 Hz"),
 }  # fmt: skip
 
@@ -115,7 +121,10 @@ def test_a_number_far_from_plausible_is_asked_for_with_both_readings(override, s
         "snubbers.tip.stiffness=200", "beam.density=0.0027 g/cm^3", "beam.density=27", "beam.youngs_modulus=0.069 GPa",
         "beam.youngs_modulus=1 GPa", PULSE.format("half_sine").replace("11 ms", "11000 ms"), PULSE.format("sawtooth"),
         PULSE.format("half_sine").replace("11 ms", "1"), FLAT.format("0.01 m^2/s^3"), FLAT.format("0.04"),
-        "excitation.frequency=1",
+        "excitation.frequency=1", "excitation.phase=90 deg", "excitation.phase=6.28", "excitation.phase=90.0 rad",
+        "gravity=9810 mm/s^2", "gravity=50", "gravity=[0, 0, 9810]",
+        "snubbers.tip.gap=10 cm", "snubbers.tip.gap=100 mm",
+        "beam.damping.ratio=200 %",
     ],
 )  # fmt: skip
 def test_another_unit_or_a_plausible_number_is_taken_as_it_is(override):
@@ -133,6 +142,55 @@ def test_a_case_of_a_study_is_asked_for_and_an_array_of_python_is_not():
     study_of_python = load_scenario(CASE, {"vary": {"kind": "grid", "parameters": [values]}})
     case = study_of_python.model_copy(update={"beam": changed})
     assert not any("meant?" in each for each in case.warnings)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "meant"),
+    [("151 kN/m", ""), ("151", "another unit"), ("0.151", "another unit"), ("151 N/m", "another unit")],
+)
+def test_a_stop_without_effect_is_asked_for_once_and_not_in_the_unit_in_which_it_is_written(stiffness, meant):
+    """A beam 0.5 m thick, at whose tip a deflection of 1 m takes 5 GN."""
+    scenario = load_scenario(CASE, ["beam.thickness=0.5", f"snubbers.tip.stiffness={stiffness}"])
+    said = [text for text in build_system(scenario).warnings if text.startswith("snubbers")]
+    assert sum("the stiffness has no effect" in text for text in said) == 1
+    asked = [text for text in said if "meant?" in text]
+    assert [text.split("; was ")[1] for text in asked] == ([f"{meant} meant?"] if meant else [])
+
+
+def test_angles_and_damping_written_in_degrees_and_per_cent_are_not_asked_for_in_them():
+    boom = """
+bodies: {arm: {kind: beam, length: 1 m, width: 20 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700}}
+joints: [{kind: hinge, name: root, between: [{body: arm, position: 0}, base], rotational_stiffness: 10,
+  stops: [{angle: %s, side: above, stiffness: 100}]}]
+"""
+    for angle, asked in (("40 deg", False), ("0.7", True), ("0.7 rad", True)):
+        (text,) = (each for each in load_scenario(boom % angle).warnings if "small rotations" in each)
+        assert text.endswith("meant?") is asked
+
+
+def test_accelerations_are_shown_in_g_where_tests_are_written_in_it_beside_a_gravity():
+    for level, shown in (("2 g", "2 g"), ("20 m/s^2", "20 m/s^2")):
+        overrides = ["gravity=9.81 m/s^2", f"excitation.level={level}"]
+        with shown_in(load_scenario(CASE, overrides).display_scales):
+            assert line(*overrides).startswith(f"harmonic, {shown}, 65 Hz")
+
+
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [("2 Hz/s", "2 Hz/s, 527 cycles"), ("3 Hz/min", "3 Hz/min, 21090 cycles"), ("90 Hz/s", "12 cycles")],
+)
+def test_a_linear_sweep_is_told_in_the_unit_that_suits_its_rate(rate, said):
+    """(f2^2 - f1^2) / (2 rate) cycles."""
+    sweep = f"sweep={{kind: swept_sine, from: 10 Hz, to: 47 Hz, rate: {rate}}}"
+    assert said in understood(load_scenario(CASE, [sweep]), None, {}, "sweep")
+
+
+def test_a_run_that_ends_within_the_first_cycle_of_a_sweep_says_so():
+    swept = "excitation={kind: swept_sine, applied_to: base, level: 1 g, from: 3 Hz, to: 100 Hz, rate: 4 oct/min}"
+    scenario = load_scenario(CASE, [swept])
+    assert "4 oct/min, less than 1 cycle, at the base" in understood(scenario, None, {})
+    assert any("ends within the first cycle of excitation, which begins at 3 Hz" in each for each in scenario.warnings)
+    assert not any("first cycle" in each for each in load_scenario(CASE, [swept, "run.duration=0.4"]).warnings)
 
 
 def test_a_limit_far_above_its_value_is_asked_for():

@@ -54,7 +54,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
-from beamsim.results.values import LIMITED, OPENING, OUTPUT, STRESS, Margins, judged, largest, limited, margin_of
+from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, judged, largest, limited, margin_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
@@ -529,9 +529,7 @@ def _reached(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
 def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
     """Whether a limit, by its name, is on the peaks of a signal."""
     value, place = limited(limit)
-    if value.of is None or value.section != signal["section"] or place not in ("", signal["name"]):
-        return False
-    return value is OUTPUT or (value.quantity == signal["quantity"] and value.unit == signal["unit"])
+    return value.on_peak_of(signal) and place in ("", signal["name"])
 
 
 def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | None) -> Margins:
