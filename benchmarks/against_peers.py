@@ -26,7 +26,7 @@ from benchmarks.measure import CASE, processor_time
 CASES: dict[str, tuple[str, dict[str, object]]] = {
     "README's run (0.8 s)": (CASE, {}),
     "two masses at 0.65 rad/s (500 s)": (
-        "configs/chain_two_dof.yaml", {"excitation.frequency": "0.65 rad/s", "run.duration": "500 s"},
+        "configs/continuation/chain_two_dof.yaml", {"excitation.frequency": "0.65 rad/s", "run.duration": "500 s"},
     ),
 }  # fmt: skip
 TOLERANCES = (1e-6, 1e-9, 1e-12)

@@ -58,7 +58,7 @@ class Row(NamedTuple):
 
 def cases(names: Sequence[str]) -> Iterator[tuple[str, str, Scenario]]:
     """Name, command and scenario of the configurations that are computed."""
-    for path in sorted((ROOT / "configs").glob("*.yaml")):
+    for path in sorted((ROOT / "configs").rglob("*.yaml"), key=lambda path: path.stem):
         if names and path.stem not in names:
             continue
         scenario = beamsim.load_scenario(path)

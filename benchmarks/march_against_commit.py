@@ -20,7 +20,7 @@ from pathlib import Path
 RUNS = ("one_sided_65hz", "chain_two_dof", "released_panel", "random_vibration")  # `beamsim.run`
 REPETITIONS = {"transient": 400, "states and transient": 400, "orbit": 400, "swept sine": 15, **dict.fromkeys(RUNS, 20)}
 CASE = "configs/one_sided_65hz.yaml"
-SWEEP = "configs/sweep_up_down.yaml"
+SWEEP = "configs/sweeps/sweep_up_down.yaml"
 MODULES = {  # where a name is, in checkouts of today and in older ones
     "build_system": ("beamsim.system.build", "beamsim.model.build"),
     "ExactFlow": ("beamsim.flow.exact", "beamsim.dynamics.flow"),

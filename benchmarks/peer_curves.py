@@ -1,8 +1,8 @@
 """Response curves beside other programs for harmonic balance, where they are installed.
 
-Two masses and a stop (``configs/chain_two_dof.yaml``). Curves have different points, so that each is measured by
-itself: from the state that a program gives, the exact motion over one period must come back to it. The defect is the
-distance from there, over the largest size of the states of the curve.
+Two masses and a stop (``configs/continuation/chain_two_dof.yaml``). Curves have different points, so that each is
+measured by itself: from the state that a program gives, the exact motion over one period must come back to it. The
+defect is the distance from there, over the largest size of the states of the curve.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from benchmarks.measure import processor_time
 
-CASE = "configs/chain_two_dof.yaml"
+CASE = "configs/continuation/chain_two_dof.yaml"
 HARMONICS = ((5, 256), (11, 512), (21, 1024), (41, 2048))  # and samples of a period
 
 Floats = Any

@@ -20,8 +20,8 @@ from beamsim.trust.studies import design_study
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time, spent
 from benchmarks.newmark import newmark
 
-STUDY = "configs/design_stiffness_gap.yaml"
-SWEEP = "configs/sweep_up_down.yaml"
+STUDY = "configs/studies/design_stiffness_gap.yaml"
+SWEEP = "configs/sweeps/sweep_up_down.yaml"
 PANEL = """\
 import beamsim
 from benchmarks.rows import many_snubbers
@@ -99,12 +99,14 @@ RANDOM_S, STEP = 2.0, 1e-5  # s: of random vibration; a step with its peak force
 
 def random_vibration() -> Any:
     """The shipped case of random vibration with a stop, without the comparison with a finer model."""
-    return beamsim.load_scenario("configs/random_vibration.yaml", {"run.duration": RANDOM_S, "run.convergence": "off"})
+    return beamsim.load_scenario(
+        "configs/loads/random_vibration.yaml", {"run.duration": RANDOM_S, "run.convergence": "off"}
+    )
 
 
 def random_case(quick: bool) -> tuple[Measurement, float]:
     """A whole run of that case: motion, peaks, histories, energies, spectra and statistics."""
-    beamsim.run(beamsim.load_scenario("configs/random_vibration.yaml", {"run.convergence": "off"}))  # compiles
+    beamsim.run(beamsim.load_scenario("configs/loads/random_vibration.yaml", {"run.convergence": "off"}))  # compiles
     return lambda: processor_time(lambda: beamsim.run(random_vibration())), 3.0
 
 

@@ -25,7 +25,7 @@ from beamsim.trust import checked
 from beamsim.trust.studies import design_study
 from benchmarks.measure import spent
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = {path.stem: path for path in (Path(__file__).parents[1] / "configs").rglob("*.yaml")}
 REPEATS = 2
 LOOP = [sys.executable, "-c", "for _ in range(40_000_000): pass"]
 
@@ -34,7 +34,7 @@ Solved = tuple[int, dict[str, Any]]  # number of cases, columns that do not depe
 
 def studied(config: str, changes: dict[str, Any]) -> Callable[[int], Solved]:
     """The cases of a study or search, without what is computed of the best one afterwards."""
-    plan = plan_designs(beamsim.load_scenario(CONFIGS / config, changes))
+    plan = plan_designs(beamsim.load_scenario(CONFIGS[config], changes))
     check_cases(plan)
 
     def solve(workers: int) -> Solved:
@@ -47,12 +47,12 @@ def studied(config: str, changes: dict[str, Any]) -> Callable[[int], Solved]:
 def grid(cases: int) -> Callable[[int], Solved]:
     """Stiffness and gap of the README's snubber, with all responses."""
     points = {f"vary.parameters[{k}].points": round(cases**0.5) for k in range(2)}
-    return studied("design_stiffness_gap.yaml", points | {"run.sample_rate": "20 kHz"})
+    return studied("design_stiffness_gap", points | {"run.sample_rate": "20 kHz"})
 
 
 def drawn(cases: int) -> Callable[[int], Solved]:
     """Draws of gap, stiffness and level of the README's case, for the peak force."""
-    rng, scenario = np.random.default_rng(1), beamsim.load_scenario(CONFIGS / "one_sided_65hz.yaml")
+    rng, scenario = np.random.default_rng(1), beamsim.load_scenario(CONFIGS["one_sided_65hz"])
     draws = {
         "snubbers.tip.gap": rng.normal(2e-4, 2e-5, cases),
         "snubbers.tip.stiffness": rng.uniform(1e5, 2e5, cases),
@@ -63,7 +63,7 @@ def drawn(cases: int) -> Callable[[int], Solved]:
 
 def coexisting() -> Callable[[int], Solved]:
     """Starts and disturbances; branches of unstable motions, which are not shared, are left out."""
-    scenario = beamsim.load_scenario(CONFIGS / "coexisting_motions.yaml", {"sweep.unstable": False})
+    scenario = beamsim.load_scenario(CONFIGS["coexisting_motions"], {"sweep.unstable": False})
 
     def solve(workers: int) -> Solved:
         result = checked.coexisting(scenario, workers=workers)
@@ -77,8 +77,8 @@ TASKS: dict[str, Callable[[], Callable[[int], Solved]]] = {
     "grid-400": lambda: grid(400),
     "grid-1600": lambda: grid(1600),
     "ensemble": lambda: drawn(2000),
-    "search": lambda: studied("optimise_snubber.yaml", {}),
-    "reliability": lambda: studied("exceedance.yaml", {}),
+    "search": lambda: studied("optimise_snubber", {}),
+    "reliability": lambda: studied("exceedance", {}),
     "coexisting": coexisting,
 }
 

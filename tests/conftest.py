@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import typer.testing
 from hypothesis import settings
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.run.result import RunResult
@@ -105,10 +106,9 @@ def compiled_kernels(request: pytest.FixtureRequest) -> None:
     if worker is None:
         return
     first, step = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
-    configs = Path(__file__).parents[1] / "configs"
     with _keeping_all():
         for analysis, name, overrides in KERNEL_CASES[first::step]:
-            getattr(beamsim, analysis)(beamsim.load_scenario(configs / f"{name}.yaml", overrides))
+            getattr(beamsim, analysis)(beamsim.load_scenario(config_path(name), overrides))
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from beamsim.cli.html_report import draw_model
 from beamsim.kinds import KINDS
 from beamsim.plots.drawing import save_figures
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+from .configs import CONFIGS, ROOT
 
 
 class Entry(NamedTuple):
@@ -89,7 +89,7 @@ def _resized(paths: Sequence[Path]) -> list[Image.Image]:
 
 
 def _sketch(entry: Entry, folder: Path) -> list[Path]:
-    return draw_model(beamsim.load_scenario(CONFIGS / f"{entry.config}.yaml"), None, folder, entry.config)
+    return draw_model(beamsim.load_scenario(CONFIGS[entry.config]), None, folder, entry.config)
 
 
 def page(folder: Path) -> str:
@@ -101,15 +101,16 @@ def page(folder: Path) -> str:
         if entry.config not in shown:
             shown[entry.config] = _pictures(entry, folder)
         (picture,) = [path for path in shown[entry.config] if path.stem == f"{entry.config}_{entry.picture}"]
+        path = CONFIGS[entry.config].relative_to(ROOT).as_posix()
         parts.append(
-            f"## {entry.text.rstrip('.')}\n\n```\nbeamsim {entry.kind} configs/{entry.config}.yaml\n```\n\n"
+            f"## {entry.text.rstrip('.')}\n\n```\nbeamsim {entry.kind} {path}\n```\n\n"
             f"![{entry.text}]({folder.name}/{picture.name})\n\n"
         )
     return "".join(parts)
 
 
 def _pictures(entry: Entry, folder: Path) -> list[Path]:
-    scenario = beamsim.load_scenario(CONFIGS / f"{entry.config}.yaml")
+    scenario = beamsim.load_scenario(CONFIGS[entry.config])
     kind = entry.kind
     if kind == "sweep":
         kind = "designs" if scenario.study is not None else getattr(scenario.sweep, "kind", "sweep")

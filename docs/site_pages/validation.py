@@ -13,9 +13,9 @@ import yaml
 import beamsim
 from beamsim.system.build import build_system
 
+from .configs import CONFIGS
 from .published import CASES
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 CONVERGENCE = Path(__file__).parents[1] / "convergence.csv"
 QUICK = {"run.convergence": "off"}
 
@@ -123,7 +123,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def case(name: str, changes: Mapping[str, Any] | None = None) -> Any:
     """Return a shipped scenario with changes."""
-    return beamsim.load_scenario(CONFIGS / f"{name}.yaml", {**(changes or {})})
+    return beamsim.load_scenario(CONFIGS[name], {**(changes or {})})
 
 
 def _compared(printed: float, computed: float) -> tuple[str, str, str]:

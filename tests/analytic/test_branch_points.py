@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
+from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.flow.variational import VariationalFlow
@@ -138,7 +139,7 @@ def test_where_a_duffing_oscillator_loses_its_symmetry():
 @pytest.mark.parametrize("more", [0, 34])
 def test_a_neimark_sacker_point_beside_modes_that_take_no_part(pytestconfig, more):
     """With 34 lightly damped modes beside those of the beam the products of all multipliers had no number left."""
-    case = load_scenario(pytestconfig.rootpath / "configs" / "continuation_60_120hz.yaml", ["reduction.modes=6"])
+    case = load_scenario(config_path("continuation_60_120hz"), ["reduction.modes=6"])
     flow = response_model(case).problem(2 * 9.80665).flow
     system, n = flow.system, flow.system.size
     stiffness = (2 * np.pi * np.linspace(7.0, 60.0, more)) ** 2
@@ -161,7 +162,7 @@ def test_a_neimark_sacker_point_beside_modes_that_take_no_part(pytestconfig, mor
 def test_a_first_motion_is_found_although_newtons_method_wanders(pytestconfig):
     """From the linear response, and after three periods, it comes to nothing: it gives up, and a transient leads on."""
     path = {"sweep.continue_in.from": "4 g", "sweep.continue_in.to": "1 g"}
-    case = load_scenario(pytestconfig.rootpath / "configs" / "continuation_level.yaml", path)
+    case = load_scenario(config_path("continuation_level"), path)
     flow = response_model(case).problem(4 * 9.80665).flow
     found = find_orbit(ForcedOrbits(flow, "level"))
     assert flow.passages <= 35  # 3 of them parts of the transient; 25 iterations of each attempt took 65

@@ -1,12 +1,12 @@
 """Which of several motions: shares, stability and smallest disturbances of an oscillator with a stop."""
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 from independent import Stop, chain, integrate
 from scipy.stats import beta
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.coexisting import analysis
@@ -220,7 +220,7 @@ def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks(tmp_path):
 def test_a_long_period_is_not_taken_for_a_quasi_periodic_motion():
     """The beam's motion at 70 Hz repeats after 50 cycles, found by own inspection of its sections to 4e-11; that at
     62 Hz nearly repeats after 127, and its distances grow in proportion to the time: its exponent is zero."""
-    config = Path(__file__).parents[2] / "configs" / "coexisting_motions.yaml"
+    config = config_path("coexisting_motions")
     at_rest = {"probe": "tip", "mode": 1, "displacement": [0, "1 nm"]}
     starts = {"kind": "states", "number": 2, "box": [at_rest]}
     changes = {"sweep.starts": starts, "sweep.unstable": False, "sweep.disturbances": []}

@@ -1,7 +1,5 @@
 """The shipped earthquake against matrices assembled here, in absolute coordinates; stops that move."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from independent import free_beam
@@ -10,11 +8,12 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 from scipy.signal import lsim
+from shipped import config_path
 
 import beamsim
 from beamsim.scenario import load_scenario
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+FLOORS = config_path("earthquake").parents[1] / "measurements" / "earthquake_floors.csv"
 G = 9.80665
 STEP = 1e-4  # s
 LENGTH, ELEMENTS, RATIO = 4.0, 5, 0.02
@@ -34,7 +33,7 @@ def shape(x):
 
 def held_motion():
     """Deflections of the ground and, absolute, of both anchors, with their derivatives, of time."""
-    t, ground, *floors = np.loadtxt(CONFIGS / "measurements" / "earthquake_floors.csv", delimiter=",", skiprows=1).T
+    t, ground, *floors = np.loadtxt(FLOORS, delimiter=",", skiprows=1).T
     acceleration = CubicSpline(t, G * ground)
     base = [acceleration.antiderivative(2), acceleration.antiderivative(1), acceleration]
     base += [acceleration.derivative(d) for d in (1, 2, 3)]
@@ -124,7 +123,7 @@ def shipped(*, dashpot=0.0, **more):
     }
     if dashpot:
         changes["snubbers[0].damping"] = {"kind": "viscous", "coefficient": dashpot}
-    return load_scenario(CONFIGS / "earthquake.yaml", changes | {"run.srs": None})
+    return load_scenario(config_path("earthquake"), changes | {"run.srs": None})
 
 
 @pytest.mark.parametrize("dashpot", [0.0, 300.0])
@@ -159,7 +158,7 @@ def test_stresses_do_not_depend_on_which_of_the_highest_modes_are_kept(modes):
 
     def stress(modes):
         changes = {"beam.elements": 20, "reduction.modes": modes, "run.duration": "1 s", "run.convergence": "off"}
-        case = load_scenario(CONFIGS / "earthquake.yaml", changes)
+        case = load_scenario(config_path("earthquake"), changes)
         return beamsim.run(case).summary["largest_bending_stress_pa"]
 
     assert stress(modes) == pytest.approx(stress(10), rel=2e-3)
@@ -169,7 +168,7 @@ def test_a_stop_moves_with_its_support_as_it_does_by_the_same_signal():
     """Mounted on the anchor, or on the base and moved by the anchor's record."""
     mounted = beamsim.run(shipped())
     entries = mounted.scenario.excitation.model_dump(by_alias=True, exclude_unset=True)["forces"]
-    entries = [{**entry, "file": str(CONFIGS / entry["file"])} for entry in entries]
+    entries = [{**entry, "file": str(FLOORS)} for entry in entries]
     moved = {**entries[1], "applied_to": {"snubber": "bumper"}}
     changes = {"snubbers[0].mounted_on": "base", "excitation.forces": [*entries, moved]}
     alone = beamsim.run(shipped(**changes))
@@ -211,7 +210,7 @@ def test_anchors_have_response_spectra_of_their_absolute_motion():
     """The base's acceleration and the record of the floor together, by SciPy's simulation of each oscillator."""
     asked = {"quality": 10, "from": 1.0, "to": 32.0, "per_octave": 1}
     entries = shipped().excitation.model_dump(by_alias=True, exclude_unset=True)["forces"]
-    ground, left, right = ({**entry, "file": str(CONFIGS / entry["file"])} for entry in entries)
+    ground, left, right = ({**entry, "file": str(FLOORS)} for entry in entries)
     curve = [["1 Hz", "3 g"], ["32 Hz", "2 g"]]
     scenario = shipped(**{"excitation.forces": [ground, left, right]}).model_copy(update={"run": None})
     scenario = load_scenario(

@@ -68,7 +68,7 @@ def test_a_latch_holds_from_the_first_contact_on():
 
 def test_the_shipped_boom_has_its_energy_by_hand():
     """Half the spring's energy less what friction takes on the way is the kinetic energy at the stop."""
-    result = run(beamsim.load_scenario("configs/deployed_boom.yaml"))
+    result = run(beamsim.load_scenario("configs/structures/deployed_boom.yaml"))
     summary = result.summary
     met, start, friction = -np.deg2rad(1.0), -0.1, 0.02
     energy = 0.5 * SPRING * (start**2 - met**2) - friction * (met - start)
@@ -241,7 +241,7 @@ def test_a_flexible_arm_between_a_stop_and_a_latch():
 
 def test_time_stepping_meets_the_same_latch():
     """The shipped boom, softer so that steps are longer, with friction, stop and latch by the reference integrator."""
-    case = yaml.safe_load(Path("configs/deployed_boom.yaml").read_text())
+    case = yaml.safe_load(Path("configs/structures/deployed_boom.yaml").read_text())
     case["bodies"]["boom"] |= {"bending_stiffness": "0.2 kN m^2", "elements": 1}
     case["reduction"] = {"modes": 2}
     case["run"] |= {"duration": "0.7 s", "impacts": None, "convergence": "off"}

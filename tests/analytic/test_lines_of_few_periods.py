@@ -6,6 +6,7 @@ for what decays, jumps at its beginning, so that its maxima lie off the lines by
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.cli.tables import table_rows
@@ -167,7 +168,7 @@ def test_the_line_of_stick_and_slip_is_its_rate(pytestconfig):
 
     Its acceleration is periodic afterwards, at the rate at which the block comes to rest on the belt.
     """
-    config = pytestconfig.rootpath / "configs" / "stick_slip.yaml"
+    config = config_path("stick_slip")
     result = beamsim.run(beamsim.load_scenario(config, {"run.sample_rate": "20 kHz", "run.convergence": "off"}))
     sticks = result["histories"]["time"].values[1:][
         np.diff(np.asarray(result["histories"]["friction_stuck"].sel(friction="belt").values, dtype=int)) > 0

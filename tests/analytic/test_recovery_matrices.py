@@ -1,17 +1,16 @@
 """Rows of a recovery matrix against what else knows them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import yaml
+from shipped import config_path
 
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files import read_op4, write_matrices
 from beamsim.scenario import load_scenario
 
-PANEL = Path(__file__).parents[2] / "configs" / "imported_panel.yaml"
+PANEL = config_path("imported_panel")
 
 
 def scenario(folder, rows=None, outputs=(), names=None, matrix=None):

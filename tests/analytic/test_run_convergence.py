@@ -1,11 +1,11 @@
 """Every value of a run has its error, from a finer model; accelerations may be read through a filter."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import butter, lsim, zpk2tf
+from shipped import config_path
 
 import beamsim
 from beamsim.cli.tables import all_rows, table_rows
@@ -19,7 +19,6 @@ from beamsim.signals.filters import FilteredPanels, FilteredSegments, filtered
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 PANEL = {"length": "1.2 m", "bending_stiffness": "2967 N m^2", "mass_per_length": "2.4 kg/m",
          "damping": {"kind": "modal", "ratio": 0.02}, "supports": {"left": "pinned", "right": "free"}}  # fmt: skip
 
@@ -166,7 +165,7 @@ def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statisticall
 def test_forces_that_last_for_an_instant_are_compared_with_forces():
     """A dashpot at a stiff stop: samples missed its force, which "changed by 93 %, within its scatter"."""
     short = {"run.duration": 0.2, "run.spectrum": {"last": 0.1}, "reduction.modes": 8, "run.low_pass": 2e3}
-    s = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].stiffness": 151e8} | short)).summary
+    s = beamsim.run(load_scenario(config_path("one_sided_65hz"), {"snubbers[0].stiffness": 151e8} | short)).summary
     assert s["convergence_model"]["sequences_part_s"] < 0.1
     assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_ERROR
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
+from shipped import config_path
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.full_period import follow_full_period, over_full_period
@@ -40,7 +41,7 @@ def cubic():
 
 @pytest.fixture(scope="module")
 def stops(request):
-    return nnm(load_scenario(request.config.rootpath / "configs" / "nnm_never_at_rest.yaml"))
+    return nnm(load_scenario(config_path("nnm_never_at_rest")))
 
 
 def test_where_they_leave_in_closed_form(cubic):

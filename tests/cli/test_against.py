@@ -2,11 +2,10 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from shipped import PATHS, asked, shipped
+from shipped import PATHS, asked, config_path, shipped
 
 import beamsim
 from beamsim.errors import ScenarioError
@@ -17,7 +16,6 @@ from beamsim.system.build import build_system
 from beamsim.trust.reference import RTOL, against, tolerance_of
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 RUNS = [path for path in PATHS if "run" in asked(path) and shipped(path).study is None]
 CASE = {
     "chain": {
@@ -104,7 +102,7 @@ def test_a_run_that_is_integrated_itself_is_compared_with_another_method():
 
 def test_the_command_prints_one_table_and_json(tmp_path):
     case = tmp_path / "case.yaml"
-    case.write_text((CONFIGS / "one_sided_65hz.yaml").read_text())
+    case.write_text((config_path("one_sided_65hz")).read_text())
     sets = ("run.duration=0.005 s", "run.spectrum.last=0.002 s", "run.convergence=off", "reduction.modes=3")
     short = [x for override in sets for x in ("--set", override)] + ["--no-plots", "-o", str(tmp_path / "a.h5")]
     done = invoke("run", case, *short, "--against", "reference:1e-7", "-v")

@@ -5,10 +5,10 @@ import math
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from sampling import slow_after
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.run.motion import with_limit
@@ -259,7 +259,7 @@ print("loaded", [name for name in heavy if name in sys.modules])
 
 
 def test_validate_imports_only_what_it_needs():
-    case = str(Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml")
+    case = str(config_path("one_sided_65hz"))
     done = subprocess.run(
         [sys.executable, "-c", VALIDATE.format(case=case)], capture_output=True, text=True, check=True
     )

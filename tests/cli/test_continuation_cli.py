@@ -1,9 +1,8 @@
 """``beamsim sweep`` of kind continuation: configs, folds, overlay, harmonic balance, files, limits, exit codes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation, with_overlay
 from beamsim.cli.tables import table_rows
@@ -13,8 +12,7 @@ from beamsim.store.results import load
 from tests.helpers.branches import events_of, peaks_of
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"
+CHAIN, BEAM = config_path("chain_two_dof"), config_path("one_sided_65hz")
 
 
 def sweep(*arguments):
@@ -27,7 +25,7 @@ def results():
 
     class Computed(dict):
         def __missing__(self, name):
-            return self.setdefault(name, continuation(load_scenario(CONFIGS / f"{name}.yaml")))
+            return self.setdefault(name, continuation(load_scenario(config_path(name))))
 
     return Computed()
 

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from scipy.stats import spearmanr
-from shipped import PATHS, shipped
+from shipped import config_path, shipped
 
 import beamsim
 from beamsim.analyses.studies.plan import design
 from beamsim.trust.studies import design_study
-
-CONFIGS = PATHS[0].parent
 
 
 def shortened(path, count=3):
@@ -27,7 +25,7 @@ def shortened(path, count=3):
 
 def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():
     """Proposition 1.3.1 of the thesis: the frequency moves with the square of the mode shape at the spring."""
-    scenario = shortened(CONFIGS / "spring_position.yaml", 7)
+    scenario = shortened(config_path("spring_position"), 7)
     result = design_study(scenario, workers=1)
     grid = {name: of.values.reshape(*result.shape, -1) for name, of in result.responses.items()}
     closed = grid["closed_frequencies_hz"][:, 0, :2]
@@ -52,7 +50,7 @@ def test_homogeneity_in_the_tolerance_study_of_zero_gap():
             "parameters": [{"path": "snubbers.tip.stiffness", "tolerance": "20 %"}],
         },
     }
-    path = CONFIGS / "design_tolerances.yaml"
+    path = config_path("design_tolerances")
     one = design_study(beamsim.load_scenario(path, changes), workers=1)
     two = design_study(beamsim.load_scenario(path, changes | {"excitation.level": "4 g"}), workers=1)
     force = "snubbers/tip/peak_force"
@@ -62,7 +60,7 @@ def test_homogeneity_in_the_tolerance_study_of_zero_gap():
 
 def test_both_populations_of_the_sample_are_motions_of_one_part():
     """The part with the largest force of the lower population has the higher motion, too, if released far away."""
-    scenario = shipped(CONFIGS / "design_two_motions.yaml")
+    scenario = shipped(config_path("design_two_motions"))
     result = design_study(scenario)
     force = result.table["snubbers/tip/peak_force"]
     low, high = result.summary["responses"]["snubbers/tip/peak_force"]["populations"]
@@ -77,7 +75,7 @@ def test_both_populations_of_the_sample_are_motions_of_one_part():
     late = {}
     for name, start in {"at rest": "static_equilibrium", "far away": {"mode": 1, "amplitude": "2.5 mm"}}.items():
         changes = {"vary": None, **part, "run.start": start, "run.duration": "2.5 s"}
-        run = beamsim.run(beamsim.load_scenario(CONFIGS / "design_two_motions.yaml", changes))
+        run = beamsim.run(beamsim.load_scenario(config_path("design_two_motions"), changes))
         late[name] = (
             run["histories"]["snubber_force"].sel(snubber="tip").values[run["histories"]["time"].values > 2.0].max()
         )
@@ -86,11 +84,11 @@ def test_both_populations_of_the_sample_are_motions_of_one_part():
 
 
 def test_a_tolerance_alone_is_the_run_with_it():
-    result = design_study(shipped(CONFIGS / "design_tornado.yaml"))
+    result = design_study(shipped(config_path("design_tornado")))
     swing = result.summary["sensitivity"]["snubbers/tip/peak_force"]["snubbers.tip.gap"]
     for end in ("smallest", "largest"):
         changes = {"vary": None, "snubbers.tip.gap": swing[f"{end}_at"]}
-        run = beamsim.run(beamsim.load_scenario(CONFIGS / "design_tornado.yaml", changes))
+        run = beamsim.run(beamsim.load_scenario(config_path("design_tornado"), changes))
         assert run.summary["peak_force_n"]["tip"] == pytest.approx(swing[end], rel=1e-12)
     assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5
 
@@ -98,7 +96,7 @@ def test_a_tolerance_alone_is_the_run_with_it():
 @pytest.mark.slow
 def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_agrees():
     pytest.importorskip("openturns")
-    result = beamsim.design_study(shipped(CONFIGS / "exceedance.yaml"))
+    result = beamsim.design_study(shipped(config_path("exceedance")))
     of = result.summary["reliability"]
     assert result.complete
     assert 3e-5 < of["low"] < of["probability"] < of["high"] < 3e-4
@@ -106,7 +104,7 @@ def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_a
         "tip"
     ] == pytest.approx(28.0, rel=1e-3)
     changes = {"vary.method": "form"}
-    first = beamsim.design_study(beamsim.load_scenario(CONFIGS / "exceedance.yaml", changes)).summary["reliability"]
+    first = beamsim.design_study(beamsim.load_scenario(config_path("exceedance"), changes)).summary["reliability"]
     assert first["distance"] == pytest.approx(of["distance"], abs=1e-3)
     assert of["low"] / 1.3 < first["probability"] < 1.3 * of["high"]
 
@@ -117,7 +115,7 @@ def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_a
 @pytest.mark.slow
 def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
     """The best design alone gives what the search says of it."""
-    result = beamsim.design_study(shipped(CONFIGS / "optimise_snubber.yaml"))
+    result = beamsim.design_study(shipped(config_path("optimise_snubber")))
     best, first = result.summary["best"][0], result.summary["as_it_is"]
     assert best["value"] < 0.75 * first["value"]
     assert best["parameters"]["pad"] == "damping rubber"
@@ -133,7 +131,7 @@ def test_a_search_finds_in_600_cases_what_a_grid_of_10000_finds():
     limits = {"snubbers.tip.gap": (-0.2e-3, 0.5e-3), "snubbers.tip.stiffness": (20e3, 500e3)}
     gaps, stiffnesses = np.linspace(-0.2e-3, 0.5e-3, 100), np.geomspace(20e3, 500e3, 100)
     short = {"run.duration": "0.4 s", "run.sample_rate": "5 kHz", "run.convergence": "off"}
-    scenario = beamsim.load_scenario(CONFIGS / "one_sided_65hz.yaml", short)
+    scenario = beamsim.load_scenario(config_path("one_sided_65hz"), short)
     grid = [axis.ravel() for axis in np.meshgrid(gaps, stiffnesses, indexing="ij")]
     asked = ["peak_force", "probes/tip/peak_displacement"]
     table = beamsim.ensemble(scenario, dict(zip(limits, grid, strict=True)), asked).table

@@ -19,9 +19,9 @@ GIVEN = {  # by document what its readers have already: commands, and names
     "README.md": ([["run", "configs/one_sided_65hz.yaml"], ["nnm", "configs/nnm_first.yaml"]], {}),
     "docs/nonlinear_modes.md": ([], {}),
     "docs/result_files.md": ([["run", "configs/one_sided_65hz.yaml", "-o", "case.h5"]], {}),
-    "docs/sensitivities.md": ([], {"scenario": "configs/sensitivities.yaml"}),
+    "docs/sensitivities.md": ([], {"scenario": "configs/studies/sensitivities.yaml"}),
     "docs/studies.md": ([], {}),
-    "docs/sweeps.md": ([["sweep", "configs/sweep_one_sided_2g.yaml", "-o", "case.h5"]], {}),
+    "docs/sweeps.md": ([["sweep", "configs/thesis/sweep_one_sided_2g.yaml", "-o", "case.h5"]], {}),
 }
 LISTS = {"docs/identification.md"}  # of what one result or another has
 

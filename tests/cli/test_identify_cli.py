@@ -2,12 +2,12 @@
 
 import json
 import re
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import yaml
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.identify.vibrations import steady_vibration
@@ -15,8 +15,7 @@ from beamsim.scenario import load_scenario
 from benchmarks import identification_coverage as coverage
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-CASE = CONFIGS / "identify_snubber.yaml"
+CASE = config_path("identify_snubber")
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +24,7 @@ def here(tmp_path, monkeypatch):
 
 
 def section(text):
-    return f"extends: {CONFIGS / 'one_sided_65hz.yaml'}\nidentify_stiffness:\n  snubber: tip\n{text}"
+    return f"extends: {config_path('one_sided_65hz')}\nidentify_stiffness:\n  snubber: tip\n{text}"
 
 
 def test_prints_writes_and_draws(tmp_path):
@@ -74,7 +73,7 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(tmp_path):
 
 
 def test_without_the_section():
-    done = invoke("identify-stiffness", CONFIGS / "one_sided_65hz.yaml")
+    done = invoke("identify-stiffness", config_path("one_sided_65hz"))
     assert done.exit_code == 2
     assert "identify_stiffness is missing" in done.output
 
@@ -91,7 +90,7 @@ NONLINEAR = """\
 
 @pytest.fixture(scope="module")
 def history():
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].gap": 1e-5})
+    scenario = load_scenario(config_path("one_sided_65hz"), {"snubbers[0].gap": 1e-5})
     harmonics = steady_vibration(scenario).harmonics(0, "absolute_acceleration", 36)
     time = np.arange(2000) / 5000.0
     signal = np.imag(np.exp(2j * np.pi * 65.0 * np.outer(time + 0.004, np.arange(1, 37))) @ harmonics) / 9.80665
@@ -124,7 +123,7 @@ def test_nonlinear_parameters_from_a_file(tmp_path, history):
 def run_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("compared") / "run.h5"
     changes = ["--set", "snubbers[0].gap=0.01 mm", "--set", "run.duration=1.6 s"]
-    done = invoke("run", CONFIGS / "one_sided_65hz.yaml", "--no-plots", "-q", *changes, "-o", path)
+    done = invoke("run", config_path("one_sided_65hz"), "--no-plots", "-q", *changes, "-o", path)
     assert done.exit_code == 0, done.output
     return path
 

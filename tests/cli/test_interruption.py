@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sampling import slow_after
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
@@ -23,8 +24,7 @@ from beamsim.store.results import load
 from tests.helpers.commands import invoke
 from tests.helpers.tables import variables
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-MODE, RESPONSE = CONFIGS / "nnm_chain_mass_5.yaml", CONFIGS / "chain_two_dof.yaml"
+MODE, RESPONSE = config_path("nnm_chain_mass_5"), config_path("chain_two_dof")
 POINTS = 5
 
 
@@ -86,7 +86,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
         return value or real(*given)
 
     monkeypatch.setattr(home, stage, stopped)
-    scenario = load_scenario(CONFIGS / "one_sided_45hz.yaml", ["run.duration=0.5 s", "run.sample_rate=2 kHz"])
+    scenario = load_scenario(config_path("one_sided_45hz"), ["run.duration=0.5 s", "run.sample_rate=2 kHz"])
     part = beamsim.run(scenario, stop=lambda: bool(reached))
     assert part.status == part.summary["status"] == left_out
     whole = beamsim.run(scenario, stop=lambda: False)
@@ -109,15 +109,15 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
 def test_a_stepped_sine_keeps_the_frequencies_it_has():
     sweep = "sweep={kind: stepped, from: 60 Hz, to: 70 Hz, points: 6, most_cycles: 50}"
     request = After(2)
-    part = beamsim.sweep(load_scenario(CONFIGS / "one_sided_65hz.yaml", [sweep]), request, stop=request.stop)
+    part = beamsim.sweep(load_scenario(config_path("one_sided_65hz"), [sweep]), request, stop=request.stop)
     assert part.status == "interrupted before 64 Hz"
     assert part.curves["up_0"].frequency_hz.tolist() == [60.0, 62.0]
 
 
 @pytest.mark.slow
 def test_a_fit_keeps_the_best_so_far():
-    scenario = load_scenario(CONFIGS / "identify_nonlinear.yaml")
-    tests = read_tests(scenario, CONFIGS)
+    scenario = load_scenario(config_path("identify_nonlinear"))
+    tests = read_tests(scenario, config_path("identify_nonlinear").parent)
     request = After(1)
     part = beamsim.identify_stiffness(scenario, tests, request, request.stop)
     assert part.status == "interrupted after 1 of 3 starts"
@@ -131,7 +131,7 @@ def test_a_fit_keeps_the_best_so_far():
 @pytest.mark.parametrize("asked", [1, 300, 3000])
 def test_a_fit_to_sweeps_ends_wherever_it_is_asked(asked):
     """A branch that ends on request is none that fails: the fit was refused, or ended in an internal error."""
-    scenario, count = load_scenario(CONFIGS / "identify_sweep.yaml"), 0
+    scenario, count = load_scenario(config_path("identify_sweep")), 0
 
     def stop():
         nonlocal count
@@ -139,7 +139,9 @@ def test_a_fit_to_sweeps_ends_wherever_it_is_asked(asked):
         return count > asked
 
     try:
-        part = beamsim.identify_stiffness(scenario, read_tests(scenario, CONFIGS), stop=stop)
+        part = beamsim.identify_stiffness(
+            scenario, read_tests(scenario, config_path("identify_nonlinear").parent), stop=stop
+        )
     except Interrupted:  # before anything was found
         return
     assert part.outcome.interrupted
@@ -245,7 +247,7 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
     monkeypatch.setattr(reference, "output_times", interrupted)
     options = ["--set", "run.duration=0.5 s", "--against", "reference", "--no-plots"]
     target = tmp_path / "case.h5"
-    done = invoke("run", CONFIGS / "one_sided_65hz.yaml", *options, "-o", target)
+    done = invoke("run", config_path("one_sided_65hz"), *options, "-o", target)
     assert done.exit_code == 130, done.output
     assert beamsim.load(target).status == "interrupted during the comparison with the reference integrator"
 
@@ -267,13 +269,13 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     changes = ("vary.samples=5", "run.duration=0.5 s", "run.convergence=off")
     sets = [*(word for change in changes for word in ("--set", change)), "--workers", "1", "--no-plots"]
     target = tmp_path / "study.h5"
-    done = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "-o", target)
+    done = invoke("sweep", config_path("design_tolerances"), *sets, "-o", target)
     assert done.exit_code == 130, done.output
     assert len(solved) == 2
     assert "1 of 5 cases are kept in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert beamsim.load(target).status == "1 of 5 cases computed"
-    again = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "--resume", "-o", target)
+    again = invoke("sweep", config_path("design_tolerances"), *sets, "--resume", "-o", target)
     assert again.exit_code == 0, again.output
     assert len(solved) == 6
     assert beamsim.load(target).complete
@@ -558,17 +560,17 @@ from beamsim.cli import main
 main()
 """
 LONG = {
-    "run": ("run", "one_sided_65hz.yaml", "--set", "run.duration=20 s"),
-    "random": ("run", "random_vibration.yaml", "--set", "run.duration=10 s"),
-    "sweep": ("sweep", "sweep_up_down.yaml"),
-    "continuation": ("sweep", "continuation_60_120hz.yaml"),
-    "coexisting": ("sweep", "coexisting_motions.yaml"),
-    "study": ("sweep", "design_stiffness_gap.yaml", "--workers", "1"),
-    "workers": ("sweep", "design_stiffness_gap.yaml", "--workers", "2"),
-    "nnm": ("nnm", "nnm_first.yaml"),
-    "identify": ("identify-stiffness", "identify_nonlinear.yaml"),
-    "identify_sweep": ("identify-stiffness", "identify_sweep.yaml"),
-    "validate": ("validate", "random_vibration.yaml", "--sketch"),
+    "run": ("run", "one_sided_65hz", "--set", "run.duration=20 s"),
+    "random": ("run", "random_vibration", "--set", "run.duration=10 s"),
+    "sweep": ("sweep", "sweep_up_down"),
+    "continuation": ("sweep", "continuation_60_120hz"),
+    "coexisting": ("sweep", "coexisting_motions"),
+    "study": ("sweep", "design_stiffness_gap", "--workers", "1"),
+    "workers": ("sweep", "design_stiffness_gap", "--workers", "2"),
+    "nnm": ("nnm", "nnm_first"),
+    "identify": ("identify-stiffness", "identify_nonlinear"),
+    "identify_sweep": ("identify-stiffness", "identify_sweep"),
+    "validate": ("validate", "random_vibration", "--sketch"),
 }
 
 
@@ -580,7 +582,7 @@ def test_a_signal_at_any_time_ends_a_command_with_its_exit_code(name, at, tmp_pa
     """After so many seconds of processor time it is importing, loading, solving, writing or drawing."""
     number = signal.SIGINT if (list(LONG).index(name) + int(10 * at)) % 2 else signal.SIGTERM
     command, case, *options = LONG[name]
-    child = [sys.executable, "-c", TIMED.format(number=int(number), at=at), command, str(CONFIGS / case), *options]
+    child = [sys.executable, "-c", TIMED.format(number=int(number), at=at), command, str(config_path(case)), *options]
     done = subprocess.run(child, check=False, capture_output=True, text=True, cwd=tmp_path, timeout=600)
     assert "Traceback" not in done.stderr, done.stderr
     assert "internal error" not in done.stderr, done.stderr

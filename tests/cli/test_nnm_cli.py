@@ -8,15 +8,12 @@ import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
-from shipped import PATHS, shipped
+from shipped import PATHS, config_path, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 from tests.helpers.tables import rows
-
-CONFIGS = Path(__file__).parents[2] / "configs"
-
 
 ELSEWHERE = ("ms_", "nnm_forced_")  # tests/reference/test_multiple_scales_thesis.py, tests/cli/test_phase_resonance.py
 NNM = [path for path in PATHS if not path.stem.startswith(ELSEWHERE) and shipped(path).nnm is not None]
@@ -25,7 +22,7 @@ NNM = [path for path in PATHS if not path.stem.startswith(ELSEWHERE) and shipped
 @cache
 def followed(name):
     """The result of a shipped config, computed once for all tests here."""
-    return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
+    return nnm(load_scenario(config_path(name)))
 
 
 LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # test_configs.py
@@ -43,7 +40,7 @@ def test_every_mode_config(path):
 
 
 def test_nnm_writes_a_file_and_pictures(tmp_path):
-    done = invoke("nnm", CONFIGS / "nnm_chain_mass_5.yaml", "-o", tmp_path, "--json")
+    done = invoke("nnm", config_path("nnm_chain_mass_5"), "-o", tmp_path, "--json")
     assert done.exit_code == 0
     summary = json.loads(done.stdout)
     assert {"points", "start", "end", "processor_time_s", "status"} <= summary.keys()
@@ -70,7 +67,7 @@ def test_nnm_writes_a_file_and_pictures(tmp_path):
 
 def test_nnm_table(tmp_path):
     shorter = ("--set", "nnm.continue_in.to=0.1", "--set", "reduction.modes=4")
-    done = invoke("nnm", CONFIGS / "nnm_first.yaml", *shorter, "-o", tmp_path, "--no-plots", "-v")
+    done = invoke("nnm", config_path("nnm_first"), *shorter, "-o", tmp_path, "--no-plots", "-v")
     assert done.exit_code == 0
     tongues = [line.split()[1:3] for line in done.stdout.partition("mode   ratio   parameter")[2].splitlines()[1:6]]
     assert ["2", "6"] in tongues  # mode and ratio
@@ -82,7 +79,7 @@ def test_nnm_table(tmp_path):
 def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     """From 62 to 75 Hz tongues follow each other closely; the motions of the mode are found between them, too."""
     changes = {"nnm.continue_in.from": "80 uJ", "nnm.continue_in.to": "700 uJ"}
-    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
+    result = nnm(load_scenario(config_path("nnm_energy"), changes))
     backbone = result.branches[0]
     assert result.complete
     assert np.min(backbone["share"].values) > 0.5
@@ -92,7 +89,7 @@ def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
 
 def test_in_frequency():
     changes = {"nnm.continue_in": {"kind": "frequency", "from": "52.45 Hz", "to": "52.6 Hz"}}
-    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
+    result = nnm(load_scenario(config_path("nnm_energy"), changes))
     assert result.branches[0]["frequency_hz"].values[0] == pytest.approx(52.45, rel=1e-9)
     assert result.complete
     assert result.branches[0]["frequency_hz"].values[-1] == pytest.approx(52.6, rel=1e-9)

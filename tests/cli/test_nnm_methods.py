@@ -1,11 +1,11 @@
 """`beamsim nnm` by other methods: relaxed minimisation, multiple scales, the whole period; files read back."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
 from sampling import slow_after
+from shipped import config_path
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
@@ -16,10 +16,9 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-CHAIN = CONFIGS / "nnm_chain_mass_5.yaml"
-FIRST = CONFIGS / "nnm_first.yaml"
-ENERGY = CONFIGS / "nnm_energy.yaml"
+CHAIN = config_path("nnm_chain_mass_5")
+FIRST = config_path("nnm_first")
+ENERGY = config_path("nnm_energy")
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,7 @@ def test_thesis_method_beside_shooting(compared):
 def test_thesis_method_on_the_thesis_chains(name, steps, period):
     """Steps and tolerance of the thesis, periods as computed apart (4.011 and 3.97 s printed)."""
     changes = {"nnm.method": {"kind": "relaxed_minimisation", "steps": steps, "tolerance": 1e-6}}
-    result = nnm(load_scenario(CONFIGS / f"{name}.yaml", changes))
+    result = nnm(load_scenario(config_path(name), changes))
     relaxed = result["relaxed_minimisation"]
     assert result.complete
     assert relaxed["reached"].values.sum() == steps
@@ -73,7 +72,7 @@ def test_thesis_method_on_the_thesis_chains(name, steps, period):
 @pytest.mark.slow
 def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     """The bare beam: the minimiser goes into the 5:1 tongue with mode 2 and stays there. Exit code 3, steps kept."""
-    done = invoke("nnm", CONFIGS / "nnm_thesis_mode_1.yaml", "--set", "nnm.method=relaxed_minimisation", "--set",
+    done = invoke("nnm", config_path("nnm_thesis_mode_1"), "--set", "nnm.method=relaxed_minimisation", "--set",
                   "reduction.modes=5", "-o", tmp_path, "--no-plots")  # fmt: skip
     assert done.exit_code == 3
     assert "stopped at stiffness factor 0.1" in done.stderr
@@ -154,7 +153,7 @@ def test_jumps_that_nothing_explains(compared):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ([CONFIGS / "one_sided_65hz.yaml"], "one_sided_65hz.yaml: nnm is missing; add for example"),
+        ([config_path("one_sided_65hz")], "one_sided_65hz.yaml: nnm is missing; add for example"),
         ([FIRST, "--set", "nnm.mode=40"], "choose a lower mode, or raise reduction.modes"),
         ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:17: nnm.continue_in.kind = energy, but "
          "relaxed_minimisation goes in"),
@@ -192,7 +191,7 @@ def test_a_range_of_many_decades_is_covered(tmp_path):
 
 def test_an_order_of_no_difference_is_not_printed(tmp_path):
     """A spring in the support changes nothing."""
-    case = CONFIGS / "ms_beam_tip_mode_1.yaml"
+    case = config_path("ms_beam_tip_mode_1")
     done = invoke(
         "nnm", case, "-o", tmp_path, "--no-plots", "--set", "snubbers[0].position=2.7e-10", "--set", "beam.elements=4"
     )

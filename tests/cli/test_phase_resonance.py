@@ -1,11 +1,11 @@
 """`nnm: {phase_resonance: …}`: from the config to the file, and against a transient."""
 
 import json
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.nnm import phase_resonance
@@ -19,8 +19,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-BACKBONE = CONFIGS / "nnm_forced_backbone.yaml"
+BACKBONE = config_path("nnm_forced_backbone")
 SHORT = {"nnm.continue_in": {"kind": "energy", "from": "5 mJ", "to": "30 mJ"}}
 
 
@@ -153,7 +152,7 @@ def test_scales_with_the_level():
         "nnm.continue_in": {"kind": "stiffness_factor", "from": 0, "to": 0.2},
         "nnm.phase_resonance": {"levels": ["1 g", "2 g"], "periods": 5},
     }
-    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes))
+    result = nnm(load_scenario(config_path("nnm_forced_mode_1"), changes))
     levels, predicted = result["phase_resonance"], result["predicted_levels"]
     assert levels["scales"].item()
     assert np.ptp(levels["frequency_hz"].values) < 1e-9 * levels["frequency_hz"].values[0]

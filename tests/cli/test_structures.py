@@ -1,18 +1,19 @@
 """The commands `check` and `export-structure`."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import mmread, mmwrite
+from shipped import CONFIGS
 
 from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = """
 bodies:
   panel: {kind: beam, length: 0.5, width: 50 mm, thickness: 5 mm, youngs_modulus: 70 GPa, density: 2700, elements: 8,
@@ -51,12 +52,11 @@ def test_what_is_exported_is_read_and_checks_alike(tmp_path, case, ending):
 
 
 def test_nastran_files_without_the_package_for_them_end_with_2_and_say_what_to_install(tmp_path, case, monkeypatch):
-    (tmp_path / "panel.yaml").write_text((CONFIGS / "matrices_op4.yaml").read_text())
-    for file in CONFIGS.glob("panel*"):
-        (tmp_path / file.name).write_bytes(file.read_bytes())
+    for folder in ("structures", "matrices"):
+        shutil.copytree(CONFIGS / folder, tmp_path / folder)
     monkeypatch.setitem(sys.modules, "pyyeti", None)
     monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
-    outcome = invoke("validate", tmp_path / "panel.yaml")
+    outcome = invoke("validate", tmp_path / "structures" / "matrices_op4.yaml")
     assert outcome.exit_code == 2
     message = " ".join(outcome.output.split())
     assert "panel.yaml:8: bodies.panel.mass.file is one of Nastran" in message

@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.continuation.forced_expansion import compare_forced_expansion
@@ -15,8 +16,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-OSCILLATOR = CONFIGS / "ms_forced_oscillator.yaml"
+OSCILLATOR = config_path("ms_forced_oscillator")
 RANGE = {"sweep.from": "0.5 rad/s", "sweep.to": "0.8 rad/s"}
 
 
@@ -49,7 +49,7 @@ def test_oscillator_of_the_thesis():
 def test_bent_response_with_a_gap():
     """Stable, unstable, stable along the curve through its tip; both orders where the exact motion is near."""
     changes = RANGE | {"chain.snubbers[0].stiffness": 0.3}
-    ((motions, differences),) = expanded(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    ((motions, differences),) = expanded(load_scenario(config_path("chain_two_dof"), changes))
     flips = np.flatnonzero(np.diff(motions["stable"].values.astype(int)))
     assert flips.size == 2
     found = np.isfinite(differences["difference"].values[:, 0])
@@ -62,7 +62,7 @@ def test_bent_response_with_a_gap():
 
 def test_levels_each_have_their_curve():
     changes = RANGE | {"chain.snubbers[0].stiffness": 0.3, "sweep.levels": ["0.05 N", "0.1 N"]}
-    (low, _), (high, _) = expanded(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    (low, _), (high, _) = expanded(load_scenario(config_path("chain_two_dof"), changes))
     assert (low["level"].item(), high["level"].item()) == (0.05, 0.1)
     first, second = (of["leading"].sel(probe="first").values.max() for of in (low, high))
     assert first < second
@@ -99,7 +99,7 @@ def test_steady_spectrum_of_the_thesis():
 )  # fmt: skip
 def test_nonsense_is_refused_with_a_remedy(file, changes, text):
     with pytest.raises(ScenarioError, match=text):
-        compare_forced_expansion(load_scenario(CONFIGS / f"{file}.yaml", changes))
+        compare_forced_expansion(load_scenario(config_path(file), changes))
 
 
 @pytest.mark.slow
@@ -120,6 +120,6 @@ def test_command(tmp_path):
 
 
 def test_only_beside_a_continuation(tmp_path):
-    done = invoke("sweep", CONFIGS / "sweep_up_down.yaml", "--compare", "multiple_scales")
+    done = invoke("sweep", config_path("sweep_up_down"), "--compare", "multiple_scales")
     assert done.exit_code == 2
     assert "kind: continuation" in done.output

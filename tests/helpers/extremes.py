@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from shipped import PATHS, shipped
+from shipped import PATHS, config_path, shipped
 
 from beamsim.scenario import Scenario, load_scenario, units
 from beamsim.scenario.base import Schema, plain, walk, within
 from beamsim.scenario.quantities import Bounded, FieldType, RateType, Whole
 
 REFUSALS = Path(__file__).parents[1] / "data" / "refusals.yaml"
-CONFIGS = Path(__file__).parents[2] / "configs"
 _BASE = {"applied_to": "base", "level": "10 g"}
 _PULSE = {**_BASE, "time": "1 ms", "duration": "10 ms"}
 _RANGE = {"from": "20 Hz", "to": "40 Hz"}
@@ -146,7 +145,7 @@ def cases() -> dict[str, Scenario]:
         for group in yaml.safe_load(REFUSALS.read_text(encoding="utf-8"))
         if isinstance(group["case"], dict) and "extends" not in group["case"]
     }
-    more = {name: load_scenario(CONFIGS / f"{case}.yaml", changes) for name, (case, changes) in MORE.items()}
+    more = {name: load_scenario(config_path(case), changes) for name, (case, changes) in MORE.items()}
     return {path.stem: shipped(path) for path in PATHS} | of_refusals | more
 
 

@@ -81,8 +81,8 @@ run: {duration: 0.05 s}
 """
 IMPORTED = f"""\
 bodies:
-  panel: {{kind: matrices, mass: {{file: {CONFIGS}/strip.op4, name: mxx}}, base: {{nodes: [15], direction: z}},
-    stiffness: {{file: {CONFIGS}/strip.op4, name: kxx}}, dofs: {CONFIGS}/strip_dofs.csv,
+  panel: {{kind: matrices, mass: {{file: {CONFIGS}/matrices/strip.op4, name: mxx}}, base: {{nodes: [15], direction: z}},
+    stiffness: {{file: {CONFIGS}/matrices/strip.op4, name: kxx}}, dofs: {CONFIGS}/matrices/strip_dofs.csv,
     damping: {{kind: modal, ratio: 1 %}}}}
   yoke: {{kind: beam, length: W, width: 40 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4}}
 joints: [{{kind: spring, between: [{{body: panel, node: 14}}, {{body: yoke, position: <y60>}}], stiffness: 20 kN/m}}]

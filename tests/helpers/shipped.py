@@ -8,9 +8,16 @@ import yaml
 
 from beamsim.scenario import Scenario, load_scenario
 
-PATHS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+CONFIGS = Path(__file__).parents[2] / "configs"
+PATHS = sorted(CONFIGS.rglob("*.yaml"), key=lambda path: path.stem)
 COMMANDS = {"run": "run", "sweep": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
 """Section -> command; studies are in test_design_configs.py."""
+
+
+def config_path(name: str) -> Path:
+    """The file of a shipped config by its name, which is unique in all folders."""
+    (path,) = (path for path in PATHS if path.stem == name)
+    return path
 
 
 @cache

@@ -1,10 +1,10 @@
 """Damping and contact parameters from nonlinear vibrations: recovered, with honest intervals."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.identify.analysis import identify_stiffness
@@ -19,7 +19,7 @@ from beamsim.signals.harmonics import harmonics_of
 from benchmarks import identification_coverage as coverage
 from tests.helpers.tables import estimates, fitted_tests, profiles, variables
 
-CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+CASE = config_path("one_sided_65hz")
 TRUTH = {"snubbers[0].gap": 2e-5, "reduction": {"modes": 6}}
 SOUGHT = {
     "snubbers.tip.stiffness": 151.1e3,

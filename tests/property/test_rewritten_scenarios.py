@@ -75,7 +75,7 @@ run: {{duration: 0.1 s, sample_rate: 1 kHz, convergence: off}}
 
 def test_coordinates_of_imported_matrices_begin_anywhere(tmp_path):
     """Nodes and the axis of a turning base moved together; moved alone, the axis is another one."""
-    folder, shift, about = Path(__file__).parents[2] / "configs", (0.3, -0.2, 0.1), (0.1, 0.0, 0.0)
+    folder, shift, about = Path(__file__).parents[2] / "configs" / "matrices", (0.3, -0.2, 0.1), (0.1, 0.0, 0.0)
     heading, *rows = (folder / "strip_dofs.csv").read_text().splitlines()
     lines = [heading]
     for row in rows:

@@ -1,11 +1,10 @@
 """What a response curve holds: coexisting and symmetry-broken motions, maxima between points, what was left out."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from sampling import slow_after
 from scipy.integrate import solve_ivp
+from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.cli.tables import all_rows, table_rows
@@ -16,8 +15,7 @@ from beamsim.results.branch import harmonics_of
 from beamsim.scenario import Scenario, load_scenario
 from tests.helpers.branches import events_of, multipliers, peaks_of
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-BEAM, MASSES = CONFIGS / "one_sided_65hz.yaml", CONFIGS / "chain_two_dof.yaml"
+BEAM, MASSES = config_path("one_sided_65hz"), config_path("chain_two_dof")
 STOPS = """[{name: below, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0.3 mm},
             {name: above, position: 270 mm, side: above, stiffness: 151.1 kN/m, gap: 0.3 mm}]"""
 
@@ -107,7 +105,7 @@ def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
 def test_maxima_are_those_of_the_continuous_curve():
     """Stored points alone gave 4.1527 mm at 81.610 Hz; sought at the middle, the same peak was a branch of its own."""
     values = [81.53, 81.55, 81.57, 81.59, 81.61]
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(81, 82, f"points_at: {values}, seek_at: 1"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(81, 82, f"points_at: {values}, seek_at: 1"))
     (peak,) = [p for p in result.summary["peaks"] if p["probe"] == "tip"]
     assert peak["value_m"] == pytest.approx(4.15427e-3, abs=5e-9)
     assert peak["frequency_hz"] == pytest.approx(81.570, abs=2e-3)
@@ -181,7 +179,7 @@ def test_harmonics_are_stored_as_many_as_asked_for():
 @pytest.mark.slow
 def test_branches_end_at_the_ends_of_the_range():
     """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
     values = np.concatenate([b["parameter"].values for b in result.branches])
     assert values.min() == 20.0
     assert values.max() == pytest.approx(20.6, rel=1e-12)
@@ -189,7 +187,7 @@ def test_branches_end_at_the_ends_of_the_range():
 
 
 def test_bands_without_a_stable_motion_are_listed():
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(60, 70, "seek_at: 0"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(60, 70, "seek_at: 0"))
     assert result.outcome.kind is OutcomeKind.COMPLETE
     (note,) = result.outcome.parts
     assert note.code == "no_stable_motion"
@@ -206,7 +204,7 @@ def test_bands_without_a_stable_motion_are_listed():
 @pytest.mark.slow
 def test_no_stable_point_is_in_a_band_without_a_stable_motion():
     """The motion of two periods is stable from 113.103 to 113.148 Hz alone, less than a thousandth of the range."""
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(100, 120, "seek_at: 0"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(100, 120, "seek_at: 0"))
     points = result["points"]
     stable = points["parameter"].values[points["stable"].values]
     bands = [band["band"] for band in result.summary["without_stable_motion"]]
@@ -219,7 +217,7 @@ def test_no_stable_point_is_in_a_band_without_a_stable_motion():
 @pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
     assert result.complete is not demanded
     assert (result.outcome.kind is OutcomeKind.INCOMPLETE) is demanded
     assert f"raise sweep.{limit.partition(':')[0]}" in result.status
@@ -242,7 +240,7 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
         assert min(abs(np.array(beside) / peaks_of(branch, "first")[k] - 1)) < 0.05
     force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
     cubic = curve(
-        CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
+        config_path("chain_cubic"), "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
         sweep_of(0.05, 0.06, "method: harmonic_balance"),
     )  # fmt: skip
     assert cubic.outcome.all_of("not_sought")
@@ -252,7 +250,7 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
 def test_one_branch_does_not_spend_the_points_of_all():
     """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
     result = curve(
-        CONFIGS / "continuation_60_120hz.yaml",
+        config_path("continuation_60_120hz"),
         sweep_of(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
     )
     covered = [(b["parameter"].values.min(), b["parameter"].values.max()) for b in result.branches]

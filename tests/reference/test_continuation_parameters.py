@@ -1,10 +1,9 @@
 """Continuation in level, gap, stiffness and position: against transients of independently built systems."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from sampling import slow_after
+from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.flow.variational import VariationalFlow
@@ -14,8 +13,7 @@ from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
 from tests.helpers.branches import peaks_of
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-BEAM = CONFIGS / "one_sided_65hz.yaml"
+BEAM = config_path("one_sided_65hz")
 
 PATHS = {
     "level": ("{kind: level, from: 1 g, to: 2 g}", "excitation.level"),
@@ -140,7 +138,7 @@ def test_extremes_are_those_of_a_stepped_sine():
 @pytest.mark.slow
 def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
-    result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    result = continuation(load_scenario(config_path("chain_two_dof"), changes))
     margin = result.summary["margins"]["peak_displacement"]
     top = max(float(peaks_of(b, "first").max()) for b in result.branches)
     stable = max(float(peaks_of(b, "first")[b["stable"].values].max()) for b in result.branches)

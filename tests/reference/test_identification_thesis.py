@@ -1,15 +1,14 @@
 """Section 1.3.3 of the thesis: what its frequencies say of the snubber and of the beam."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import config_path
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.scenario import load_scenario
 
-CASE = Path(__file__).parents[2] / "configs" / "identify_snubber.yaml"
+CASE = config_path("identify_snubber")
 
 
 def case(**changes):

@@ -1,17 +1,14 @@
 """Chapter 4 of the thesis by ``nnm: {method: multiple_scales}``: chains, beams, and how small its factors are."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import config_path
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.comparisons import compare_expansion, expansion_path
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 BEAM = {
     "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700, "elements": 10,
@@ -129,7 +126,7 @@ CHAPTER_4 = {
 def test_configs_of_chapter_4(name):
     """What `beamsim nnm` reports at the thesis's factors; orders 2 and 3 where factors are small."""
     factor, first, exact = CHAPTER_4[name]
-    result = nnm(load_scenario(CONFIGS / f"{name}.yaml"))
+    result = nnm(load_scenario(config_path(name)))
     assert result.complete
     s = result.summary["multiple_scales"]
     assert s["factor"][0] == factor
@@ -145,7 +142,7 @@ def test_configs_of_chapter_4(name):
 def test_forced_on_the_first_mode_at_factor_5():
     """Printed 77.58 Hz; 89.95 Hz here, whatever the level and force. 77.58 Hz belongs to 26.8 kN/m, factor 0.251."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
-    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes))
+    result = nnm(load_scenario(config_path("nnm_forced_mode_1"), changes))
     backbone = result.branches[0]
     assert backbone["frequency_hz"].values[-1] == pytest.approx(89.952, abs=2e-3)
     assert np.interp(77.58, backbone["frequency_hz"].values, backbone["parameter"].values) == pytest.approx(
@@ -164,7 +161,7 @@ def test_forced_on_the_first_mode_at_factor_5():
 def test_forced_on_the_second_mode_at_factor_5():
     """Printed 340 Hz, which no spring gives: 351.02 Hz without, 359.19 Hz at 5 times 107 kN/m; unstable when forced."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
-    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_2.yaml", changes))
+    result = nnm(load_scenario(config_path("nnm_forced_mode_2"), changes))
     backbone = result.branches[0]
     assert backbone["frequency_hz"].values.min() == pytest.approx(351.02, abs=0.01)
     assert backbone["frequency_hz"].values[-1] == pytest.approx(359.19, abs=0.01)
@@ -177,7 +174,7 @@ def test_forced_on_the_second_mode_at_factor_5():
 
 def gapped(gap=1e-4):
     """A model with a coordinate of 148 times the mode's frequency: the residual shape of the spring."""
-    return conservative_system(load_scenario(CONFIGS / "nnm_first.yaml", {"snubbers[0].gap": gap}))
+    return conservative_system(load_scenario(config_path("nnm_first"), {"snubbers[0].gap": gap}))
 
 
 def test_the_pole_is_where_a_harmonic_meets_a_mode():

@@ -4,10 +4,10 @@ One case of the thesis (one-sided contact, 2 g).
 """
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -16,7 +16,7 @@ from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.system.build import build_system
 
-CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+CONFIG = config_path("one_sided_65hz")
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ They lie on a closed curve of their own, apart from the curve of the excitation'
 """
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
 from independent import Beam, Stop, integrate
+from shipped import config_path
 
 import beamsim
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -20,7 +20,7 @@ from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
 from beamsim.system.build import build_system
 
-CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+CONFIG = config_path("one_sided_65hz")
 HZ = 60.0
 
 

@@ -12,7 +12,7 @@ from beamsim.responses.gapping import contact_levels
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
-CONFIG = Path(__file__).parents[2] / "configs/plate_panel.yaml"
+CONFIG = Path(__file__).parents[2] / "configs/structures/plate_panel.yaml"
 LENGTH, WIDTH, THICKNESS, YOUNG, NU, DENSITY = 0.77, 0.44, 0.005, 70e9, 0.33, 2700.0
 SNUBBER, NEAR_GAP, FAR_GAP = 60e3, -0.1e-3, 0.2e-3
 STANDARD_GRAVITY = 9.80665

@@ -1,16 +1,15 @@
 """Every case of chapters 1 and 2 that ships as a config, and what the thesis says of it."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from independent import Beam, Stop, integrate
+from shipped import config_path
 
 import beamsim
 from tests.helpers.spectra import lines_of
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 ONE_SIDED = ["one_sided_45hz", "one_sided_65hz", "one_sided_78hz", "one_sided_160hz"]
 PRESTRESSED_LINEAR = ["prestressed_90hz_0_5g", "prestressed_465hz_1g"]
 PRESTRESSED = [
@@ -23,7 +22,7 @@ POINT_FORCE = ["point_force_32hz", "point_force_100hz", "point_force_122hz", "po
 
 @cache
 def result(name):
-    return beamsim.run(beamsim.load_scenario(CONFIGS / f"{name}.yaml", {"run.convergence": "off"}))
+    return beamsim.run(beamsim.load_scenario(config_path(name), {"run.convergence": "off"}))
 
 
 def orders(name, quantity="absolute_acceleration", above_db=-60.0):
@@ -110,7 +109,7 @@ def test_the_independent_displacement_would_see_another_snubber():
 
 @pytest.mark.parametrize("factor", [3.0, np.pi])
 def test_zero_gap_scales_exactly_with_the_level(factor):
-    scenario = CONFIGS / "one_sided_45hz.yaml"
+    scenario = config_path("one_sided_45hz")
     scaled = beamsim.run(beamsim.load_scenario(scenario, {"excitation.level": 2 * 9.80665 * factor}))
     reference = result("one_sided_45hz")
     for name in ("displacement", "absolute_acceleration"):
@@ -163,7 +162,7 @@ def test_half_a_millimetre_of_backlash_is_reached(name):
 def test_five_millimetres_of_backlash_never_close():
     """The printed 5 mm cannot be: the three cases are linear with it."""
     for name in BACKLASH:
-        scenario = beamsim.load_scenario(CONFIGS / f"{name}.yaml", {"snubbers[0].gap": 5e-3})
+        scenario = beamsim.load_scenario(config_path(name), {"snubbers[0].gap": 5e-3})
         assert beamsim.run(scenario).summary["linear"], name
 
 

@@ -1,14 +1,11 @@
 """The sweeps of thesis figures 1.17, 1.18 and 1.44, shortened; printed numbers and laws that hold exactly."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import config_path
 
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.scenario import load_scenario
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +17,7 @@ def first_resonance():
         "sweep.levels": ["1 g", "2 g"],
         "sweep.rate": "4 oct/min",
     }
-    return sweep(load_scenario(CONFIGS / "sweep_one_sided_2g.yaml", overrides))
+    return sweep(load_scenario(config_path("sweep_one_sided_2g"), overrides))
 
 
 def test_first_resonance_moves_to_about_82_hz(first_resonance):
@@ -48,7 +45,7 @@ def test_response_over_level_is_the_same_at_every_level(first_resonance):
 def test_second_resonance_moves_up_from_328_hz():
     """The thesis reads 352 Hz; ours has two peaks there, 326 to 332 and 349 to 350 Hz, with subharmonics."""
     overrides = {"sweep.from": "300 Hz", "sweep.to": "400 Hz", "sweep.rate": "6 oct/min", "sweep.direction": "up"}
-    result = sweep(load_scenario(CONFIGS / "sweep_one_sided_2g.yaml", overrides))
+    result = sweep(load_scenario(config_path("sweep_one_sided_2g"), overrides))
     found = [p.frequency_hz for p in result.peaks if p.probe == "tip"]
     assert any(abs(f - 352) < 6 for f in found)
     assert result["modes"]["open_frequencies_hz"].values[1] == pytest.approx(328.5, rel=0.005)
@@ -57,8 +54,8 @@ def test_second_resonance_moves_up_from_328_hz():
 def test_backlash_follows_the_beam_without_snubber_where_contact_is_lost():
     """Figure 1.44: past the drop the swept response is that of the open beam; where it drops depends on the level."""
     overrides = {"sweep.from": "55 Hz", "sweep.to": "100 Hz", "sweep.rate": "4 oct/min", "sweep.levels": ["1 g", "2 g"]}
-    result = sweep(load_scenario(CONFIGS / "sweep_backlash.yaml", overrides))
-    without = sweep(load_scenario(CONFIGS / "sweep_backlash.yaml", {**overrides, "snubbers": []}))
+    result = sweep(load_scenario(config_path("sweep_backlash"), overrides))
+    without = sweep(load_scenario(config_path("sweep_backlash"), {**overrides, "snubbers": []}))
     lost = []
     for name in ("up_0", "up_1"):
         curve, free = result.curves[name], without.curves[name]
@@ -76,7 +73,7 @@ def test_backlash_follows_the_beam_without_snubber_where_contact_is_lost():
 
 def test_small_levels_with_backlash_are_linear():
     overrides = {"sweep.levels": ["0.02 g"], "sweep.from": "45 Hz", "sweep.to": "62 Hz"}
-    result = sweep(load_scenario(CONFIGS / "sweep_backlash.yaml", overrides))
+    result = sweep(load_scenario(config_path("sweep_backlash"), overrides))
     curve = result.curves["up_0"]
     assert result.summary["events"] == 0
     peak = max((p for p in result.peaks if p.probe == "tip"), key=lambda p: p.value_m)

@@ -1,18 +1,16 @@
 """The shipped cases against an independent code with DOP853 restarted at every contact, to 1e-9 of the peak."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from independent import Beam, Stop, chain, integrate, static_equilibrium
 from sampling import slow_after
+from shipped import config_path
 
 import beamsim
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 TWO_SNUBBERS = [
     {"name": "below", "position": "200 mm", "side": "below", "stiffness": 2e4, "gap": "0.05 mm",
      "damping": {"kind": "ratio", "ratio": 0.02}, "mounted_on": "ground"},
@@ -82,7 +80,7 @@ def independent_motion(case, times, **changes):
 
 def exact_motion(case, times):
     name, overrides, duration = CASES[case]
-    scenario = beamsim.load_scenario(CONFIGS / f"{name}.yaml", overrides if case == "chain" else overrides | COARSE)
+    scenario = beamsim.load_scenario(config_path(name), overrides if case == "chain" else overrides | COARSE)
     system = build_system(scenario)
     trajectory = simulate(exact_flow(system, duration), system.initial_state)
     shape, state, n = np.array([p.shape for p in system.probes]), trajectory.states_at(times), system.dynamics.size

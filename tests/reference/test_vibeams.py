@@ -10,7 +10,7 @@ from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.branches import events_of, peaks_of
 
-CONFIG = Path(__file__).parents[2] / "configs/vibeams.yaml"
+CONFIG = Path(__file__).parents[2] / "configs/continuation/vibeams.yaml"
 MEASURED = {"left": [30.95, 199.04, 556.82, 1085.93], "right": [28.2, 205.54, 277.74, 594.98, 1168.62]}
 COMPUTED = {"left": [30.9444, 202.07, 560.66, 1090.50], "right": [28.401, 208.87, 273.86, 588.79, 1124.3]}
 """Hz: of the rig, and of the same idealisation by an Euler-Bernoulli code of others."""

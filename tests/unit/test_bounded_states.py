@@ -17,7 +17,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 N, M, END = 5, 6, 5.0
-CASE = Path(__file__).parents[2] / "configs/chain_bumpers.yaml"
+CASE = Path(__file__).parents[2] / "configs/stops/chain_bumpers.yaml"
 
 
 def flow_of(most=None, law=kelvin_voigt) -> ExactFlow:

@@ -138,7 +138,7 @@ def test_table_json_file_and_picture(tmp_path, shaken):
 def boom(tmp_path_factory):
     """A boom that latches, with an output, and its channels as a laboratory would name them."""
     folder = tmp_path_factory.mktemp("boom")
-    result = beamsim.run(beamsim.load_scenario("configs/deployed_boom.yaml"))
+    result = beamsim.run(beamsim.load_scenario("configs/structures/deployed_boom.yaml"))
     columns = {
         "root.end moment [N mm]": 1e3 * result["histories"]["snubber_force"].sel(snubber="root.end").values / 1.1,
         "angle [deg]": np.degrees(result["histories"]["output_value"].sel(output="angle").values) / 1.1,

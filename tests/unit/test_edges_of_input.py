@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
+from shipped import config_path
 
 from beamsim.errors import BeamsimError, ScenarioError
 from beamsim.scenario import load_scenario
@@ -30,7 +31,7 @@ def numbers(value, path=()):
 @pytest.mark.parametrize("name", slow_after(1, ["chain_cubic", "one_sided_65hz", "two_panels"]))
 def test_extreme_numbers_are_refused_or_computed_with(name):
     """`beam.length: 1e308` and the like were internal errors; nothing but a located refusal may come of them."""
-    scenario = load_scenario(ROOT / f"configs/{name}.yaml")
+    scenario = load_scenario(config_path(name))
     case = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)  # defaults among the numbers
     for chain in [case["chain"]] if "chain" in case else []:
         chain["dashpots"] = [0.0] * len(chain["springs"])

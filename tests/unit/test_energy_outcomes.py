@@ -1,10 +1,10 @@
 """A motion whose energy is not in balance, or that is not finite, is not called complete."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep_system
@@ -19,7 +19,7 @@ from beamsim.responses.energies import LARGEST_ERROR, EnergyBalance, EnergyHisto
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
-CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+CASE = config_path("one_sided_65hz")
 SHORT = ["run.duration=0.1 s", "run.sample_rate=5 kHz", "run.spectrum.last=0.05 s"]
 
 

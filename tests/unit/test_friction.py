@@ -1,10 +1,9 @@
 """Dry friction behind a tangential spring: closed forms and scenarios; random contacts are in the attack."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from balance import energy_history
+from shipped import config_path
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
@@ -133,7 +132,7 @@ def test_the_start_says_which_equilibrium(start, force):
 
 @pytest.mark.parametrize("begin", [0.6, 0.731])
 def test_sliding_and_wear_before_and_after_a_time_are_those_of_the_run(begin):
-    case = Path(__file__).parents[2] / "configs" / "rubbing_stop.yaml"
+    case = config_path("rubbing_stop")
     parts = {"whole": {}, "before": {"run.duration": begin}, "after": {"run.from": begin}}
     cases = {name: {"run.convergence": "off", **changes} for name, changes in parts.items()}
     runs = {name: beamsim.run(beamsim.load_scenario(case, changes)) for name, changes in cases.items()}

@@ -1,22 +1,19 @@
 """Impacts in result files and pictures."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from shipped import config_path
 
 import beamsim
 from beamsim.plots.run import cycles, impact_map, plot_peak_forces
 from beamsim.scenario import load_scenario
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-
 
 @pytest.fixture(scope="module")
 def result():
     overrides = ["run.impacts={}", "run.duration=0.5", "run.spectrum.periods=7", "run.convergence=off"]
-    return beamsim.run(load_scenario(CONFIGS / "chain_bumpers.yaml", overrides))
+    return beamsim.run(load_scenario(config_path("chain_bumpers"), overrides))
 
 
 def test_every_impact_is_in_the_pictures(result):

@@ -4,10 +4,10 @@ import hashlib
 import os
 import shutil
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.studies.plan import plan_designs
@@ -20,7 +20,6 @@ from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SHORT = ["run.duration=1 ms", "run.convergence='off'", "reduction.modes=2", "reduction.highest_frequency=null"]
 KEYS = [("bodies", "panel", *key) for key in (("mass", "file"), ("stiffness", "file"), ("dofs", "file"))]
 
@@ -31,9 +30,9 @@ def solved(tmp_path_factory):
     case, results = tmp_path_factory.mktemp("case"), tmp_path_factory.mktemp("results")
     (case / "matrices").mkdir()
     for name in ("strip.op4", "strip_dofs.csv"):
-        shutil.copy(CONFIGS / name, case / "matrices")
-    text = (CONFIGS / "imported_panel.yaml").read_text(encoding="utf-8")
-    (case / "imported_panel.yaml").write_text(text.replace(" strip", " matrices/strip"), encoding="utf-8")
+        shutil.copy(config_path("imported_panel").parents[1] / "matrices" / name, case / "matrices")
+    text = config_path("imported_panel").read_text(encoding="utf-8")
+    (case / "imported_panel.yaml").write_text(text.replace("../matrices/", "matrices/"), encoding="utf-8")
     result = beamsim.run(load_scenario(case / "imported_panel.yaml", SHORT))
     beamsim.write_result(result, results / "panel.h5")
     return case / "matrices", results / "panel.h5", result

@@ -1,9 +1,8 @@
 """Every contact law in every analysis: it is taken, or refused with the reason and a remedy."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.identify.vibrations import steady_vibration
@@ -161,7 +160,7 @@ def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
 def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     """The force of the damper reaches its static limit of 35 N while it sticks; it then falls to 25 N."""
     sweep = {"kind": "continuation", "from": 3.505, "to": 3.53, "side_branches": "none", "seek_at": 0}
-    damper = Path(__file__).parents[2] / "configs" / "friction_damper.yaml"
+    damper = config_path("friction_damper")
     branch, *_ = beamsim.continuation(load_scenario(damper, {"run": None, "sweep": sweep})).branches
     assert branch["outcome"].item() == "sticking_jumps"
     assert branch["frequency_hz"].values.max() == pytest.approx(3.523498, abs=1e-5)

@@ -1,10 +1,9 @@
 """Histories of long runs are read, drawn and exported in parts: little memory, the same numbers."""
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.flow import moments
@@ -13,14 +12,13 @@ from beamsim.store import export, results
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 RATE = 100e3
 LONG = {"run.duration": "1 s", "run.sample_rate": "100 kHz", "run.convergence": "off"}
 PART = 4096
 
 
 def long_run(**changes):
-    return beamsim.run(beamsim.load_scenario(CONFIGS / "one_sided_65hz.yaml", {**LONG, **changes}))
+    return beamsim.run(beamsim.load_scenario(config_path("one_sided_65hz"), {**LONG, **changes}))
 
 
 @pytest.fixture

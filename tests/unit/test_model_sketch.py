@@ -3,12 +3,12 @@
 import json
 import shutil
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
+from shipped import config_path
 
 from beamsim.plots.model import model_figure, stop_text
 from beamsim.plots.sketch import Sketch
@@ -17,7 +17,6 @@ from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM = {"length": 0.4, "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 
 
@@ -109,7 +108,7 @@ def test_texts_of_stops():
 
 @pytest.mark.parametrize("case", ["one_sided_45hz", "hinged_yoke", "chain_bumpers", "plate_panel", "vibeams"])
 def test_no_label_lies_over_another(case):
-    figure = sketched(load_scenario(CONFIGS / f"{case}.yaml"))
+    figure = sketched(load_scenario(config_path(case)))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -125,7 +124,7 @@ def test_no_label_lies_over_another(case):
 
 
 def test_validate_draws_the_model(tmp_path):
-    shutil.copy(CONFIGS / "two_forces.yaml", tmp_path / "case.yaml")
+    shutil.copy(config_path("two_forces"), tmp_path / "case.yaml")
     done = invoke("validate", tmp_path / "case.yaml", "--sketch", "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     (file,) = json.loads(done.stdout)["files"]
@@ -140,7 +139,7 @@ def labels(figure):
 def test_a_continuation_in_shares_of_the_length_is_said_in_metres():
     """The picture ended in a traceback: shares have no order."""
     path = "sweep={kind: continuation, continue_in: {kind: position, from: 50 %, to: 80 %}}"
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", [path])
+    scenario = load_scenario(config_path("one_sided_65hz"), [path])
     assert "position 0.135 to 0.216 m" in excitation_text(scenario)
 
 
@@ -171,7 +170,7 @@ def test_supports_that_move_are_marked():
 
 def test_what_moves_by_a_record_or_moves_a_stop_is_drawn(tmp_path):
     """A record has no level; a stop that moves has an arrow below it."""
-    shipped = load_scenario(CONFIGS / "earthquake.yaml")
+    shipped = load_scenario(config_path("earthquake"))
     drawn = sketched(shipped)
     said = set(texts(drawn))
     arrows = [each.xy[0] for each in drawn.axes[0].texts if each.arrow_patch is not None and each.xycoords == "data"]

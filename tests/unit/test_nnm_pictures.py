@@ -1,12 +1,11 @@
 """Pictures of nonlinear modes: what is drawn, and that names can be read."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from shipped import config_path
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.tables import table_rows
@@ -14,14 +13,12 @@ from beamsim.plots.drawing import Chart, Curve, draw
 from beamsim.plots.nnm import configuration
 from beamsim.scenario import load_scenario
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-
 
 @pytest.fixture(scope="module")
 def result():
     """Two masses between stops with a tongue, motions never at rest and a grazing."""
     changes = {"nnm.continue_in.from": 0.5, "nnm.continue_in.to": 4.0}
-    return nnm(load_scenario(CONFIGS / "nnm_never_at_rest.yaml", changes))
+    return nnm(load_scenario(config_path("nnm_never_at_rest"), changes))
 
 
 def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
@@ -40,7 +37,7 @@ def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
 
 
 def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):
-    chain = nnm(load_scenario(CONFIGS / "nnm_chain_mass_5.yaml"))
+    chain = nnm(load_scenario(config_path("nnm_chain_mass_5")))
     lengths = [configuration(one).curves[0].x.size / one["motion"]["time"].values.size for one in (result, chain)]
     assert lengths == pytest.approx([1.0, 0.5], abs=1e-3)
 

@@ -1,7 +1,6 @@
 """Statistics of random vibration against Miles' and linear theory, and their way through the result file."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numba import njit
 from scipy.signal import butter, sosfilt
 from scipy.special import gamma
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.run.fatigue import damage_interval
@@ -168,7 +168,7 @@ def test_errors_of_what_few_peaks_decide_are_the_scatter_between_records():
 
 def test_a_crest_factor_does_not_make_a_record_not_converged():
     """With a finer model it changes by more than 2 % and by less than other records; the rms converges."""
-    scenario = load_scenario(Path(__file__).parents[2] / "configs" / "random_vibration.yaml")
+    scenario = load_scenario(config_path("random_vibration"))
     result = beamsim.run(scenario)
     summary = result.summary
     changes = summary["convergence"]["random"]
@@ -571,7 +571,7 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
     """At the rate of the run; a damage above 1 in the test alone is warned of."""
     life = {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}
     run = {"run.fatigue": life, "run.convergence": "off", "run.duration": 1.0, "run.test_duration": 60.0}
-    result = beamsim.run(load_scenario("configs/random_vibration.yaml", run))
+    result = beamsim.run(load_scenario("configs/loads/random_vibration.yaml", run))
     body = result.summary["fatigue"]["beam"]
     done, years = body["damage"], body["life_s"] / (365.25 * 86400)
     assert body["damage_in_test"] == pytest.approx(60.0 * done)
@@ -580,7 +580,7 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
     test = f"{60 * done:.2g} ({low:.2g} to {high:.2g}, 95 %) in 60 s of test"
     assert f", {test}, life {years:.3g} years, at x = 0" in damage_text(result, body)
     weak = run | {"run.fatigue": life | {"cycles": 2e6 * 20.0 * done}}
-    warned = beamsim.run(load_scenario("configs/random_vibration.yaml", weak)).warnings
+    warned = beamsim.run(load_scenario("configs/loads/random_vibration.yaml", weak)).warnings
     assert [text for text in warned if "failure" in text] == [
         "the damage of beam in run.test_duration = 3 is failure in the test"
     ]

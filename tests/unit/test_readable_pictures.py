@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from readable import faults
 from sampling import slow_after
+from shipped import config_path
 
 import beamsim
 from beamsim.kinds import KINDS
@@ -74,7 +75,7 @@ def test_pictures_of_every_kept_result(name, tmp_path):
 
 @pytest.mark.parametrize("name", slow_after(2, SKETCHED))
 def test_sketches(name):
-    scenario = beamsim.load_scenario(ROOT / "configs" / f"{name}.yaml")
+    scenario = beamsim.load_scenario(config_path(name))
     system = build_system(scenario)
     with shown_in(scenario.display_scales):
         sketch = Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
@@ -83,7 +84,7 @@ def test_sketches(name):
 
 @pytest.mark.parametrize("name", slow_after(0, list(SOLVED)))
 def test_pictures_of_shipped_cases(name):
-    scenario = beamsim.load_scenario(ROOT / "configs" / f"{name}.yaml", SOLVED[name])
+    scenario = beamsim.load_scenario(config_path(name), SOLVED[name])
     if scenario.study is not None:
         result = beamsim.design_study(beamsim.plan_designs(scenario))
     else:

@@ -1,10 +1,9 @@
 """Dry friction that does not move while it sticks: closed forms and limits; random contacts are in the attack."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from balance import energy_of_segments
+from shipped import config_path
 
 import beamsim
 from beamsim.contacts.branches import MaxwellBranch
@@ -18,8 +17,6 @@ from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from tests.helpers.branches import peaks_of
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def system_of(limits, shape, stiffness, damping):
@@ -65,7 +62,7 @@ def test_stick_and_slip_on_a_belt():
 
 def test_the_shipped_case_begins_as_by_hand():
     """The second mass swings on the spring until the first breaks loose: 150 N (1 - cos w t) = 90 N."""
-    result = beamsim.run(load_scenario(CONFIGS / "dry_friction.yaml"))
+    result = beamsim.run(load_scenario(config_path("dry_friction")))
     pad = result["histories"].sel(friction="pad")
     time = result["histories"]["time"].values
     breaks = np.arccos(1.0 - 90.0 / 150.0) / 50.0
@@ -150,7 +147,7 @@ def test_peak_force_is_the_sliding_or_the_static_one():
 def test_the_shipped_resonance_is_that_of_the_energies(level):
     """At resonance the excitation's work pi P X is what friction, 4 F X, and dashpot, pi c w X^2, take."""
     sweep = {"sweep.from": 5.0, "sweep.to": 5.05, "sweep.levels": [level]}
-    (branch,) = beamsim.continuation(load_scenario(CONFIGS / "continuation_friction.yaml", sweep)).branches
+    (branch,) = beamsim.continuation(load_scenario(config_path("continuation_friction"), sweep)).branches
     omega, dashpot = np.sqrt(2000.0 / 2.0), 2 * 0.02 * np.sqrt(2.0 * 2000.0)
     expected = (level - 4.0 * 3.0 / np.pi) / (dashpot * omega)
     assert branch["status"].item().startswith("reached")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from shipped import PATHS
 
 from beamsim.errors import ScenarioError
 from beamsim.kinds import TemplateKind
@@ -230,10 +231,7 @@ def the_schema():
     return Draft202012Validator(json_schema())
 
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-
-
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
 def test_schema_accepts_what_is_shipped(path):
     """It refused null for a key whose default is a mapping, and tests of an identification that name no kind."""
     assert the_schema().is_valid(parse(path.read_text()))

@@ -1,10 +1,10 @@
 """Exports: what other programs find in the files."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.compare_modes.analysis import read_shapes
@@ -13,8 +13,6 @@ from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
 from tests.helpers.spectra import spectrum_of
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def export_run(result, target, form):
@@ -28,7 +26,7 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
         for name, x, side in (("stop", 0.27, "below"), ("top", 0.135, "above"))
     ]
     probes = [{"name": "tip", "position": 0.27}, {"name": "middle", "position": 0.135}]
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers": stops, "probes": probes})
+    scenario = load_scenario(config_path("one_sided_65hz"), {"snubbers": stops, "probes": probes})
     result = fabricated_run(snubbers=("stop", "top"), rate=9_000.0)  # an increment of 1/9000 s needs more than 6 digits
     result = dataclasses.replace(result, scenario=scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
@@ -65,7 +63,7 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
 def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     pyuff = pytest.importorskip("pyuff")
     name = "Spitze über 80 Zeichen " + 70 * "x"
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"probes": [{"name": name, "position": 0.27}]})
+    scenario = load_scenario(config_path("one_sided_65hz"), {"probes": [{"name": name, "position": 0.27}]})
     result = dataclasses.replace(fabricated_run(probes=(name,)), scenario=scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     assert path.read_bytes().isascii()
@@ -88,7 +86,7 @@ def test_modes_of_a_beam_are_in_the_universal_file(tmp_path):
     """Data sets 151, 15, 82 and 55, read by pyuff and compared with the structure's own modes."""
     pyuff = pytest.importorskip("pyuff")
     changes = ["run.duration=0.02 s", "run.spectrum=null", "run.sample_rate=5 kHz"]
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", changes)
+    scenario = load_scenario(config_path("one_sided_65hz"), changes)
     result = beamsim.run(scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     sets = pyuff.UFF(str(path)).read_sets()

@@ -2,18 +2,17 @@
 
 import traceback
 from contextvars import copy_context
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
-CONFIGS = Path(__file__).parents[2] / "configs"
-CHAIN = CONFIGS / "chain_bumpers.yaml"
+CHAIN = config_path("chain_bumpers")
 
 
 def test_a_run_with_too_many_events():
@@ -162,7 +161,7 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
 
     monkeypatch.setattr(CycleStepper, "carry", carry)
     step = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
-    result = sweep(load_scenario(CONFIGS / "sweep_up_down.yaml", [step]))
+    result = sweep(load_scenario(config_path("sweep_up_down"), [step]))
     assert result.outcome.code == "no_steady_state"
     (curve,) = result.curves.values()
     assert result.outcome.place.value > curve.frequency_hz[-1]
@@ -172,7 +171,7 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
 @pytest.mark.slow
 def test_a_fit_with_too_few_evaluations(monkeypatch):
     monkeypatch.setattr("beamsim.analyses.identify.fit.MOST_EVALUATIONS", 1)
-    path = CONFIGS / "identify_nonlinear.yaml"
+    path = config_path("identify_nonlinear")
     scenario = load_scenario(path, {"identify_stiffness.nonlinear.starts": 1})
     result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))
     assert result.outcome.code == "fit_limit"

@@ -14,7 +14,7 @@ from tests.helpers.commands import invoke
 pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
-CASES = sorted([*(ROOT / "configs").glob("*.yaml"), *(ROOT / "tests" / "data" / "examples").glob("*.yaml")])
+CASES = sorted([*(ROOT / "configs").rglob("*.yaml"), *(ROOT / "tests" / "data" / "examples").glob("*.yaml")])
 
 
 def leaves(value, place=()):
