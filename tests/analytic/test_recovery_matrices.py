@@ -36,12 +36,13 @@ def scenario(folder, rows=None, outputs=(), names=None, matrix=None):
 
 @pytest.fixture(scope="module")
 def matrices():
-    return {each.name: each.values.toarray() for each in read_op4(PANEL.parent / "strip.op4")}
+    return {each.name: each.values.toarray() for each in read_op4(PANEL.parents[1] / "matrices" / "strip.op4")}
 
 
 @pytest.fixture(scope="module")
 def dofs():
-    return [tuple(line.split(",")[:2]) for line in (PANEL.parent / "strip_dofs.csv").read_text().split()[1:]]
+    table = PANEL.parents[1] / "matrices" / "strip_dofs.csv"
+    return [tuple(line.split(",")[:2]) for line in table.read_text().split()[1:]]
 
 
 def test_motion_elsewhere_and_the_reaction_of_the_base(tmp_path, matrices, dofs):

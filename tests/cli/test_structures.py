@@ -59,7 +59,7 @@ def test_nastran_files_without_the_package_for_them_end_with_2_and_say_what_to_i
     outcome = invoke("validate", tmp_path / "structures" / "matrices_op4.yaml")
     assert outcome.exit_code == 2
     message = " ".join(outcome.output.split())
-    assert "panel.yaml:8: bodies.panel.mass.file is one of Nastran" in message
+    assert "matrices_op4.yaml:8: bodies.panel.mass.file is one of Nastran" in message
     assert "pip install 'beamsim[nastran]'" in message
     outcome = invoke("export-structure", case, "-o", tmp_path / "written.op4")
     assert outcome.exit_code == 2

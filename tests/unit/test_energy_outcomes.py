@@ -93,7 +93,7 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
 
 def test_a_sweep_that_is_not_finite_has_an_outcome():
     scenario = load_scenario(
-        CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
+        config_path("sweep_up_down"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
     )
     system = sweep_system(scenario)
     whole = sweep_level(SweepLevel(system, scenario.sweep, 1.0, 0))
