@@ -17,9 +17,11 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
+import durations
 import numpy as np
 import pytest
 import typer.testing
+from durations import pytest_addoption, pytest_collection_modifyitems
 from hypothesis import settings
 from shipped import config_path
 
@@ -47,12 +49,16 @@ if os.environ.get("CI"):
     settings.load_profile("ci")
 
 
-def pytest_configure() -> None:
-    """Let workers and the commands that tests start keep bytecode beside the sources.
+__all__ = ["pytest_addoption", "pytest_collection_modifyitems"]  # hooks
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Record durations on request, and let workers and the commands that tests start keep bytecode beside the sources.
 
     Where the environment forbids that, each process compiles the package's sources again: a third of a short command.
     """
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    durations.configure(config)
 
 
 # One short case for each group of compiled kernels; a worker compiles its share first, all of it lands in the cache.

@@ -10,6 +10,7 @@ from beamsim.scenario import Scenario, load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PATHS = sorted(CONFIGS.rglob("*.yaml"), key=lambda path: path.stem)
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the compiled one where there is one
 COMMANDS = {"run": "run", "sweep": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
 """Section -> command; studies are in test_design_configs.py."""
 
@@ -28,7 +29,7 @@ def shipped(path: Path) -> Scenario:
 
 def asked(path):
     """The commands that a config has a section for: of its own, or where it has none, of the file that it extends."""
-    scenario, own = shipped(path), yaml.safe_load(path.read_text(encoding="utf-8"))
+    scenario, own = shipped(path), yaml.load(path.read_text(encoding="utf-8"), LOADER)
     sections = [section for section in COMMANDS if getattr(scenario, section) is not None]
     sections = [section for section in sections if section in own] or (
         [] if {"vary", "optimise"} & own.keys() else sections
