@@ -41,6 +41,7 @@ r"""A window on [0, T] as a sum of :math:`c e^{-i \pi s u / T}`: whole numbers s
 MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 SPREAD = 15  # points of the grid that a value is spread to
 SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^2) - 1)), -1 < z < 1
+DEGREES = 15  # coefficients of the polynomials by which it is evaluated
 OVERSAMPLING = 2  # of the grid
 _FREQUENCIES = 64  # in a row of the matrix of them
 FAST = 2.0  # times the highest frequency: faster functions are integrated by parts ...
@@ -248,15 +249,28 @@ def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, cou
     points = -(-least // power) * power  # 5 to 8 times a power of two: fast, without importing scipy.fft in each run
     grid, position = np.zeros((points, columns)), step * points / (2.0 * np.pi)
     for times, value in values:
-        spread_to_grid(position * times, np.ascontiguousarray(value), SPREAD, SHARPNESS, grid)
+        spread_to_grid(position * times, np.ascontiguousarray(value), _polynomials(), grid)
     node, weight = _rule(3 * SPREAD)
-    spread = 0.5 * SPREAD * weight * np.exp(SHARPNESS * (np.sqrt(1.0 - node**2) - 1.0))
+    spread = 0.5 * SPREAD * weight * _spreading(node)
     turn = 1j * np.pi * SPREAD / points * node
     coarse, fine = np.arange(0, count, _FREQUENCIES), np.arange(_FREQUENCIES)
     # of the spreading function: the exponential at a frequency is a product of two
     transform = (np.exp(np.multiply.outer(coarse, turn)) * spread) @ np.exp(np.multiply.outer(turn, fine))
     transform = transform.real.ravel()[:count]
     return np.asarray(np.fft.rfft(grid, axis=0)[:count] / transform[:, None])
+
+
+def _spreading(z: Floats) -> Floats:
+    """The spreading function; zero but for round-off at -1 and 1."""
+    return np.asarray(np.exp(SHARPNESS * (np.sqrt(np.maximum(1.0 - z**2, 0.0)) - 1.0)))
+
+
+@lru_cache(maxsize=1)
+def _polynomials() -> Floats:
+    """(SPREAD, DEGREES) polynomials that agree with the spreading function to round-off, see `spread_to_grid`."""
+    place = np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)
+    of_points = _spreading((place[:, None] + 1.0 + 2.0 * np.arange(SPREAD)) / SPREAD - 1.0)
+    return np.ascontiguousarray(np.linalg.solve(np.vander(place, DEGREES), of_points).T)
 
 
 def interpolated(integrals: Complexes, position: Floats) -> Complexes:

@@ -784,24 +784,29 @@ def fill_moments(x, out):
         _moments(x[i], out.shape[1] - 1, out[i])
 
 
-@kernel
-def spread_to_grid(position, value, width, sharpness, grid):
-    """Spread values over the points of a periodic grid next to them, by ``exp(sharpness (sqrt(1 - z^2) - 1))``.
+@summing
+def spread_to_grid(position, value, polynomials, grid):
+    """Spread values over the points of a periodic grid next to them.
 
     Parameters
     ----------
     position : (n,) in steps of the grid.
     value : (n, k).
-    width : how many points, at z from -1 to 1.
-    sharpness : of the function.
+    polynomials : (w, d) coefficients, the highest first, of the weights of w points around, by where the position is
+        between two points: from -1 to 1.
     grid : (points, k) added to.
     """
-    points, half = grid.shape[0], 0.5 * width
+    width, points = polynomials.shape[0], grid.shape[0]
     for i in range(position.size):
-        first = math.ceil(position[i] - half)
+        first = math.ceil(position[i] - 0.5 * width)
+        place = 2.0 * (first - position[i]) + width - 1.0
+        point = first % points
         for j in range(width):
-            z = (first + j - position[i]) / half
-            weight = math.exp(sharpness * (math.sqrt(max(1.0 - z * z, 0.0)) - 1.0))
-            point = (first + j) % points
+            weight = 0.0
+            for d in range(polynomials.shape[1]):
+                weight = weight * place + polynomials[j, d]
             for c in range(value.shape[1]):
                 grid[point, c] += weight * value[i, c]
+            point += 1
+            if point == points:
+                point = 0

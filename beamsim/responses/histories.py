@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.channels import channel_values
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, asked_by
-from beamsim.responses.energies import EnergyHistory, sampled_stored_energy, work_factors
+from beamsim.responses.energies import EnergyHistory, stored_energy, work_factors
 from beamsim.results.values import outer
 from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
@@ -111,14 +111,25 @@ class HistoryRecorder:
         for number in range(first, max(last, first + 1), self._at_once):
             part = slice(number, min(number + self._at_once, last))
             at = np.minimum(self._times[part], chunk.end)
-            self._values[part] = channel_values(chunk, self._channels, at)
-            self._touching[part] = self._contacts.closed(chunk.phases[chunk.segments_at(at)])
+            phases = chunk.phases[chunk.segments_at(at)]
+            self._values[part], y, penetration = self._sampled(chunk, at)
+            self._touching[part] = self._contacts.closed(phases)
             end = at[-1:] if part.stop < last else [chunk.end]
             work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
-            self._energy[0, part], self._energy[2, part] = work[:-1], sampled_stored_energy(chunk, at)
+            self._energy[0, part] = work[:-1]
+            self._energy[2, part] = stored_energy(chunk.flow.system, y, penetration, phases)
             self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
             begin, self._work = float(end[0]), float(work[-1])
             self._filled = part.stop
+
+    def _sampled(self, chunk: Trajectory, at: Floats) -> tuple[Floats, Floats, Floats]:
+        """Channels, states and penetrations at times (nt,), s; their terms are evaluated once."""
+        flow, channels = chunk.flow, self._channels
+        output_of, states = outputs_of(flow, channels.linear), [flow.equations.state, flow.equations.penetration]
+        sampled = chunk.sample(at, lambda phases: np.vstack([output_of(phases), *states]))
+        linear, y, penetration = np.split(sampled, np.cumsum([channels.linear.shape[0], flow.size]), axis=1)
+        squared = outputs_of(flow, channels.squared)
+        return channels.values(lambda of: chunk.sample(at, squared) if of else linear), y, penetration
 
 
 class LowPassed:

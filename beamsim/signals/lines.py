@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -23,6 +23,8 @@ _PROMISING = 0.3  # the same for a pair on a grid of frequencies, which is then 
 _ON_ORDER = 0.02  # bins from an order of the excitation, of one of two lines that were separated
 _MOST_FAILURES = 3  # pairs of one spectrum that explain nothing, before its lines are taken as not steady
 _MOST_LINES = 50
+_FEWEST_BINS = 32  # on either side of a maximum, whose lower quartile is the floor around it
+_HIGHER = 1.1  # times its frequency, at which a line of a motion may be in another one
 _ORDERS_OF_A_SHORT_RECORD = 10
 
 
@@ -75,8 +77,9 @@ def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Vi
 
 
 def lines_of(
-    record: SpectrumRecord, levels: Levels, one_sided: bool, excitation_hz: float, chosen_hz: Sequence[float]
-) -> LineFit:
+    record: SpectrumRecord, levels: Levels, one_sided: bool, excitation_hz: float, chosen_hz: Sequence[float],
+    orders_hz: Collection[float] | None = None,
+) -> LineFit:  # fmt: skip
     """Lines of a spectrum by frequency.
 
     The record is examined once more with a Blackman–Harris window (side lobes at -92 dB), whatever window was asked
@@ -101,6 +104,8 @@ def lines_of(
     one_sided : whether the beginning counts most.
     excitation_hz : Hz, nan where there is no single excitation frequency.
     chosen_hz : Hz, frequencies that are fitted in any case; they replace what is nearer than a bin.
+    orders_hz : Hz, of the orders that are locked to the excitation; by default those that both halves of the record
+        show to be.
     """
     view = view_of(record, excitation_hz, one_sided)
     if view is None:
@@ -108,7 +113,7 @@ def lines_of(
     else:
         lines = _peaks(record, view, excitation_hz, levels)
         if 0.0 < excitation_hz < np.inf and lines:
-            lines = _only_locked(record, lines)
+            lines = _only_locked(record, lines, orders_hz)
         fit = fit_lines(record, _refined(record, lines, view), view)
         if fit.remainder is not None:
             fit = _separated(record, fit, excitation_hz, view)
@@ -259,8 +264,7 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
     least = max(WORTH_LISTING * largest, _OVER_SIDE_LOBES * levels.deviation, ROUND_OFF * levels.peak)
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
-    forced = np.isfinite(excitation_hz)
-    reach = max(32, round(excitation_hz * record.duration)) if forced else 32
+    forced, reach = np.isfinite(excitation_hz), _reach(record.duration, excitation_hz)
     lines: dict[Fraction | float, SpectralLine] = {}
     for j in top.tolist():
         low, high = (min(j - reach, j // 2), max(j + reach, 2 * j)) if one_sided else (j - reach, j + reach + 1)
@@ -280,6 +284,24 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
     return list(lines.values())
 
 
+def _reach(duration: float, excitation_hz: float) -> int:
+    """Bins on either side of a maximum, whose floor it is compared with, in a window with two sides."""
+    return max(_FEWEST_BINS, round(excitation_hz * duration)) if np.isfinite(excitation_hz) else _FEWEST_BINS
+
+
+def seen_up_to(line_hz: float, duration: float, one_sided: bool, excitation_hz: float) -> float:
+    """Hz, up to which a spectrum tells the lines up to one, with the floor around it.
+
+    Parameters
+    ----------
+    line_hz : Hz, of the highest line, which another motion may have at a frequency that is a little higher.
+    duration : s, of the record.
+    one_sided, excitation_hz : as of `lines_of`.
+    """
+    higher = _HIGHER * line_hz + 2 * LOBE / duration
+    return 2.0 * higher if one_sided else higher + _reach(duration, excitation_hz) / duration
+
+
 def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
     for n in _DENOMINATORS:
         if excitation_hz / n < LOBE * bin_hz:
@@ -290,14 +312,19 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(record: SpectrumRecord, lines: list[SpectralLine]) -> list[SpectralLine]:
+def _only_locked(
+    record: SpectrumRecord, lines: list[SpectralLine], orders_hz: Collection[float] | None
+) -> list[SpectralLine]:  # fmt: skip
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
     frequency = np.array([line.frequency_hz for line in lines])
-    (_, early), (_, late) = (half.project(frequency) for half in record.halves())
-    locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
+    if orders_hz is None:
+        (_, early), (_, late) = (half.project(frequency) for half in record.halves())
+        orders_hz = frequency[np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))].tolist()
     return [
-        line if line.order is None or line.order == 1 or steady else SpectralLine(None, line.peak_hz, line.peak_hz)
-        for line, steady in zip(lines, locked.tolist(), strict=True)
+        line
+        if line.order in (None, 1) or line.frequency_hz in orders_hz
+        else line._replace(order=None, frequency_hz=line.peak_hz)
+        for line in lines
     ]
 
 

@@ -39,7 +39,6 @@ _STEP = 4**_FINER  # of the frequencies of a pair in the first search, in the la
 _PLACES_PER_BIN = 4 * _STEP
 _REACH = 4 * _PLACES_PER_BIN  # of the two lines of a pair from the maximum that they share, in the last steps
 
-_RIGHT_ANGLES = np.array([1.0, 0.0, -1.0, 0.0])  # cosines of 0 to 3 of them; that of one less is the sine
 # Coefficients of w(u) = sum_j (-1)^j a_j cos(2 pi j u / T); importing scipy.signal would cost most of a second.
 _COSINE_SUMS = {
     "rectangular": (1.0,),
@@ -96,22 +95,25 @@ class Window:
         r"""Fourier integrals :math:`\int_0^T w e^{-i\omega u} du` of the window, of the shape of omega, rad/s.
 
         With :math:`x = \omega T / 2 \pi` an exponential of the window contributes
-        :math:`T e^{-i \pi x} (-i)^s \sin(\pi (x + s / 2)) / (\pi (x + s / 2))`. The sine is that of :math:`\pi x`,
-        turned by s right angles: a sine where s is even, a cosine where it is odd.
+        :math:`(T / \pi) E(x + s / 2) / (x + s / 2)`, where :math:`E(z) = e^{-i \pi z} \sin \pi z` has the period 1.
         """
         x = np.asarray(omega, dtype=float) * (duration / (2.0 * np.pi))
-        turns = np.rint(2.0 * x)
-        rest = x - 0.5 * turns  # no more than a quarter, so that sines keep their digits near zero
-        rest[rest == 0.0] = NEXT_TO_ZERO  # sin(z) / z is 1 there
-        sine, cosine = np.sin(np.pi * rest), np.cos(np.pi * rest)
-        quarter = turns.astype(np.int64) % 4
-        along, across = _RIGHT_ANGLES[quarter], _RIGHT_ANGLES[quarter - 1]
-        sine, cosine = sine * along + cosine * across, cosine * along - sine * across
-        sums = np.zeros((2, *x.shape))  # over the even and the odd s
-        for steps, factor in self.exponentials:  # (-i)^s and the turned sine have the same signs but for odd s
-            sums[steps % 2] += factor / ((turns + steps) * 0.5 + rest)
-        total = sine * sums[0] - 1j * cosine * sums[1] if self.one_sided else sine * sums[0]
-        return np.asarray((duration / np.pi) * (cosine - 1j * sine) * total)
+        out = np.zeros(x.shape, dtype=complex)
+        for odd in (0, 1) if self.one_sided else (0,):
+            place = x + 0.5 * odd
+            whole = np.rint(place)
+            rest = place - whole  # which keeps the digits of the sine near its zeros
+            rest[rest == 0.0] = NEXT_TO_ZERO  # sin(z) / z is 1 there
+            sums = np.zeros(x.shape)
+            for steps, factor in self.exponentials:
+                if steps % 2 == odd:
+                    sums += factor / ((whole + steps // 2) + rest)
+            rest *= np.pi
+            sine = np.sin(rest)
+            sums *= sine * (duration / np.pi)
+            out.real += np.cos(rest) * sums
+            out.imag -= sine * sums
+        return out
 
 
 @lru_cache(maxsize=4)

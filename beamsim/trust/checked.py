@@ -235,7 +235,7 @@ def _convergence(
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
-    errors = errors_of(relative_changes([own], [values(second)]), result.scenario, second["modes"])
+    errors = errors_of(relative_changes([own], [values(second)]), result.scenario, keeps_all(second["modes"]))
     return Convergence(errors, tuple(doubtful(errors, {})), second["modes"]["kept_modes"].item(), modes)
 
 

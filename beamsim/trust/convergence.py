@@ -88,7 +88,7 @@ def named(values: Values) -> Iterator[tuple[str, float]]:
             yield name, value
 
 
-def errors_of(changes: Changes, scenario: Scenario, finer: Dataset) -> Errors:
+def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
     """The errors that changes to the finer model tell; where that leaves out nothing, they are the changes.
 
     Most values converge as `ORDER` says. Counts may grow with each mode: their error is that of `MANY` times the modes.
@@ -99,9 +99,9 @@ def errors_of(changes: Changes, scenario: Scenario, finer: Dataset) -> Errors:
     ----------
     changes : of values of a model.
     scenario : whose meshes have an order, too.
-    finer : modes of the finer model.
+    complete : whether the finer model leaves out nothing, see `keeps_all`.
     """
-    if keeps_all(finer):
+    if complete:
         return changes
     left = max(MORE_MODES**-ORDER, *(2.0**-body.mesh_order for body in scenario.all_bodies.values()))
     errors: Errors = {}
@@ -309,14 +309,15 @@ class Convergence:
         return {"convergence": self.errors, **marks, "convergence_model": model}
 
 
-def keeps_all(modes: Dataset) -> bool:
+def keeps_all(modes: Dataset, kept: int | None = None) -> bool:
     """Whether a model leaves out nothing of the structure, no body of which has a mesh of its own.
 
     Parameters
     ----------
-    modes : of the model.
+    modes : of the model, or of one of the same structure that keeps so many.
+    kept : modes that it keeps.
     """
-    return bool(modes["kept_modes"].item() >= _coordinates(modes))
+    return bool((kept or modes["kept_modes"].item()) >= _coordinates(modes))
 
 
 def finer_modes(modes: Dataset) -> int:

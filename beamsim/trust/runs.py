@@ -54,8 +54,8 @@ from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import FilteredMotion, filtered
-from beamsim.signals.lines import WORTH_LISTING
-from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord
+from beamsim.signals.lines import WORTH_LISTING, seen_up_to
+from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord, Window
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet
 from beamsim.system.parts import SharedBuilds
@@ -277,7 +277,9 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         changes = relative_changes([first.values], [second.values])
         changes |= relative_changes([derived.reported()], derived.again(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
-    errors, lines = _with_lines(derived, errors_of(changes, second.motion.system.scenario, second.motion.system.modes))
+    scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
+    complete = keeps_all(first.motion.system.modes, kept)  # what else is known of the modes of the second takes long
+    errors, lines = _with_lines(derived, errors_of(changes, scenario, complete))
     for entry, quantity, _ in RMS_OF_PROBES:
         if isinstance(of_probes := errors.get(entry), dict):
             errors[entry] = {
@@ -285,8 +287,8 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
             }
     return Convergence(
         errors,
-        tuple(doubtful(errors, errors_of(scatter, second.motion.system.scenario, second.motion.system.modes))),
-        second.motion.system.kept_modes,
+        tuple(doubtful(errors, errors_of(scatter, scenario, complete))),
+        kept,
         first.motion.system.kept_modes,
         diverged,
         after,
@@ -523,7 +525,12 @@ class DerivedValues:
         if isinstance(motion, Histories):
             return [dict(zip(signals, _sampled(motion, start_s, channels), strict=True))]
         span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
-        highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
+        one_sided = any(Window.named(window).one_sided for window in spectra["window"].values.tolist())
+        part_s, excitation_hz = (span[1] - span[0]) / parts, spectra["excitation_hz"].item()
+        highest = min(
+            max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz")),
+            seen_up_to(float(spectra["line_frequency_hz"].values.max()), part_s, one_sided, excitation_hz),
+        )
         records = records_of(system, motion, channels, span, highest)
         divided = [records] if parts == 1 else [
             [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]

@@ -475,7 +475,7 @@ INPUTS = {
 }
 STAGES = [  # input, module and function in which the signal comes, what is said to be missing
     ("harmonic", "analyses.run.motion", "energies_of_segments", "before the spectra"),
-    ("harmonic", "responses.histories", "sampled_stored_energy", "before the spectra"),
+    ("harmonic", "responses.histories", "stored_energy", "before the spectra"),
     ("harmonic", "analyses.run.analysis", "spectra_of", "before the spectra"),
     ("random", "analyses.run.summary", "gapping_of_run", "before the level that changes contact"),
     ("random", "analyses.run.random_response", "random_response", "before densities and statistics"),
@@ -512,7 +512,7 @@ def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, 
     whole = beamsim.load("case.h5")
     assert kept.summary["peak_force_n"] == whole.summary["peak_force_n"]
     # which are finished if that takes less than a second
-    if function not in ("energies_of_segments", "sampled_stored_energy"):
+    if function not in ("energies_of_segments", "stored_energy"):
         assert returned == []
 
 

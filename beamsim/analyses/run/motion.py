@@ -355,8 +355,8 @@ def exact_motion_of(
     """
     march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
     flow, latest = march.flow, None if march.one_chunk else _LatestPart.of(march, system, settings)
-    sampled = times if needed.derived and (needed.entries is None or needed.statistics) else times[:1]
-    recorder = HistoryRecorder(flow, system.channels.without(STRESS), sampled, Overdue(stop))
+    sampled = needed.derived and (needed.entries is None or needed.statistics)
+    recorder = HistoryRecorder(flow, system.channels.without(STRESS), times, Overdue(stop)) if sampled else None
     impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
@@ -374,7 +374,7 @@ def exact_motion_of(
         extremes=values.extremes,
         extreme_states=values.extreme_states,
         contact_share=march.contact_share,
-        histories=recorder.histories,
+        histories=None if recorder is None else recorder.histories,
         contact=values.contact,
         states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,

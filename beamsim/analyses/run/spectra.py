@@ -343,7 +343,8 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
 def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a signal, the mean first, in another record.
 
-    The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency.
+    The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency,
+    and the same ones are locked to it.
     Any other line is the nearest one of at least half its size, since a natural frequency depends on the model, but no
     nearer to another line. A line that the other record does not have is fitted at its old frequency, together with
     those found.
@@ -358,9 +359,10 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
         return every_hz, size
     excitation_hz, one_sided = known["excitation_hz"].item(), Window.named(known["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
-    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, ())
-    frequency, found, kinds = every_hz[1:], np.array(fit.frequency_hz), known["line_kind"].values[1:]
-    away, free = np.abs(found - frequency[:, None]), np.isin(kinds, ("other", "residual"))
+    frequency, free = every_hz[1:], np.isin(known["line_kind"].values[1:], ("other", "residual"))
+    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), set(frequency[~free].tolist()))
+    found = np.array(fit.frequency_hz)
+    away = np.abs(found - frequency[:, None])
     reach = np.where(free, np.maximum(NEARBY_BINS / record.duration, NEARBY * frequency), ROUND_OFF * frequency)
     between = np.concatenate([[-np.inf], 0.5 * (frequency[1:] + frequency[:-1]), [np.inf]])[:, None]
     own = (found > between[:-1]) & (found < between[1:]) & (np.abs(fit.amplitude) >= 0.5 * size[1:, None])
