@@ -36,7 +36,6 @@ SHORTENED: dict[str, dict[str, Any]] = {
     "sweep_notched": {"sweep.rate": "16 oct/min"},
 }
 LONG_S = 12.0  # processor time of the model with four times the modes, above which there is none with eight
-GROWING = ("peak_acceleration_g", "rms_acceleration_g")
 NOISE = 1e-6  # relative: the program states no smaller error
 
 
@@ -102,8 +101,7 @@ def rows_of(name: str, command: str, scenario: Scenario) -> list[Row]:
         for values in (summary, truth)
     )
     differences, values = dict(named(relative_changes([own], [other]))), dict(named(own))
-    grows = {f"{entry}.{place}" for entry in GROWING for place in summary.get("acceleration_jump_g") or ()}
-    apart = grows | set(summary.get("after_parting", ()))
+    apart = {*(summary.get("without_limit") or ()), *summary.get("after_parting", ())}
     return [
         Row(name, key, values[key], error, differences[key], times)
         for key, error in named(stated)

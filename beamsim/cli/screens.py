@@ -17,7 +17,7 @@ from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_ERROR, Result
-from beamsim.results.values import limit_label, limit_unit, longer_run, read_first
+from beamsim.results.values import limit_label, limit_unit, limits, longer_run, read_first
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.scenario import USED
@@ -30,7 +30,6 @@ WIDTH = 160  # characters, above which records stand side by side instead of bel
 MOST_ROWS = 24  # of a table
 NONE = "-"
 SMALLEST_ERROR = 1e-6  # relative; less is not told apart from round-off
-GROWING = ("peak_acceleration_g", "rms_acceleration_g")  # entries that grow with the modes where a force jumps
 NO_LIMIT = "no limit: grows with the modes"
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 
@@ -114,13 +113,10 @@ class Errors:
             for entry, of in result.summary.get("convergence", {}).items()
             for place, error in (of if isinstance(of, Mapping) else {"": of}).items()
         }
-        self._doubtful, self._after = (
-            {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name, ()))}
-            for name in ("doubtful", "after_parting")
+        self._doubtful, self._after, self._unlimited = (
+            {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name) or ())}
+            for name in ("doubtful", "after_parting", "without_limit")
         )
-        self._jumping = {
-            (entry, place) for entry in GROWING for place in result.summary.get("acceleration_jump_g") or ()
-        }
         self._printed: set[tuple[str, str]] = set()
 
     def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
@@ -143,32 +139,32 @@ class Errors:
         return rounded(value, unit, digits, size) + self.mark(entry, place)
 
     def mark(self, entry: str, place: str = "") -> str:
-        """The mark of a value that is printed: of a doubt, of one of many motions, or of a jump; else empty."""
+        """The mark of a value that is printed: of a doubt, of one of many motions, or of no limit; else empty."""
         key = entry, place
         self._printed.add(key)
-        return " ^" if key in self._jumping else " *" if key in self._doubtful else " ~" if key in self._after else ""
+        return " ^" if key in self._unlimited else " *" if key in self._doubtful else " ~" if key in self._after else ""
 
     def legend(self) -> Iterator[str]:
         """What the marks of the numbers mean."""
-        if self._printed & (self._doubtful - self._jumping):
+        if self._printed & (self._doubtful - self._unlimited):
             yield f"* off by more than {100 * ALLOWED_ERROR:g} %"
-        if self._printed & (self._after - self._doubtful - self._jumping):
+        if self._printed & (self._after - self._doubtful - self._unlimited):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
-        if self._printed & self._jumping:
+        if self._printed & self._unlimited:
             yield (
-                "^ has no limit, it grows with the modes, since the force of a dashpot jumps at touch-down: give "
-                "run.low_pass, a damping of the body, or a point mass at the contact"
+                "^ has no limit, it grows with the modes, since a force jumps at a point with little mass: give "
+                f"{'run.low_pass, ' if self._result.KIND == 'run' else ''}a damping of the body, or a point mass there"
             )
 
     def verdict(self) -> str:
         """Whether the numbers of a result that is complete can be trusted, in a few words."""
         summary = self._result.summary
         model = summary.get("convergence_model") or {"reason": "not known"}
-        keys = {".".join(key): key for key in self._printed - self._jumping}
+        keys = {".".join(key): key for key in self._printed - self._unlimited}
         first = {keys[key] for key in first_of_keys(self._result, keys)}
         means = {key for key in first if self._known.get(key, 0.0) > ALLOWED_ERROR}  # within their standard error
         error = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
-        marked = self._printed & self._jumping
+        marked = self._printed & self._unlimited
         apart = ", but for what is marked ^" if marked else ""
         scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
         if STANDINGS[self._result.outcome.gravest].first_line:
@@ -190,7 +186,7 @@ class Errors:
         self._printed |= keys
         error = max((self._known[key] for key in keys if key in self._known), default=None)
         after = bool(keys & self._after)
-        if keys & self._jumping:
+        if keys & self._unlimited:
             return f"NOT CONVERGED, {NO_LIMIT}" if keys & self._doubtful else NO_LIMIT
         if error is None:  # without a finer model the motion may be one of many, too
             return ONE_OF_MANY if after else ""
@@ -321,7 +317,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     """By limit: margin, value with its place, and limit."""
     return {
         limit_label(name): {
-            "margin": margin_text(item["margin"], item["value"], item.get("margin_db")),
+            "margin": margin_text(item["margin"], item["value"], item.get("margin_db")) + _growing(result, name),
             "value": amount(item["value"], limit_unit(result.scenario, name)),
             "at": item["at"] or "",
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),
@@ -329,6 +325,12 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
         }
         for name, item in compared.items()
     }
+
+
+def _growing(result: Result, limit: str) -> str:
+    """The mark of a limit on values that have none as the modes grow; else empty."""
+    keys = (key.partition(".") for key in result.summary.get("without_limit") or ())
+    return " ^" if any(limits(limit, entry, place) for entry, _, place in keys) else ""
 
 
 def limits_in_test(result: Result) -> Iterator[str]:

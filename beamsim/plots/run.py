@@ -181,8 +181,7 @@ def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Ite
     """The lines of a spectrum, that of a signal with this number, by their kind, and those that are doubtful."""
     of_signal = spectra["line_signal"].values == signal
     frequency, level, kinds, error = (
-        spectra[f"line_{name}"].values[of_signal]
-        for name in ("frequency_hz", "amplitude_db", "kind", "relative_change")
+        spectra[f"line_{name}"].values[of_signal] for name in ("frequency_hz", "amplitude_db", "kind", "error")
     )
     falls = spectra["window"].values[signal] == "decaying"
     doubtful = (frequency <= end * unit) & (error > ALLOWED_ERROR)

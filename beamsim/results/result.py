@@ -118,6 +118,8 @@ CONVERGENCE = (
     Entry("doubtful", "", "values with an error of more than 2 %: value.place", form=list[str]),
     Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
              "many: value.place; their errors are those of means where the excitation goes on", form=list[str]),
+    Entry("without_limit", "", "values that have no limit as the number of modes grows, since a force jumps at a point "
+             "with little mass: value.place", form=list[str]),
     Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
              "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
              "processor time, and why there is no comparison", "convergence", form=FINER_MODEL),

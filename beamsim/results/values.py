@@ -269,10 +269,10 @@ def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     if entry in READ_FIRST or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
         return True
     given = () if scenario.limits is None else scenario.limits.given
-    return any(_limits(name, entry, place) for name in given)
+    return any(limits(name, entry, place) for name in given)
 
 
-def _limits(name: str, entry: str, place: str) -> bool:
+def limits(name: str, entry: str, place: str) -> bool:
     """Whether a limit is one on this entry of a summary at this place."""
     value, of = limited(name)
     rms = entry == "random" and place.endswith(f" {value.quantity} rms")

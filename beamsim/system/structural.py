@@ -12,16 +12,17 @@ Maxwell branches have states of their own. Each undamped mode has the eigenvalue
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import PENETRATION, RATE
+from beamsim.contacts.sliders import drops
 from beamsim.contacts.snubbers import FRICTION, SpringInfo
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
@@ -54,6 +55,7 @@ from beamsim.typing import Floats, Ints
 DIFFERENT = 1.3  # factor between damping ratios that are told apart
 UNCOUPLED = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
 SLOW = 1e-6  # rad/s, at which Maxwell branches have relaxed
+LIGHT = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,15 @@ class SnubberInfo(SnubberNumbers):
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
     across: float | None = None  # m, y on a plate
     table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
+
+
+class JumpingForce(NamedTuple):
+    """A force that may jump at a point of a body with a mesh, which has little or no mass of its own there."""
+
+    cause: str  # for people
+    shape: Floats  # (n,) deflection of the point for a unit of each coordinate, 1/sqrt(kg)
+    contact: int = -1  # its number, of the force of a contact
+    signal: int = -1  # number of the signal, of a force of the excitation
 
 
 _MODE, _BODY, _STATION, _SNUBBER = ("mode",), ("body",), ("station",), ("snubber",)
@@ -251,6 +262,43 @@ class StructuralSystem:
         phases = np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
         stopped = replace(self.as_built, contacts=self.stops)
         return undamped_modes(stopped, phases, self.parts.basis.rigid)[0] / (2 * np.pi)
+
+    @cached_property
+    def jumping_forces(self) -> tuple[JumpingForce, ...]:
+        """Forces of dashpots, dry friction and the excitation that may jump where there is little mass.
+
+        Those at a point mass m are left out whose 1 / m a model of `LIGHT` times the modes reaches.
+        """
+        scenario = self.scenario
+        found = [
+            (JumpingForce(f"the force of the dashpot of {snubber.name}", snubber.shape, contact=j), located)
+            for j, (snubber, located) in enumerate(zip(self.snubbers, scenario.located_snubbers, strict=True))
+            if snubber.dashpot > 0.0
+        ]
+        if self.springs:
+            found += self._jumping_friction()
+        if self.parts.acting.forces:
+            found += self._jumping_loads()
+        return tuple(
+            force
+            for force, located in found
+            if scenario.inverse_mass(located) > LIGHT * float(force.shape @ force.shape)
+        )
+
+    def _jumping_friction(self) -> Iterator[tuple[JumpingForce, Located]]:
+        contacts, listed = self.dynamics.contacts, self.scenario.listed("friction")
+        springs = [spring for spring in self.springs if spring.kind == FRICTION]
+        for j, spring, located in zip(self.friction_contacts.tolist(), springs, listed, strict=True):
+            if drops(contacts.laws[j]) or contacts.laws[j].needs_pressing:
+                yield JumpingForce(f"the friction force of {spring.name}", contacts.shape[j], contact=j), located
+
+    def _jumping_loads(self) -> Iterator[tuple[JumpingForce, Located]]:
+        scenario, acting = self.scenario, self.parts.acting
+        for path, force in acting.forces:
+            if getattr(force.applied_to, "places", ()):
+                number = acting.signals[path, "force"]
+                where = Located(path, scenario.default_body, force.applied_to, scenario.all_bodies)
+                yield JumpingForce("the force of the excitation", self.forcing.load[number], signal=number), where
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""

@@ -28,7 +28,7 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import ALLOWED_ERROR, Result
-from beamsim.results.values import limited, read_first
+from beamsim.results.values import limited, limits, read_first
 from beamsim.scenario import Scenario
 from beamsim.summaries import figure_in_words
 from beamsim.typing import Floats, Ints, not_none
@@ -356,6 +356,8 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
         summary["margins"] = {
             name: item | _range(name, item, (summary, values or {}), checked.errors) for name, item in margins
         }
+        if summary.get("without_limit"):
+            summary["margins"] = {name: _grown(name, item, summary) for name, item in summary["margins"].items()}
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
     if first := [key for key in checked.doubtful if read_first(result.scenario, result["modes"], key)]:
@@ -396,6 +398,29 @@ def _range(
     ] or [(item["value"], next((known[name] for name in of_run if name in known), 0.0))]
     size, error_of = np.transpose(pairs)
     return {"lowest": float(np.max(size * (1.0 - error_of))), "highest": float(np.max(size * (1.0 + error_of)))}
+
+
+def _grown(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What is known of a limit, on values some of which have no limit as the modes grow: these may exceed any.
+
+    Parameters
+    ----------
+    limit, item : as of `_range`.
+    summary : of the result.
+    """
+    keys = [key.partition(".") for key in summary["without_limit"]]
+    growing = {place for entry, _, place in keys if limits(limit, entry, place)}
+    if not growing:
+        return item
+    entry = next(entry for entry, _, place in keys if limits(limit, entry, place))
+    errors, scale = dict(places(summary["convergence"].get(entry, {}))), limited(limit)[0].scale
+    others = [
+        scale * number * (1.0 - errors.get(place, 0.0))
+        for place, number in places(compared({entry: summary[entry]})[entry])
+        if place not in growing and limits(limit, entry, place)
+    ]
+    unknown = dict.fromkeys((key for key in item if key.startswith("interval_")), math.nan)  # of a random motion
+    return item | {"lowest": max(others, default=0.0), "highest": math.inf} | unknown
 
 
 def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:

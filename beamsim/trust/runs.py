@@ -219,7 +219,7 @@ def run(
         values = compared({entry: result.summary[entry] for entry in limited})
         result = with_convergence(result, checked, values)
         if checked.lines is not None:
-            spectra = result["spectra"].assign(line_relative_change=checked.lines)
+            spectra = result["spectra"].assign(line_error=checked.lines)
             summary = {**result.summary, "spectral_lines": spectral_lines(spectra)}
             result = replace(result, datasets={**result.datasets, "spectra": spectra}, summary=summary)
     return replace(result, wall_time_s=clock.perf_counter() - begin)

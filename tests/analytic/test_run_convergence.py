@@ -298,5 +298,5 @@ def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
     for order in (3.0, 7.95, 8.0, 8.06):
         nearest = min(lines, key=lambda line: abs(line["order"] - order))
         assert nearest["order"] == pytest.approx(order, abs=bin_width)
-        assert nearest["relative_change"] < 0.01
+        assert nearest["error"] < 0.01
     assert result.summary["convergence"]["spectral_lines"]["pad absolute_acceleration"] < 0.02

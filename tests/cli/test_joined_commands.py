@@ -150,7 +150,7 @@ def test_the_same_beam_otherwise_gives_the_same_figures(summaries, name, other):
     one, two = summaries(name, "itself"), summaries(name, other)
     skipped = {"sensitivities"}
     if other == "imported":  # which has no finer mesh to compare with, and few coordinates, all of which it is
-        skipped |= {"convergence", "relative_change", "convergence_model"}
+        skipped |= {"convergence", "error", "convergence_model"}
     common = {path for path in one if path in two and not skipped & set(path)}
     assert len(common) >= 6
     different = {

@@ -236,7 +236,7 @@ def cell(facts: ResultFacts, text: str, value: float | None, unit: str, key: tup
 def wrong_mark(facts: ResultFacts, text: str, mark: str, key: tuple[str, str]) -> Iterator[str]:
     """Contradictions between the mark of a cell and what the file says of its value."""
     facts.printed.add(key)
-    jumps = {("peak_acceleration_g", place) for place in facts.summary.get("acceleration_jump_g") or ()}
+    jumps = facts.keys("without_limit")
     doubts = {"*": facts.keys("doubtful"), "~": facts.keys("after_parting"), "^": jumps}
     right = next((each for each, keys in doubts.items() if key in keys), "")
     if mark != right:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 COLUMNS = (
     "order", "frequency_hz", "amplitude", "amplitude_db", "phase_deg", "kind", "remainder", "separating_duration_s",
-    "relative_change",
+    "error",
 )  # fmt: skip
 
 

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -46,6 +45,7 @@ from beamsim.inputs.statements import INPUTS, InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import reached
+from beamsim.responses.jumps import WithoutLimit, jumps_of_motion, keys_of, without_limit
 from beamsim.results.result import (
     compressed_beyond_tables,
     dashpots_of,
@@ -63,16 +63,12 @@ from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
 from beamsim.system.parts import Acting, SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints, not_none, of_kind
+from beamsim.typing import Floats, not_none, of_kind
 
 if TYPE_CHECKING:
-    from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario.run import ShockSpectrumSettings
 
 MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
-NOTED = 0.25  # of a peak acceleration: a larger jump exceeds it in a model of a few times the modes
-MANY = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
-SAME_SHAPE = 1e-9  # relative difference of the shapes of one place
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 
@@ -172,10 +168,10 @@ def solved(
     if everything and sampled is not None:
         compute, unknown = partial(aliased_in_histories, motion, sampled), dict[str, float]()
         summary["aliased_in_histories"] = evaluation.computed("aliasing", compute, unknown, minor=True) or None
-    peak_g, none = summary["peak_acceleration_g"], list[AccelerationJump]()
-    jumps = evaluation.computed("jumps", lambda: [*acceleration_jumps(motion, peak_g)], none, minor=True)
-    warnings += [jump.warning for jump in jumps]
-    summary["acceleration_jump_g"] = {of.probe: of.size_g for of in sorted(jumps, key=attrgetter("size_g"))} or None
+    if system.jumping_forces:
+        found = evaluation.computed("jumps", partial(_without_limit, motion, figures), list[WithoutLimit](), minor=True)
+        warnings += [each.warning for each in found]
+        summary["without_limit"] = [".".join(key) for each in found for key in keys_of(each.channel)] or None
     fields, notes = _asked_for(result, motion, summary, needed, evaluation)
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
@@ -350,122 +346,15 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
     ]
 
 
-class AccelerationJump(NamedTuple):
-    """An acceleration of a probe that has no limit as the modes grow, since the force of a dashpot jumps."""
-
-    probe: str
-    snubber: str
-    size_g: float  # of what the jump makes of it
-    at_contact: bool  # else it is that of waves, which no damping of the body ends
-
-    @property
-    def warning(self) -> str:
-        """One sentence, with a remedy."""
-        jumps = f"the force of the dashpot of {self.snubber} jumps where it meets the structure"
-        why = (
-            "whose point has little or no mass of its own" if self.at_contact else "whose waves meet next to no damping"
-        )
-        damping = "" if self.at_contact else ", a damping of the body"
-        return (
-            f"probes.{self.probe}: its peak acceleration has no limit, it grows with the number of modes: {jumps}, "
-            f"{why}; give the band of the accelerometer (run.low_pass: 2 kHz){damping} or the whole mass at the "
-            "contact as a point mass"
-        )
-
-
-def acceleration_jumps(motion: RunMotion, peak_g: Mapping[str, float]) -> Iterator[AccelerationJump]:
-    """The peak accelerations that grow with the modes, because the force of a dashpot jumps at touch-down.
-
-    A jump F makes an acceleration of F times the sum of the products of the shapes at contact and probe. At the
-    contact itself the sum grows with every mode, up to 1 / m with a point mass m. Elsewhere the modes come one after
-    the other, as a wave in which about sqrt(n) of the modes near number n are in phase; damping leaves those up to
-    1 / (pi ratio).
-    Those are named that reach the peak in a model of `MANY` times the modes (docs/theory.md, section 7).
-
-    Parameters
-    ----------
-    motion : of the run.
-    peak_g : peak acceleration of every probe, g.
-    """
-    system, scenario = motion.system, motion.system.scenario
-    if motion.trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
-        return
-    without_limit = [
-        j
-        for j, snubber in enumerate(system.snubbers)
-        if snubber.dashpot > 0.0
-        and scenario.inverse_mass(scenario.located_snubbers[j]) > MANY * float(snubber.shape @ snubber.shape)
-    ]
-    if without_limit:
-        yield from _jumps_of(motion, motion.trajectory, without_limit, peak_g)
-
-
-def _jumps_of(
-    motion: RunMotion, trajectory: Trajectory, contacts: Iterable[int], peak_g: Mapping[str, float]
-) -> Iterable[AccelerationJump]:
-    """The largest jump of each probe that some contacts make; see `acceleration_jumps`."""
-    system, largest = motion.system, dict[str, AccelerationJump]()
-    touched = trajectory.touch_changes > 0
-    contact, time = trajectory.event_contact[touched], trajectory.event_time[touched]
-    force = trajectory.sample(time, lambda phases: trajectory.flow.at(phases).force)[np.arange(time.size), contact]
-    waves = Waves.of(system)
-    for j in contacts:
-        shape, name, these = system.snubbers[j].shape, system.snubbers[j].name, contact == j
-        sizes = np.abs(force[these])
-        for probe in system.probes if sizes.size else ():
-            apart = min(np.abs(probe.shape - shape).max(), np.abs(probe.shape + shape).max())
-            at_contact = bool(apart <= SAME_SHAPE * np.abs(shape).max())
-            of_contact = float(shape @ shape) * sizes.max()
-            size = of_contact if at_contact else waves.largest(probe.shape, shape, time[these], sizes)
-            jump = AccelerationJump(probe.name, name, float(size) / STANDARD_GRAVITY, at_contact)
-            before = largest[probe.name].size_g if probe.name in largest else 0.0
-            if jump.size_g > max(NOTED * peak_g[probe.name], before):
-                largest[probe.name] = jump
-    return largest.values()
-
-
-@dataclass(frozen=True)
-class Waves:
-    """What the modes of a model make of a force that jumps, away from where it acts.
-
-    Parameters
-    ----------
-    upper : upper half of the kept modes.
-    ratio : smallest of their damping ratios.
-    decay : 1/s, of the highest of them.
-    number : of modes that are in reach: `MANY` times those kept; 0 where damping ends the waves of fewer.
-    """
-
-    upper: Ints
-    ratio: float
-    decay: float
-    number: float
-
-    @classmethod
-    def of(cls, system: StructuralSystem) -> Self:
-        """Those of a system."""
-        kept = system.kept_modes
-        upper = np.argsort(system.dynamics.stiffness, kind="stable")[kept // 2 : kept]
-        ratio = float(np.nanmin(system.modes["damping_ratios"].values[kept // 2 : kept], initial=np.inf))
-        number = MANY * kept if np.pi * ratio * MANY * kept < 1.0 else 0.0
-        return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
-
-    def largest(self, probe: Floats, contact: Floats, time: Floats, force: Floats) -> float:
-        """Largest acceleration of a probe by jumps at a contact, m/s^2, in a model of `MANY` times the modes.
-
-        Parameters
-        ----------
-        probe, contact : (n,) shapes.
-        time, force : (k,) s, N, of the jumps; the waves of all that still travel add as those of random phases.
-        """
-        if not self.number:
-            return 0.0
-        square, most = 0.0, 0.0
-        for size, since in zip(force.tolist(), np.diff(time, prepend=time[0]).tolist(), strict=True):
-            square = square * math.exp(-2.0 * self.decay * since) + size**2
-            most = max(most, square)
-        of_mode = float(np.sqrt(np.mean((probe * contact)[self.upper] ** 2)))
-        return math.sqrt(most * 2.0 * self.number / (math.pi * math.e)) * of_mode
+def _without_limit(motion: RunMotion, figures: Mapping[str, Any]) -> list[WithoutLimit]:
+    """The accelerations that have no limit as the number of modes grows, from values of the motion."""
+    if motion.trajectory is None:
+        return []
+    system, filtered = motion.system, not_none(motion.system.scenario.run).low_pass is not None
+    of_probes = {} if filtered else figures["peak_acceleration_g"]
+    peaks = {("probes", name): peak * STANDARD_GRAVITY for name, peak in of_probes.items()}
+    peaks |= {("outputs", name): peak for name, peak in figures.get("peak_output", {}).items()}
+    return [*without_limit(system, [*jumps_of_motion(system, motion.trajectory)], peaks)]
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice

@@ -260,7 +260,7 @@ SPECTRA = Layout(
             "of a line that is not a steady one the duration that tells the two lines apart that explain the curve "
             "best; NaN of others, where they are farther apart than the resolution, and where no two are found",
         ),
-        "line_relative_change": Variable(
+        "line_error": Variable(
             _LINE, "1",
             "relative error of the amplitude, or of the frequency if larger, from three times the modes and twice the "
             "elements; NaN of a line of no mode, and where there is no comparison",

@@ -96,7 +96,7 @@ def misfit_of_matched(matched: Dataset) -> dict[str, float]:
 LINE = record(
     {"probe": Text, "quantity": Text, "kind": Text,
      **dict.fromkeys(("order", "frequency_hz", "amplitude", "amplitude_db"), Number)},
-    {"relative_change": Number},
+    {"error": Number},
 )  # fmt: skip
 UNRESOLVED_LINE = record(
     {"probe": Text, "quantity": Text,
@@ -123,8 +123,6 @@ _SUMMARY = (
     GAPPING,
     BY_ENTRY["gapping_ratio"].summary_entry(),
     *(value.summary_entry() for value in VALUES if value.of),
-    Entry("acceleration_jump_g", "g", "of probes whose peak acceleration has no limit as the modes grow: what of it "
-             "the jump of a dashpot's force at touch-down makes", form=ByName),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them", form=dict[str, ByName]),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "snubbers", form=ByName),

@@ -226,7 +226,7 @@ def _line_columns(fit: LineFit, peak: float, excitation_hz: float, duration: flo
         "phase_deg": np.degrees(np.angle(np.append(fit.mean + 0j, fit.amplitude))),
         "remainder": remainder,
         "separating_duration_s": separating,
-        "relative_change": np.full(size.size, np.nan),
+        "error": np.full(size.size, np.nan),
     }
 
 

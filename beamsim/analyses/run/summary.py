@@ -105,7 +105,7 @@ def values_of_part(
 
 def spectral_lines(spectra: Dataset) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
-    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "remainder", "relative_change")
+    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "remainder", "error")
     return [of | dict(zip(columns, line, strict=True)) for of, line in _lines(spectra, columns)]
 
 

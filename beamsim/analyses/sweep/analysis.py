@@ -31,6 +31,7 @@ from beamsim.responses.gapping import (
     static_penetration,
     transfer,
 )
+from beamsim.responses.jumps import NOTED
 from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
 from beamsim.results.values import (
     ALWAYS,
@@ -350,11 +351,24 @@ def _summary(result: SweepResult) -> dict[str, Any]:
         "sliding": {name: of for name, curve in curves.items() if (of := _sliding(curve))} or None,
         "notches": {name: of for name, curve in curves.items() if (of := _notches(curve))} or None,
         "energy_error": max(errors, default=None),
+        "without_limit": [key for curve in curves.values() for key in _growing(curve)] or None,
         "truncation": float(levels["truncation"].values.max()),
         **{name: int(levels[name].values.sum()) for name in ("cycles", "events")},
         "processor_time_s": float(levels["processor_time_s"].values.sum()),
         "margins": with_held_limits(scenario, margins_along(scenario.limits, found)),
     }
+
+
+def _growing(curve: SweepCurve) -> Iterator[str]:
+    """``entry.place`` of the largest values of a curve that have no limit as the number of modes grows."""
+    of_quantities = (
+        ("acceleration_jump", "absolute_acceleration", ("peak_acceleration_g", "response_over_limit")),
+        ("output_jump", "output", ("peak_output",)),
+    )
+    for jump, quantity, entries in of_quantities:
+        for name, sizes in curve.cycles.by_label(jump).items():
+            if sizes.values.max() > NOTED * np.nanmax(curve.channel(quantity, name).peak):
+                yield from (f"{entry}.{curve.name} {name}" for entry in entries)
 
 
 def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:

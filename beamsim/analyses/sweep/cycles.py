@@ -15,6 +15,7 @@ from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.outcomes import Outcome, OutcomeKind, Where, together
 from beamsim.responses.energies import LARGEST_ERROR, power_factors, stored_at_ends
+from beamsim.responses.jumps import contact_jumps
 from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -98,6 +99,7 @@ class CycleRecord:
     closings: Ints  # (C, m)
     imbalance: Floats  # (C,) J, dissipated energy and change of the stored one, less the work in
     energy: Floats  # (C,) J, largest kinetic and strain energy of the structure where segments end
+    jumps: Floats  # (C, 2, m) largest jump of each contact's force, N, and sum of the squares of all, N^2
     pressing: Floats  # (C, 2, p) sums of the force that presses a contact that begins to slide, N, and of its square
     duration: Floats  # (C,) s
     cycles: Ints  # (C,) that a row stands for
@@ -128,6 +130,7 @@ class CycleRecord:
             closings=self.closings.sum(axis=0, keepdims=True),
             imbalance=self.imbalance.sum(keepdims=True),
             energy=self.energy.max(keepdims=True),
+            jumps=np.stack([self.jumps[:, 0].max(axis=0), self.jumps[:, 1].sum(axis=0)])[None],
             pressing=self.pressing.sum(axis=0, keepdims=True),
             duration=self.duration.sum(keepdims=True),
             cycles=self.cycles.sum(keepdims=True),
@@ -206,6 +209,7 @@ def record_cycles(
         closings=closings,
         imbalance=summed(imbalance),
         energy=_largest_energy(motion, cycle, count),
+        jumps=_jumps(motion, edge),
         pressing=summed(_pressing_where_sliding_begins(motion)),
         duration=np.diff(edge),
         cycles=np.ones(count, dtype=np.int64),
@@ -254,6 +258,16 @@ def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
         largest = np.zeros(count)
         np.maximum.at(largest, cycle, energy)
     return largest
+
+
+def _jumps(motion: Trajectory, edge: Floats) -> Floats:
+    """(C, 2, m) largest jump of each contact's force between edges, N, and sum of the squares of all, N^2."""
+    time, size = contact_jumps(motion)
+    cycle = np.clip(np.searchsorted(edge, time, side="right") - 1, 0, edge.size - 2)
+    found = np.zeros((edge.size - 1, 2, size.shape[1]))
+    np.maximum.at(found[:, 0], cycle, size)
+    np.add.at(found[:, 1], cycle, size**2)
+    return found
 
 
 def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:

@@ -100,6 +100,10 @@ CYCLES = Layout(
             "closed at rest; NaN in a hinge", optional=True,
         ),
         **{name: variable for quantity in FOLLOWED for name, variable in _statistics(quantity).items()},
+        "acceleration_jump": Variable(
+            _PROBE + _CYCLE, "m/s^2", "what jumps of contact forces in the cycle make of the acceleration at a point "
+            "with little mass, or elsewhere by waves in a model of ten times the modes", optional=True,
+        ),
         "impact_number": Variable(_SNUBBER + _CYCLE, "1", "impacts per cycle: closings", optional=True),
         "impact_contact_time": Variable(
             _SNUBBER + _CYCLE, "s", "mean time in contact of an impact; NaN in a cycle without closing", optional=True
@@ -132,6 +136,7 @@ CYCLES = Layout(
         "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
         "output_maximum": Variable(_OUTPUT + _CYCLE, "{unit}", "largest value of a cycle"),
         "output_minimum": Variable(_OUTPUT + _CYCLE, "{unit}", "smallest value of a cycle"),
+        "output_jump": Variable(_OUTPUT + _CYCLE, "{unit}", "the same of an acceleration; else 0", optional=True),
         "output_rms": Variable(
             _OUTPUT + _CYCLE, "{unit}", "root mean square over the time of a cycle, mean included"
         ),

@@ -21,6 +21,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome
+from beamsim.responses.jumps import ForceJumps, Waves, accelerations
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import Limits
@@ -167,6 +168,7 @@ class SweepLevel:
             }
         if record.contact_share.shape[1] > len(snubbers):
             columns["spring_changes"] = changing(record.contact_share[:, len(snubbers) :])
+        columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
         if "gap" in self.limited:
             opening = self._named(OPENING, "m")
             unknown = np.full(count, np.nan)
@@ -206,6 +208,22 @@ class SweepLevel:
                 unknown = np.full(frequency_hz.size, np.nan)
                 columns[f"limit_{quantity}"] = np.array([unknown if each is None else each for each in limits])
         return columns
+
+    def _jumps(self, record: CycleRecord, time: Floats) -> dict[str, Any]:
+        """What jumps of contact forces make of accelerations (k, C)."""
+        system, waves = self.system, Waves.of(self.system)
+        of_contacts = [force for force in system.jumping_forces if force.contact >= 0]
+        jumps = [ForceJumps(force, time, *record.jumps[:, :, force.contact].T) for force in of_contacts]
+
+        def largest(channel: Channel) -> Floats:
+            sizes = [waves.accelerations(system, channel, of) for of in jumps if channel in grows]
+            return np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(record.count)
+
+        grows = accelerations(system)
+        probes, outputs = ([c for c, _ in self.channels.located if c.section == of] for of in ("probes", "outputs"))
+        probes = [channel for channel in probes if channel.key == ACCELERATION]
+        named = {"acceleration_jump": probes, "output_jump": outputs}
+        return {name: np.array([largest(channel) for channel in of]) for name, of in named.items() if of}
 
     def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
         """What the outputs are, and their extremes, means and harmonics."""

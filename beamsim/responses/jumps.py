@@ -1,0 +1,176 @@
+"""Accelerations that have no limit as the number of modes grows, since a force jumps at a point with little mass.
+
+A jump F makes an acceleration of F times the sum of the products of the shapes at its point and at the place. At the
+point itself the sum grows with every mode, up to 1 / m with a point mass m. Elsewhere the modes come one after the
+other, as a wave in which about sqrt(n) of the modes near number n are in phase; damping leaves those up to
+1 / (pi ratio). See docs/theory.md, section 7.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.signal import Signal, StreamedSignal
+from beamsim.results.values import ACCELERATION, OUTPUT
+from beamsim.system.equations import Channel
+from beamsim.system.structural import LIGHT, JumpingForce, StructuralSystem
+from beamsim.typing import Floats, Ints
+
+NOTED = 0.25  # of a peak acceleration: a larger jump exceeds it in a model of a few times the modes
+SAME_SHAPE = 1e-9  # relative difference of the shapes of one place
+JUST_BEFORE = 1e-6  # of the length of the segment that an event ends
+OF_PROBES = ("peak_acceleration_g", "rms_acceleration_g")  # entries of summaries that grow with an acceleration
+
+
+class ForceJumps(NamedTuple):
+    """Jumps of one force in order of time, each or those of a cycle."""
+
+    force: JumpingForce
+    time: Floats  # (k,) s
+    largest: Floats  # (k,) N
+    square: Floats  # (k,) N^2, sum of the squares
+
+
+class WithoutLimit(NamedTuple):
+    """A value that has no limit as the number of modes grows."""
+
+    channel: Channel  # an acceleration
+    force: JumpingForce
+    at_force: bool  # else the acceleration is that of waves, which no damping of the body ends
+
+    @property
+    def warning(self) -> str:
+        """One sentence, with a remedy."""
+        output, cause = self.channel.section == OUTPUT.section, self.force.cause
+        why = "at a point that has little or no mass" if self.at_force else "and its waves meet next to no damping"
+        remedies = [
+            *([] if output else ["give the band of the accelerometer (run.low_pass: 2 kHz)"]),
+            f"{'give' if output else 'or'} the mass there as a point mass",
+            *(["or let the force rise in a finite time"] if self.force.signal >= 0 else []),
+            *([] if self.at_force else ["or give a damping of the body"]),
+        ]
+        return (
+            f"{self.channel.section}.{self.channel.name}: its peak acceleration has no limit, it grows with the number "
+            f"of modes: {cause} jumps, {why}; {', '.join(remedies)}"
+        )
+
+
+def contact_jumps(motion: Trajectory) -> tuple[Floats, Floats]:
+    """When the phases of contacts change, (k,) s, and by how much their forces jump there, (k, m) N."""
+    changed = np.flatnonzero(np.diff(motion.state)) + 1
+    time, first = np.unique(motion.time[changed], return_index=True)
+    before = motion.length[changed[first] - 1]
+
+    def force(phases: Ints) -> Floats:
+        return motion.flow.at(phases).force
+
+    return time, np.abs(motion.sample(time, force) - motion.sample(time - JUST_BEFORE * before, force))
+
+
+def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
+    """When a signal jumps before an end, s, from zero at the beginning too, and by how much; (k,) each."""
+    if isinstance(signal, StreamedSignal):  # a record, smooth between its samples
+        return np.zeros(1), np.abs(signal(np.zeros(1)))
+    pieces = np.arange(signal.start.size)
+    before = np.append(0.0, signal.within(pieces[:-1], np.diff(signal.start)))
+    size, begun = np.abs(signal.within(pieces, np.zeros(pieces.size)) - before), signal.start < end
+    return signal.start[begun], size[begun]
+
+
+def jumps_of_motion(system: StructuralSystem, motion: Trajectory) -> Iterator[ForceJumps]:
+    """Those of the forces of a system that may jump where it has little mass."""
+    time, of_contacts = contact_jumps(motion)
+    for force in system.jumping_forces:
+        if force.signal >= 0:
+            at, size = signal_jumps(system.forcing.signal[force.signal], motion.end)
+        else:
+            at, size = time, of_contacts[:, force.contact]
+        if size.any():
+            yield ForceJumps(force, at, size, size**2)
+
+
+def accelerations(system: StructuralSystem) -> list[Channel]:
+    """Channels of accelerations."""
+    return [c for c in system.channels.channels if c.key in (ACCELERATION, (OUTPUT.section, "acceleration"))]
+
+
+def without_limit(
+    system: StructuralSystem, jumps: Sequence[ForceJumps], peaks: Mapping[tuple[str, str], float]
+) -> Iterator[WithoutLimit]:
+    """The accelerations that grow with the modes: those of which jumps reach a share of the peak in a larger model.
+
+    Parameters
+    ----------
+    system : whose forces jump.
+    jumps : of them.
+    peaks : largest magnitudes of accelerations by section and name, SI; others are not looked at.
+    """
+    waves = Waves.of(system)
+    for channel in accelerations(system):
+        if (peak := peaks.get((channel.section, channel.name))) is None:
+            continue
+        found = [(float(waves.accelerations(system, channel, of).max()), of) for of in jumps]
+        size, of = max(found, key=lambda each: each[0], default=(0.0, None))
+        if of is not None and size > NOTED * peak:
+            yield WithoutLimit(channel, of.force, at_force(system, channel, of.force))
+
+
+def at_force(system: StructuralSystem, channel: Channel, force: JumpingForce) -> bool:
+    """Whether an acceleration is that of the point at which a force acts."""
+    shape, other = system.channels.sizes.part(channel.rows, "acceleration")[0], force.shape
+    apart = min(np.abs(shape - other).max(), np.abs(shape + other).max())
+    return bool(apart <= SAME_SHAPE * np.abs(other).max())
+
+
+def keys_of(channel: Channel) -> list[tuple[str, str]]:
+    """Entry and place of the values of a summary that are without a limit where a channel is."""
+    entries = OF_PROBES if channel.key == ACCELERATION else ("peak_output", "min_output", "max_output")
+    return [(entry, channel.name) for entry in entries]
+
+
+@dataclass(frozen=True)
+class Waves:
+    """What the modes of a model make of a force that jumps, away from where it acts.
+
+    Parameters
+    ----------
+    upper : upper half of the kept modes.
+    ratio : smallest of their damping ratios.
+    decay : 1/s, of the highest of them.
+    number : of modes that are in reach: `LIGHT` times those kept; 0 where damping ends the waves of fewer.
+    """
+
+    upper: Ints
+    ratio: float
+    decay: float
+    number: float
+
+    @classmethod
+    def of(cls, system: StructuralSystem) -> Self:
+        """Those of a system."""
+        kept = system.kept_modes
+        upper = np.argsort(system.dynamics.stiffness, kind="stable")[kept // 2 : kept]
+        ratio = float(np.nanmin(system.modes["damping_ratios"].values[kept // 2 : kept], initial=np.inf))
+        number = LIGHT * kept if np.pi * ratio * LIGHT * kept < 1.0 else 0.0
+        return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
+
+    def accelerations(self, system: StructuralSystem, channel: Channel, jumps: ForceJumps) -> Floats:
+        """(k,) m/s^2 that jumps make of a channel: of each at its force, and of all whose waves still travel.
+
+        Waves are those of a model of `LIGHT` times the modes, and add as those of random phases.
+        """
+        shape = jumps.force.shape
+        direct = at_force(system, channel, jumps.force) * float(shape @ shape) * jumps.largest
+        squares, sum_of = np.zeros(jumps.time.size), 0.0
+        since = np.diff(jumps.time, prepend=jumps.time[:1])
+        for k, (square, lapse) in enumerate(zip(jumps.square.tolist(), since.tolist(), strict=True)):
+            squares[k] = sum_of = sum_of * math.exp(-2.0 * self.decay * lapse) + square
+        row = system.channels.sizes.part(channel.rows, "acceleration")[0]
+        of_mode = float(np.sqrt(np.mean((row * shape)[self.upper] ** 2)))
+        return np.maximum(direct, np.sqrt(squares * 2.0 * self.number / (math.pi * math.e)) * of_mode)
