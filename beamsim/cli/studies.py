@@ -109,6 +109,7 @@ def _near_lines(result: StudyResult) -> Iterator[str]:
         count = int(result["cases"]["front"].values.sum())
         yield f"{counted(count, 'design')} of the front: none is better in both objectives"
         yield from _end_lines(result)
+        yield from _gap_lines(result)
     near = result.summary.get("near_best", {})
     if near:
         ranges = [
@@ -131,6 +132,17 @@ def _end_lines(result: StudyResult) -> Iterator[str]:
                 "is an end of its range; a wider range" if len(labels) == 1 else "are ends of their ranges; wider ones"
             )
             yield f"{' and '.join(labels)} there {are} may have a better one"
+
+
+def _gap_lines(result: StudyResult) -> Iterator[str]:
+    """Where the front has no design: it may consist of parts."""
+    units = {name: of.unit for name, of in result["cases"].by_label("objective_value").items()}
+    for gap in result.summary.get("front_gaps", ()):
+        name = next(iter(gap["from"]))
+        low, high = sorted(gap[end][name] for end in ("from", "to"))
+        share = f"{100.0 * gap['share']:.0f} % of its length"
+        ends = f"{name.replace('_', ' ')} of {extent(low, high, units[name])}"
+        yield f"the front has a gap, {share}, at a {ends}: no design found there is in it"
 
 
 def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:

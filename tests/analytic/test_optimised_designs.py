@@ -5,6 +5,8 @@ product of both is m v^2 whatever the stiffness. The weak spring that holds the 
 equal stop behind the mass catches it when it comes back.
 """
 
+import re
+
 import numpy as np
 import pytest
 
@@ -118,7 +120,6 @@ def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_th
 
 def test_a_front_has_designs_of_which_none_is_better_in_both():
     """Every stiffness is on the front, whose product of force and displacement is m v^2; damping is not."""
-    pytest.importorskip("pymoo")
     damping = {"path": "snubbers[*].damping.coefficient", "from": "0 N s/m", "to": "50 N s/m"}
     dashpot = [stop | {"damping": {"kind": "viscous", "coefficient": "5 N s/m"}} for stop in CASE["snubbers"]]
     optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS], "most_cases": 120}
@@ -142,7 +143,6 @@ def test_a_front_reaches_its_ends_in_closed_form(seed):
 
     The lightest of three masses is best in both; gaps add to the displacement, and take a ten-thousandth of the force.
     """
-    pytest.importorskip("pymoo")
     limit = 60.0
     masses = {"name": "mass", "choices": {f"{m} kg": {"chain.masses": [m]} for m in (5.0, MASS, 3.0)}}
     gap = {"path": "snubbers[*].gap", "from": "0 mm", "to": "0.2 mm"}
@@ -168,19 +168,17 @@ def test_a_front_reaches_its_ends_in_closed_form(seed):
 
 
 def test_a_front_says_what_there_was_no_room_for():
-    """Thirty cases locate no end."""
-    pytest.importorskip("pymoo")
+    """Fourteen cases are too few for two numbers."""
     gap = {"path": "snubbers[*].gap", "from": "0 mm", "to": "2 mm"}
-    result = searched({"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS, gap], "most_cases": 30})
-    assert result.count <= 30
+    result = searched({"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS, gap], "most_cases": 14})
+    assert result.count <= 14
     assert result.outcome.code == "search_not_converged"
-    assert "the smallest peak displacement was not located" in result.outcome.text
+    assert re.search("found to be better|still improved|not searched", result.outcome.text)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
     """Of one product in four, in 6 % of its gaps: nothing nearby points there, and half of the front is there."""
-    pytest.importorskip("pymoo")
 
     def solved(solver, case):
         u, v, product = case.values

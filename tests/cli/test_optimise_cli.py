@@ -129,7 +129,6 @@ def test_cases_that_are_sweeps_are_solved_by_processes():
 
 def test_a_front_names_the_best_design_of_each_objective():
     """The softest stop has the least force, the stiffest one the least displacement; both are ends of the range."""
-    pytest.importorskip("pymoo")
     aims = CASE.replace("{peak_force: 60 N, peak_displacement: 10 mm}", "[peak_force, snubbers/stop/contact_share]")
     Path("case.yaml").write_text(aims.replace("limits: {peak_force: 120 N, peak_displacement: 30 mm}\n", ""))
     lines = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots").output.splitlines()

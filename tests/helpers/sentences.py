@@ -1457,6 +1457,18 @@ def _near_best(facts, found):
         yield f"the table has {int(facts.data['cases/front'].sum())}"
 
 
+@rule("line", r"the front has a gap, (\d+) % of its length, at an? (.*?) of (.*): no design found there is in it")
+def _gap_of_front(facts, found):
+    front = np.asarray(facts.data["cases/front"]) == 1
+    values = facts.data["cases/objective_value"][:, front]
+    values = values[:, np.argsort(values[0])]
+    steps = np.linalg.norm(np.diff(values / np.ptp(values, axis=1, keepdims=True), axis=1), axis=0)
+    near = [k for k, share in enumerate(100 * steps / steps.sum()) if abs(share - float(found[1])) <= 0.5 + 1e-9]
+    ends = [sorted(values[0, k : k + 2]) for k in near]
+    if not any(not list(extent(facts, found[3], float(low), float(high), _si_unit(found[3]))) for low, high in ends):
+        yield f"the front has no such gap; of this share {ends}"
+
+
 def _best_number(facts: ResultFacts, name: str) -> dict[str, Any] | None:
     if name == "as it is":
         return facts.summary.get("as_it_is")

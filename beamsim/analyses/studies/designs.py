@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,19 @@ def unsettled(tried: int, left_out: Sequence[str] = (BETTER,)) -> Outcome:
     )
 
 
+class Known(NamedTuple):
+    """All designs that are solved."""
+
+    points: Floats  # (n, parameters) of the unit cube
+    values: Floats  # (n, objectives), small where good; infinite where a design has none
+    beyond: Floats  # (n, limits) by which share each limit is exceeded, negative where it is met
+
+    @property
+    def excess(self) -> Floats:
+        """(n,) the largest share by which a limit is exceeded, zero where all are met."""
+        return np.asarray(self.beyond.max(axis=1, initial=0.0))
+
+
 class Designs:
     """Designs with their objectives and by how much they exceed limits, each solved once.
 
@@ -48,6 +62,7 @@ class Designs:
         self.plan, self.evaluate = plan, evaluate
         self.known: dict[tuple[Value, ...], tuple[Floats, Floats]] = {}  # (objectives,), (limits,)
         self.points: dict[tuple[Value, ...], Floats] = {}  # of the unit cube
+        self._every: Known | None = None  # where nothing was solved since
         self.free: Bools = np.array([not (p.values or p.whole) for p in plan.study.varied])  # ranges of real numbers
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
@@ -58,21 +73,24 @@ class Designs:
     def signed(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and by which share each limit is exceeded (limits, n), negative if met."""
         rows = list(zip(*distributed(self.plan.study.varied, cube), strict=True))
-        self.points |= dict(zip(rows, cube, strict=True))
+        self.points |= {row: point for row, point in zip(rows, cube, strict=True) if row not in self.known}
         new = [row for row in dict.fromkeys(rows) if row not in self.known]
         if new:
             outcomes = [outcome for of_case in self.evaluate(new) for outcome in of_case]
             values, beyond = costs(self.plan, outcomes)
             self.known |= {row: (values[:, k], beyond[:, k]) for k, row in enumerate(new)}
+            self._every = None
         found = [self.known[row] for row in rows]
         count = len(objectives(self.plan.scenario))
         return np.reshape([of for of, _ in found], (len(rows), count)).T, np.transpose([of for _, of in found])
 
-    def every(self) -> tuple[Floats, Floats, Floats]:
-        """Points (n, parameters), objectives (n, objectives) and largest excess of a limit (n,) of all designs."""
-        known = [(self.points[row], *of) for row, of in self.known.items()]
-        points, values = (np.array([each[k] for each in known]) for k in (0, 1))
-        return points, values, np.array([beyond.max(initial=0.0) for *_, beyond in known])
+    @property
+    def every(self) -> Known:
+        """All designs that are solved, in the order in which they were tried."""
+        if self._every is None:
+            columns = [(self.points[row], *of) for row, of in self.known.items()]
+            self._every = Known(*(np.array([each[k] for each in columns]) for k in range(3)))
+        return self._every
 
     @property
     def tried(self) -> int:
@@ -87,8 +105,8 @@ class Designs:
 
     def best_apart(self, taken: Sequence[Floats], goal: int = 0) -> Floats | None:
         """The best point by an objective that meets every limit and lies apart from others; None without one."""
-        points, values, excess = self.every()
-        kept = np.flatnonzero((excess == 0.0) & np.isfinite(values[:, goal]))
+        points, values, _ = self.every
+        kept = np.flatnonzero((self.every.excess == 0.0) & np.isfinite(values[:, goal]))
         ranked = points[kept[np.argsort(values[kept, goal], kind="stable")]]
         return next((p for p in ranked if all(np.max(np.abs(p - other)) >= APART for other in taken)), None)
 

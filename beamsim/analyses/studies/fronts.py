@@ -1,100 +1,100 @@
 """Search for the front of two objectives: its ends, what lies between them, and its gaps.
 
-Sources: the genetic algorithm, K. Deb et al., IEEE Transactions on Evolutionary Computation 6 (2002) 182-197; the local
-search, T. M. Ragonneau, Model-based derivative-free optimization methods and software, PhD thesis, The Hong Kong
-Polytechnic University, 2022.
+Source of the local search: T. M. Ragonneau, Model-based derivative-free optimization methods and software, PhD thesis,
+The Hong Kong Polytechnic University, 2022. What lies between the ends is of `proposals`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from importlib import import_module
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.studies.designs import APART, BETTER, RESOLUTION, Designs, unsettled
+from beamsim.analyses.studies.designs import APART, RESOLUTION, Designs, Known, unsettled
 from beamsim.analyses.studies.objectives import objectives
-from beamsim.analyses.studies.table import efficient
-from beamsim.errors import ScenarioError
+from beamsim.analyses.studies.proposals import proposed, ranges_of
+from beamsim.analyses.studies.table import WIDE, efficient, shares_between
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 SAMPLED = 0.25  # of the cases that are allowed: ends of ranges with every choice, and a Latin hypercube
 FOR_AN_END = 0.125  # of them, for each end at first
-LAST = 0.4  # of them, for local searches after the genetic algorithm
+PROPOSED = 0.7  # of them, after which ends are located and gaps are searched; the rest is proposed by the model, too
+LOCATING = 0.07  # of them, to locate an end
 STARTS = 3  # of the search for an end, from the best designs that lie apart
-WIDE = 0.08  # of the length of a front: a wider gap between neighbours is searched
-FINE = 0.02  # of it: a wider part between designs at which searches settled is searched after that
+BATCH = 8  # designs that the model proposes at a time
 NEAR = 0.03  # of a range, first steps of searches from designs of the front
 FOR_A_PART = 8  # cases for each number in a range, and as many more
 ON_A_LIMIT = 1e-6  # by which a design stays away from a limit: less is round-off
 AS_GOOD = 1e-9  # of the range of an objective: designs that are closer are as good
 WORSE = 10.0  # ranges of the objectives, as which what is not known counts
-SETTLED = 0.01  # relative growth of the area below a front by the last quarter of the designs
+SETTLED = 0.01  # of the ranges of the objectives, by which the last quarter of the designs may improve a front
 LAST_QUARTER = 0.25
 
 
-def front(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
+def front(designs: Designs, settings: Optimise) -> Outcome:
     """Search for the designs of which none is better in both objectives.
 
     Parameters
     ----------
     designs : solves them.
     settings : of the search.
-    limited : whether there are limits.
 
     Returns
     -------
     Outcome
         Complete, or what was left out.
-
-    Raises
-    ------
-    ScenarioError
-        If pymoo is not installed.
     """
-    try:
-        nsga2 = import_module("pymoo.algorithms.moo.nsga2").NSGA2
-    except ImportError:
-        raise ScenarioError.at(
-            "optimise", "asks for two objectives, which takes pymoo, and that is not installed",
-            "pip install 'beamsim[optimise]', or add the objectives up: minimise: {peak_force: 40 N, ...}",
-        ) from None  # fmt: skip
-    search = _Front(designs, settings.most_cases)
-    search.sample(settings.seed)
+    most = settings.most_cases
+    search = _Search(designs, most, np.random.default_rng(settings.seed))
+    search.sample()
     for goal in (0, 1):
-        search.approach(goal, round(FOR_AN_END * settings.most_cases))
-    _evolve(designs, settings, nsga2, limited)
-    reserve = search.room // 4
+        search.approach(goal, round(FOR_AN_END * most))
+    search.propose(round(PROPOSED * most))
     for goal in (0, 1):
-        search.locate(goal, reserve)
-        search.choose_among_equals(goal, reserve)
-    search.refine()
-    left_out = [*([] if search.settled else [BETTER]), *search.left_out()]
+        search.locate(goal, round(LOCATING * most))
+        search.choose_among_equals(goal, round(LOCATING * most))
+    search.search_gaps()
+    search.propose(most)
+    left_out = search.left_out()
     return COMPLETE if not left_out or designs.exhausted else unsettled(designs.tried, left_out)
 
 
-class _Part(NamedTuple):
-    """A part of a front, and a local search for a design in its middle."""
+class _Gap(NamedTuple):
+    """A gap in a front, and a local search for a design in its middle."""
 
     share: float  # of the length of the front, the range of each objective being one
-    key: tuple[float, ...]
     goal: int  # objective that is to be small there
     ceiling: float  # of the other one
 
 
+class _Front(NamedTuple):
+    """The front of some designs."""
+
+    numbers: Ints  # (n,) of its designs, by the first objective
+    values: Floats  # (n, 2) of them
+    ranges: Floats  # (2,) of the objectives on it
+
+
+def _front_of(known: Known) -> _Front:
+    """The designs that meet every limit of which none is better in both objectives."""
+    numbers = np.flatnonzero(efficient(known.values.T, known.excess == 0.0))
+    numbers = numbers[np.argsort(known.values[numbers, 0])]
+    return _Front(numbers, known.values[numbers], ranges_of(known, numbers))
+
+
 @dataclass
-class _Front:
-    """Local searches for the ends of a front and in its gaps."""
+class _Search:
+    """Searches for the ends of a front, between them, and in its gaps."""
 
     designs: Designs
     most: int  # cases
-    located: dict[int, float] = field(default_factory=dict)  # by objective the least value, once a search settled there
-    exact: list[Floats] = field(default_factory=list)  # objectives (2,) of designs at which a search settled
-    searched: set[tuple[float, ...]] = field(default_factory=set)  # parts of the front
+    generator: np.random.Generator
+    searched: list[tuple[int, float, float]] = field(default_factory=list)  # gaps: objective, ends of the other one
+    _last: tuple[int, _Front] | None = None  # number of designs, and their front
 
     @property
     def room(self) -> int:
@@ -106,14 +106,22 @@ class _Front:
         """Cases without which a local search has no direction: two for each number in a range, and some."""
         return 2 * int(self.designs.free.sum()) + 3
 
-    def sample(self, seed: int) -> None:
+    @property
+    def front(self) -> _Front:
+        """The front of all designs."""
+        known = self.designs.every
+        if self._last is None or self._last[0] != len(known.points):
+            self._last = len(known.points), _front_of(known)
+        return self._last[1]
+
+    def sample(self) -> None:
         """Solve the ends of ranges with every choice, as many of them as there is room for, and a Latin hypercube.
 
         A part of a front that lies apart is seldom found later.
         """
         from scipy.stats.qmc import LatinHypercube
 
-        generator, varied = np.random.default_rng(seed), self.designs.plan.study.varied
+        generator, varied = self.generator, self.designs.plan.study.varied
         levels = [
             (np.arange(len(p.values)) + 0.5) / len(p.values) if p.values else np.array([0.0, 1.0]) for p in varied
         ]
@@ -134,6 +142,15 @@ class _Front:
                 break
             taken += [start, self._descend(start, goal, left)[0]]
 
+    def propose(self, last: int) -> None:
+        """Try what a model of the known designs proposes, a batch at a time, up to a number of designs."""
+        varied = self.designs.plan.study.varied
+        while (room := min(last, self.most) - self.designs.tried) > 0:
+            found = proposed(varied, self.designs.every, self.front.numbers, min(BATCH, room), self.generator)
+            if not len(found):
+                return
+            self.designs(found)
+
     def locate(self, goal: int, room: int) -> None:
         """Go on from the best design in an objective with the simplex method, which also follows a kink.
 
@@ -144,7 +161,6 @@ class _Front:
         start, free = self.designs.best_apart([], goal), self.designs.free
         room = min(room, self.room) - int(free.sum())  # the method may take as many more
         if start is None or not free.any() or room < self.fewest:
-            self.located |= {} if start is None or free.any() else {goal: self._least(goal)}
             return
 
         def merit(numbers: Floats) -> float:
@@ -153,100 +169,62 @@ class _Front:
 
         first = start[free]
         simplex = np.vstack([first, first + np.diag(np.where(first < 0.5, NEAR, -NEAR))])
-        found: Any = minimize(
+        minimize(
             merit, first, method="Nelder-Mead", bounds=Bounds(0.0 * first, 0.0 * first + 1.0),
             options={"initial_simplex": simplex, "xatol": RESOLUTION, "fatol": np.inf, "maxfev": room},
         )  # fmt: skip
-        if found.success:
-            self.located[goal] = self._least(goal)
 
     def choose_among_equals(self, goal: int, room: int) -> None:
         """Where several designs are the best in an objective, as without contact, search for the best in the other."""
-        points, values = self._meeting()
-        ceiling = self._least(goal) + AS_GOOD * self._ranges()[goal]
-        equals = np.flatnonzero(values[:, goal] <= ceiling)
+        known, front = self.designs.every, self.front
+        meeting = np.flatnonzero((known.excess == 0.0) & np.isfinite(known.values).all(axis=1))
+        if not meeting.size:
+            return
+        ceiling = float(known.values[meeting, goal].min()) + AS_GOOD * float(front.ranges[goal])
+        equals = meeting[known.values[meeting, goal] <= ceiling]
         if equals.size > 1:
-            start = points[equals[np.argmin(values[equals, 1 - goal])]]
+            start = known.points[equals[np.argmin(known.values[equals, 1 - goal])]]
             self._descend(start, 1 - goal, min(room, self.room), ceiling=ceiling)
 
-    def refine(self) -> None:
-        """Search in the wide gaps of the front, then between the designs at which searches settled, from both sides."""
-        while self.room >= self.fewest and (part := self._widest(WIDE, gaps=True) or self._widest(FINE, gaps=False)):
-            self.searched.add(part.key)
-            points, values = self._meeting()
-            low = np.flatnonzero(values[:, 1 - part.goal] <= part.ceiling)
-            start = points[low[np.argmin(values[low, part.goal])]]
+    def search_gaps(self) -> None:
+        """Search in the wide gaps of the front for a design in the middle, from both sides."""
+        while self.room >= self.fewest and (gap := self._widest()):
+            values, other = self.front.values, 1 - gap.goal
+            low = np.flatnonzero(values[:, other] <= gap.ceiling)
+            nearest = low[np.argmin(values[low, gap.goal])]
+            above = values[values[:, other] > gap.ceiling, other].min()
+            self.searched.append((gap.goal, float(values[nearest, other]), float(above)))
             room = min(self.room, FOR_A_PART * (1 + int(self.designs.free.sum())))
-            found, settled = self._descend(start, part.goal, room, ceiling=part.ceiling, radius=NEAR)
-            if settled:
-                self.exact.append(self.designs.signed(found[None])[0][:, 0])
-
-    @property
-    def settled(self) -> bool:
-        """Whether the area below the front hardly grew with the last quarter of the designs."""
-        area, values = import_module("pymoo.indicators.hv").HV(ref_point=np.ones(2)), self._meeting()[1]
-        front = self._front()[1]
-        if len(front) < 2:
-            return False
-        scaled = (values - front.min(axis=0)) / self._ranges()
-        last = float(area(scaled))
-        return last - float(area(scaled[: int((1.0 - LAST_QUARTER) * len(values))])) <= SETTLED * last
+            start = self.designs.every.points[self.front.numbers[nearest]]
+            self._descend(start, gap.goal, room, ceiling=gap.ceiling, radius=NEAR)
 
     def left_out(self) -> list[str]:
-        """What there was no room for, each as a clause."""
-        aims, gap = objectives(self.designs.plan.scenario), self._widest(WIDE, gaps=True)
-        clauses = [
-            f"the {aim.text} was not located"
-            for goal, aim in enumerate(aims)
-            if goal not in self.located or self._least(goal) < self.located[goal] - 1e-3 * self._ranges()[goal]
-        ]
-        return clauses + (
-            [] if gap is None else [f"gaps of up to {100 * gap.share:.0f} % of the front were not searched"]
-        )
+        """Why a front is in doubt, each as a clause: what the last quarter of the designs improved, and gaps."""
+        known = self.designs.every
+        before = _front_of(Known(*(each[: int((1.0 - LAST_QUARTER) * len(each))] for each in known)))
+        if not len(before.values):
+            return ["the first designs that meet every limit were found late"]
+        after, clauses = self.front, list[str]()
+        ends = (before.values.min(axis=0) - after.values.min(axis=0)) / after.ranges
+        for aim, growth in zip(objectives(self.designs.plan.scenario), ends.tolist(), strict=True):
+            if growth > SETTLED:
+                clauses.append(f"the {aim.text} was still found to be better, by {100 * growth:.2g} % of the front")
+        behind = (before.values[:, None, :] - after.values[None, :, :]) / after.ranges
+        if (most := float(behind.min(axis=2).max())) > SETTLED:
+            clauses.append(f"designs of the front were still improved, by up to {100 * most:.2g} % of it")
+        if (gap := self._widest()) is not None:
+            clauses.append(f"gaps of up to {100 * gap.share:.0f} % of the front were not searched")
+        return clauses
 
-    def _meeting(self) -> tuple[Floats, Floats]:
-        """Points (n, parameters) and objectives (n, 2) of all designs that meet every limit."""
-        points, values, excess = self.designs.every()
-        kept = (excess == 0.0) & np.isfinite(values).all(axis=1)
-        return points[kept], values[kept]
-
-    def _least(self, goal: int) -> float:
-        return float(self._meeting()[1][:, goal].min(initial=np.inf))
-
-    def _front(self) -> tuple[Floats, Floats]:
-        """Points (n, parameters) and objectives (n, 2) of the front, by the first objective."""
-        points, values = self._meeting()
-        kept = np.flatnonzero(efficient(values.T, np.ones(len(values), dtype=bool)))
-        order = kept[np.argsort(values[kept, 0])]
-        return points[order], values[order]
-
-    def _ranges(self) -> Floats:
-        """(2,) of the objectives on the front; 1 where there is none."""
-        values = self._front()[1]
-        ranges = np.ptp(values, axis=0) if len(values) else np.zeros(2)
-        return np.asarray(np.where(ranges > 0.0, ranges, 1.0))
-
-    def _widest(self, share: float, *, gaps: bool) -> _Part | None:
-        """The widest part that was not searched from both sides.
-
-        Parameters
-        ----------
-        share : of the length of the front, above which a part is wide.
-        gaps : whether parts are those between neighbours, else between designs at which a search settled.
-        """
-        values = self._front()[1]
-        steps = np.linalg.norm(np.diff(values / self._ranges(), axis=0), axis=1)
-        at = np.append(0.0, np.cumsum(steps))
-        if not gaps:  # the ends are located, too
-            exact = [np.all(np.isclose(values, each, rtol=1e-9), axis=1) for each in self.exact]
-            kept = np.any([*exact, np.arange(len(values)) % max(len(values) - 1, 1) == 0], axis=0)
-            values, at = values[kept], at[kept]
-        parts = np.diff(at) / (at[-1] if at.size and at[-1] > 0.0 else 1.0)
+    def _widest(self) -> _Gap | None:
+        """The widest gap that was not searched from both sides."""
+        values = self.front.values
+        parts = shares_between(values.T)
         for k in np.argsort(-parts, kind="stable"):
-            for goal in (1, 0) if parts[k] > share else ():
-                key = (*values[k].tolist(), *values[k + 1].tolist(), float(goal))
-                if key not in self.searched:
-                    return _Part(float(parts[k]), key, goal, float(values[k : k + 2, 1 - goal].mean()))
+            for goal in (1, 0) if parts[k] > WIDE else ():
+                ceiling = float(values[k : k + 2, 1 - goal].mean())
+                if not any(of == goal and low <= ceiling <= high for of, low, high in self.searched):
+                    return _Gap(float(parts[k]), goal, ceiling)
         return None
 
     def _descend(
@@ -271,7 +249,7 @@ class _Front:
         """
         from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-        free, ranges, other = self.designs.free, self._ranges(), 1 - goal
+        free, ranges, other = self.designs.free, self.front.ranges, 1 - goal
         if not free.any() or room < self.fewest:
             return start, not free.any()
 
@@ -303,27 +281,3 @@ class _Front:
         )  # fmt: skip
         end = self.designs.placed(start, found.x)  # a design that was solved, but for round-off
         return min(solved, key=lambda point: float(np.abs(point - end).max())), bool(found.success)
-
-
-def _evolve(designs: Designs, settings: Optimise, nsga2: Any, limited: bool) -> None:
-    """Go on from all designs with the non-dominated sorting genetic algorithm, its population solved as one batch.
-
-    Parameters
-    ----------
-    designs, settings, limited : as of `front`.
-    nsga2 : the algorithm of pymoo.
-    """
-    problem, evaluator, static = (
-        import_module(f"pymoo.{name}") for name in ("core.problem", "core.evaluator", "problems.static")
-    )
-    size = min(40, max(12, settings.most_cases // 10))
-    room = settings.most_cases - round(LAST * settings.most_cases) - designs.tried
-    cube = problem.Problem(n_var=len(designs.plan.study.varied), n_obj=2, n_ieq_constr=int(limited), xl=0.0, xu=1.0)
-    algorithm = nsga2(pop_size=size, sampling=designs.every()[0])
-    algorithm.setup(cube, termination=("n_gen", 1 + max(room // size, 0)), seed=settings.seed)
-    while algorithm.has_next():
-        population = algorithm.ask()
-        values, beyond = designs(population.get("X"))
-        known = {"F": np.nan_to_num(values.T, posinf=1e30)} | ({"G": beyond[:, None]} if limited else {})
-        evaluator.Evaluator().eval(static.StaticProblem(cube, **known), population)
-        algorithm.tell(infills=population)

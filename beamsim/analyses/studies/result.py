@@ -91,6 +91,10 @@ _SUMMARY = (
              "case, the values of both, parameters, and at_end, which of them are ends of their ranges",
              form=list_of(record({"objective": Text, "case": Number, "values": by_name(Number), "parameters": Plain,
                                   "at_end": list[Text]}))),
+    Entry("front_gaps", "", "of a search for two objectives: the gaps in the front that are wider than 8 % of its "
+             "length, widest first, with the range of each objective as one: share of the length, and the values of "
+             "both objectives in the designs at its ends",
+             form=list_of(record({"share": Number, "from": by_name(Number), "to": by_name(Number)}))),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", form=list_of(BEST)),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "

@@ -45,8 +45,10 @@ def search(plan: StudyPlan, evaluate: Evaluator) -> Outcome:
             raise ScenarioError.at(
                 "optimise", f"asks for {name}, which no design has", "leave responses out to see all"
             )
-    method = front if len(objectives(plan.scenario)) > 1 else _best
-    return method(Designs(plan, evaluate), settings, plan.scenario.limits is not None)
+    designs = Designs(plan, evaluate)
+    if len(objectives(plan.scenario)) > 1:
+        return front(designs, settings)
+    return _best(designs, settings, plan.scenario.limits is not None)
 
 
 def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:

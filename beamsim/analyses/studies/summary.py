@@ -20,7 +20,15 @@ from beamsim.analyses.studies.statistics import (
     swings,
     varies,
 )
-from beamsim.analyses.studies.table import SAMPLES, UNKNOWN, LimitColumns, StudyTable, table_of
+from beamsim.analyses.studies.table import (
+    SAMPLES,
+    UNKNOWN,
+    WIDE,
+    LimitColumns,
+    StudyTable,
+    shares_between,
+    table_of,
+)  # fmt: skip
 from beamsim.analyses.studies.worst import SAMPLED, SEARCHED, UNFINISHED, Judge, judges_of
 from beamsim.cases import CaseOutcome, probability
 from beamsim.labelled import Dataset
@@ -238,6 +246,7 @@ def _about_best(table: StudyTable, finished: Collection[int]) -> dict[str, Any]:
         "as_it_is": described(first[0]) if first else None,
         "near_best": _near_best(table) if plan.searches and table.front is None else None,
         "front_ends": _front_ends(table) if plan.searches and table.front is not None and best else None,
+        "front_gaps": _front_gaps(table) if plan.searches and table.front is not None and best else None,
         "best": [described(item) for item in best] or None,
         "margins": worst if table.limits and plan.kind != "reliability" else None,
         "probability": probability(table.passing[table.drawn]) if sampled else None,
@@ -273,6 +282,21 @@ def _front_ends(table: StudyTable) -> list[dict[str, Any]]:
                 {"objective": aim.text, "case": case, "values": of_case, "parameters": chosen, "at_end": at_end}
             )
     return found
+
+
+def _front_gaps(table: StudyTable) -> list[dict[str, Any]] | None:
+    """The wide gaps of the front with the objectives at both ends, widest first; None without one."""
+    cases, names = np.flatnonzero(table.eligible), list(table.objectives)
+    values = np.array([table.objectives[name][cases] for name in names])
+    values = values[:, np.argsort(values[0])]
+    shares = shares_between(values)
+    gaps = [
+        {"share": float(shares[k]), **{end: dict(zip(names, values[:, at].tolist(), strict=True)) for end, at in ends}}
+        for k in np.argsort(-shares, kind="stable").tolist()
+        if shares[k] > WIDE
+        for ends in [(("from", k), ("to", k + 1))]
+    ]
+    return gaps or None
 
 
 def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:

@@ -20,6 +20,7 @@ from beamsim.typing import Bools, Floats, Ints
 
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 MOST_BEST = 10
+WIDE = 0.08  # of the length of a front: a wider gap between neighbours is searched and named
 NEAREST = 1  # histories of a study of reliability that are compared, by limit
 UNKNOWN = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": OnLimit.NOT_RELIABLE.value}
 """The margin of a case that is missing or has none."""
@@ -322,6 +323,13 @@ def efficient(values: Floats, among: Bools) -> Bools:
     points, place = np.unique(np.where(among, values, np.inf), axis=1, return_inverse=True)  # along the first one
     least = np.minimum.accumulate(np.append(np.inf, points[1]))[:-1]
     return np.asarray(among & (points[1] < least)[place.ravel()])
+
+
+def shares_between(front: Floats) -> Floats:
+    """(n - 1,) distances between neighbours of a front (2, n) over its length, with each objective's range as one."""
+    ranges = np.ptp(front, axis=1, keepdims=True)
+    steps = np.linalg.norm(np.diff(front / np.where(ranges > 0.0, ranges, 1.0), axis=1), axis=0)
+    return np.asarray(steps / steps.sum() if steps.sum() > 0.0 else steps)
 
 
 def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable:
