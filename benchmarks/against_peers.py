@@ -1,9 +1,9 @@
-"""The exact march beside a compiled DOP853, as one would write it for these cases: time, error and ratio.
+"""The exact march compared with a compiled DOP853, as one would write it for these cases: time, error and ratio.
 
 ``python -m benchmarks.against_peers``. The integrator is compiled by Numba, takes SciPy's coefficients, has an adaptive
 step and knows nothing of the contacts: steps go across openings and closings, and only the error estimate notices.
 Motions are compared at a hundred times, at which steps end. The reference is the integrator with a tolerance of 1e-13.
-Response curves follow, beside programs for harmonic balance (`benchmarks.peer_curves`).
+Response curves follow, compared with programs for harmonic balance (`benchmarks.peer_curves`).
 """
 
 from __future__ import annotations

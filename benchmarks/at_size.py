@@ -23,7 +23,7 @@ from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from benchmarks.measure import CASE, processor_time
 
-MARCHES, SECONDS = 3.0, 0.3  # that a run may take, beside writing its samples
+MARCHES, SECONDS = 3.0, 0.3  # that a run may take, without writing its samples
 QUICK = 1.0  # s: what takes less is measured three times, and the smallest counts
 
 

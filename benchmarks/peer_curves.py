@@ -1,4 +1,4 @@
-"""Response curves beside other programs for harmonic balance, where they are installed.
+"""Response curves compared with other programs for harmonic balance, where they are installed.
 
 Two masses and a stop (``configs/continuation/chain_two_dof.yaml``). Curves have different points, so that each is
 measured by itself: from the state that a program gives, the exact motion over one period must come back to it. The

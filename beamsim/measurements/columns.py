@@ -87,7 +87,7 @@ def only_column(
         fitting = [each for each in possible if not each.unit or is_unit_of(each.unit, *dimensions)]
         possible = fitting or possible
     if not possible:
-        raise InputFileError("has no column of values beside its axis", f"name the column of values in {key}")
+        raise InputFileError("has an axis but no column of values", f"name the column of values in {key}")
     if len(possible) > 1:
         name = split_heading(possible[-1].name)[0] or possible[-1].name
         what = " or ".join(dimension.name for dimension in dimensions) or "values"

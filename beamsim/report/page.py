@@ -78,7 +78,7 @@ class Page:
             f'<div id="plot-{first + k}" style="height:{panel["layout"]["height"]}px"></div>'
             for k, panel in enumerate(panels)
         )
-        return captioned(name, f'<div class="beside">{places}</div>' if columns > 1 else places)
+        return captioned(name, f'<div class="pair">{places}</div>' if columns > 1 else places)
 
     def animated(self, scene: dict[str, Any], note: str) -> str:
         """A canvas that plays a scene; a page has one. Returns the HTML."""

@@ -373,7 +373,7 @@ _TOGETHER = 1e-9  # of the length, within which ends of segments are the same
 
 
 class ElasticSupport(Schema):
-    """An end on springs and dashpots to the base, beside what its kind holds."""
+    """An end on springs and dashpots to the base, in addition to what its kind fixes."""
 
     kind: Support = "free"
     """What is held: nothing by default, the deflection (pinned) or the rotation (guided)."""

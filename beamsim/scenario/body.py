@@ -508,7 +508,7 @@ class RayleighDamping(Schema):
         slope = high.frequency / low.frequency
         if not low.ratio / slope <= high.ratio <= low.ratio * slope:
             raise Unfit(
-                f"= {high.ratio:g} at {high.frequency:g} Hz beside {low.ratio:g} at {low.frequency:g} Hz needs a "
+                f"= {high.ratio:g} at {high.frequency:g} Hz with {low.ratio:g} at {low.frequency:g} Hz needs a "
                 "negative factor, and so motions that grow",
                 f"give it {low.ratio / slope:.4g} to {low.ratio * slope:.4g} there, or use kind: modal",
                 ("ratios",),

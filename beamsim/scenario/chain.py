@@ -53,7 +53,7 @@ class Chain(Body):
         if dashpots not in (0, springs):
             raise Unfit(
                 f"has {counted(dashpots, 'value')} for {counted(springs, 'spring')}",
-                f"give {springs}, one beside each spring, or leave it out",
+                f"give {springs}, one in parallel with each spring, or leave it out",
                 ("dashpots",),
             )
 

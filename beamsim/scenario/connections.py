@@ -47,7 +47,7 @@ Stretch = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement",
 
 
 class Maxwell(Schema):
-    """A spring in series with a dashpot, beside what it is given for."""
+    """A spring in series with a dashpot, in parallel with the element that it belongs to."""
 
     stiffness: q.NonNegativeStiffness
     """Stiffness of its spring: what a sudden deflection adds."""

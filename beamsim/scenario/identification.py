@@ -342,7 +342,7 @@ class SweepTest(_AnyTest, FrequencyRange):
         if self.file is None and self.jump is None and not self.peaks:
             raise Unfit("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
         if self.file is not None and (self.jump is not None or self.peaks):
-            raise Unfit("has a file, and jump or peaks beside it", "write all rows into the file", ("file",))
+            raise Unfit("has a file, and also jump or peaks", "write all rows into the file", ("file",))
 
     @property
     def label(self) -> str:

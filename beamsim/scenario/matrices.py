@@ -137,7 +137,7 @@ class DisplacementSystem(Schema):
         _, b, c = (tuple(x - o for x, o in zip(point, self.points[0], strict=True)) for point in self.points)
         sizes = [sum(x * x for x in each) for each in (b, c)]
         if sizes[0] * sizes[1] - sum(x * y for x, y in zip(b, c, strict=True)) ** 2 <= 1e-12 * sizes[0] * sizes[1]:
-            raise Unfit("has three points on a line", "give a point beside the z axis last", ("points",))
+            raise Unfit("has three points on a line", "give a point off the z axis last", ("points",))
 
 
 class MatricesBody(Body):

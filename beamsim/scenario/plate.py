@@ -98,7 +98,7 @@ class Rigidity(Schema):
         if self.nu**2 * self.dy >= self.dx:
             raise Unfit(
                 f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
-                f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
+                f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to an extension along x",
                 ("nu",),
             )
 

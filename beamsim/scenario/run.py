@@ -327,7 +327,7 @@ class SensitiveParameter(Schema):
     also: tuple[q.Text, ...] = ()
     """Other paths that take the same value, such as a probe that moves with a snubber."""
     tolerance: q.AnyValue = "1 %"
-    """Deviation for which the change of the values is told: in percent of the number, or in the quantity's own unit."""
+    """Deviation for which the values change: in percent of the number, or in the quantity's own unit."""
 
 
 class Run(Schema):

@@ -226,7 +226,7 @@ class SolvedFiles:
         else:
             searched = ", ".join(f"{said} ({folder})" for folder, said in reversed(folders.items()))
             message = f"is not found; searched: {searched}"
-            remedy = "give the command in the folder of the case, or put the file beside the result"
+            remedy = "give the command in the folder of the case, or put the file next to the result"
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 

@@ -419,7 +419,7 @@ class Reliability(_ManyCases):
     correlations: tuple[Correlation, ...] = ()
     """Which of them go together; all others are independent."""
     responses: tuple[q.Text, ...] = ()
-    """Responses that are computed beside those of limits."""
+    """Responses that are computed in addition to those of limits."""
 
     def method_with(self, inputs: Sequence[RandomInput | MatchedInput]) -> str:
         """The method; where none is written it follows from the random inputs, as records cannot be blended."""
@@ -475,11 +475,11 @@ class Optimise(_ManyCases):
     as one, {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, of which no one design is best.
     Without it the smallest margin of the limits is to be large."""
     maximise: Aim = ""
-    """What is to be large; beside minimise it makes two objectives."""
+    """What is to be large; with minimise there are two objectives."""
     tolerances: Tolerances | None = None
     """Deviations of each design, by which it is judged: the best one is that for what is built."""
     responses: tuple[q.Text, ...] = ()
-    """Responses that are computed beside the objectives and those of limits; only these by default."""
+    """Responses that are computed in addition to the objectives and those of limits; only these by default."""
     most_cases: q.SteppedCount = 400
     """Number of designs that are tried at most, each with its deviations."""
     seed: q.RandomSeed = 0

@@ -99,7 +99,7 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
                 centre[direction] = sign * momentum[along][about] / mass[along]
                 break
     held = [name for name in motions if name.startswith("r") and _relative_force(given, motions[name]) > GROUNDED]
-    about_held = f"; about: supports hold {', '.join(held)}, and elements beside them bend" if held else ""
+    about_held = f"; about: supports hold {', '.join(held)}, and elements next to them bend" if held else ""
     text = ", ".join(f"{d} {1e3 * x:.5g}" for d, x in centre.items())
     yield CheckRow("centre_of_mass", centre, f"{text} mm{about_held}", NOTE if held else OK)
     inertia = {}

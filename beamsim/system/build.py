@@ -198,7 +198,7 @@ def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
     path = max(sizes, key=lambda place: sizes[place], default=())
     return problem(
         path,
-        f"is too large or too small beside the other numbers: the equations cannot be solved ({error})",
+        f"is too large or too small compared with the other numbers: the equations cannot be solved ({error})",
         "check its unit",
     )
 

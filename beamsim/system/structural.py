@@ -572,8 +572,8 @@ def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:
             ratio = snubber.damping.ratio
             hz = ratio * law.stiffness / (np.pi * law.dashpot)
             source = f"{100 * ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
-        beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
-        sources.append(source + beside)
+        branches = f", in parallel with {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
+        sources.append(source + branches)
     dashpots = [law.dashpot for law in contacts.laws[: len(located)]]
     return {"snubber": [each.item.name for each in located], "dashpot": dashpots, "dashpot_from": sources}
 

@@ -1,7 +1,7 @@
 """The gallery: one picture of each of some shipped configs, made by running them.
 
 ``python -m docs.site_pages.gallery FOLDER`` draws all pictures of these configs and of some more, with the sketches of
-their models, and puts them on one sheet: every kind of picture at a glance, and beside it at its own size.
+their models, and puts them on one sheet: every kind of picture at a glance, and next to it at its own size.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _sketch(entry: Entry, folder: Path) -> list[Path]:
 def page(folder: Path) -> str:
     """Run the configs, save their pictures in ``folder`` and return the page as MyST Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
-    parts = ["# Gallery\n\nEvery picture is one of those that the command writes beside its result file.\n\n"]
+    parts = ["# Gallery\n\nEvery picture is one of those that the command writes with its result file.\n\n"]
     shown: dict[str, list[Path]] = {}
     for entry in ENTRIES:
         if entry.config not in shown:

@@ -1,6 +1,6 @@
 """The page of values that are relative to something else: `python -m docs.site_pages.relative_values`.
 
-Which keys these are follows from the fields of a scenario; what each is relative to is said here.
+Which keys these are follows from the fields of a scenario; this module states what each is relative to.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ DEFAULTS = {
     "Tolerances.worst_cases": "50 for each number with a tolerance",
     "Optimise.responses": "the objectives and what limits are compared with",
     "Optimise.minimise": "the smallest margin of the limits, which is to be large",
-    "Optimise.maximise": "none beside `minimise`",
+    "Optimise.maximise": "none with `minimise`",
     "DisplayUnits.acceleration": "unit in which most accelerations are written",
     "DisplayUnits.length": "unit in which most lengths are written",
     "DisplayUnits.angle": "unit in which most angles are written",
@@ -204,8 +204,8 @@ def relative_fields() -> dict[str, str]:
             field = section.model_fields[name]
             derived = name.endswith("_") and hasattr(section, key) and field.default in (None, ())
             text = " ".join(described.get(name, "").split())
-            said = "default" in text and not ABSOLUTE.search(text)
-            follows = said and field.get_default(call_default_factory=True) in (None, (), "")
+            has_default = "default" in text and not ABSOLUTE.search(text)
+            follows = has_default and field.get_default(call_default_factory=True) in (None, (), "")
             if any(map(_is_relative, _types(field))) or derived or follows:
                 found.setdefault(f"{base.__name__}.{key}", ".".join(filter(None, (path, key))))
     return found
@@ -257,8 +257,8 @@ def page() -> str:
     """Return the page as MyST Markdown."""
     paths = relative_fields()
     text = _INTRODUCTION
-    for title, (column, said) in CHAPTERS.items():
-        rows = "".join(f"| `{paths[name]}` | {of} |\n" for name, of in said.items())
+    for title, (column, references) in CHAPTERS.items():
+        rows = "".join(f"| `{paths[name]}` | {of} |\n" for name, of in references.items())
         text += f"## {title}\n\n| key, where it comes first | {column} |\n|---|---|\n{rows}\n"
     return text
 

@@ -19,7 +19,7 @@ _LONGEST = 60  # lines of output that are shown
 
 
 def page(folder: Path) -> str:
-    """Run the tutorial, save its pictures in ``folder`` and return the page, which lies beside it.
+    """Run the tutorial, save its pictures in ``folder`` and return the page, which lies next to it.
 
     Raises
     ------

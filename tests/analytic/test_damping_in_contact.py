@@ -74,7 +74,7 @@ def test_a_maxwell_branch_counts_in_the_ratio(time):
     pole = roots[np.argmax(roots.imag)]
     assert system.modes["closed_damping_ratios"].values[0] == pytest.approx(-pole.real / abs(pole), rel=1e-9)
     assert system.modes["resting_damping_ratios"].values[0] == pytest.approx(-pole.real / abs(pole), rel=1e-9)
-    assert system.modes["dashpot_from"].item() == "none written, beside 1 Maxwell branch"
+    assert system.modes["dashpot_from"].item() == "none written, in parallel with 1 Maxwell branch"
 
 
 def test_a_table_is_closed_on_its_first_slope_that_rises_and_rests_on_its_own():

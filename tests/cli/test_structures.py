@@ -75,7 +75,7 @@ def test_mass_centre_and_inertia_of_a_strip(case):
         1.8751040687**2 / (2 * 3.14159265359 * 0.25) * (70e9 * 0.005**2 / 12 / 2700) ** 0.5, rel=1e-4
     )
     assert values["centre_of_mass"]["verdict"] == values["inertia"]["verdict"] == "note"
-    assert invoke("check", case).output.count("about: supports hold ry, and elements beside them bend") == 2
+    assert invoke("check", case).output.count("about: supports hold ry, and elements next to them bend") == 2
     case.write_text(CASE.replace("left: clamped", "left: free"))
     values = rows(case)[1]["bodies"]["panel"]
     assert values["centre_of_mass"]["verdict"] == values["inertia"]["verdict"] == "ok"

@@ -137,7 +137,7 @@ SWEEP_RESPONSES = _rows(
     {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, of="sweeps",
 )  # fmt: skip
 SWEEP_PEAKS = _rows(
-    "sweep_peaks", "Measured peaks over frequency, each with the computed one beside it; NaN where there is none.",
+    "sweep_peaks", "Measured peaks over frequency, each with the computed one; NaN where there is none.",
     {
         "measured_hz": ("Hz", "frequency of the measured peak"),
         "predicted_hz": ("Hz", "frequency of the computed peak"),

@@ -440,7 +440,7 @@ class _Curve:
         t, guess = point.tangent, point.u + distance * point.scale * point.tangent
         found = correct(self.orbits, Predictor(guess, t, point.scale, t), _EXACT)
         if found is None:
-            raise UnpredictableError("a motion beside a peak or jump was not found")
+            raise UnpredictableError("a motion next to a peak or jump was not found")
         return found
 
     def fold(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
@@ -482,7 +482,7 @@ class _Curve:
         elif centre is not None:
             found = self.top(centre, peak)
         if found is None or (known.kind == "top" and _determinant(found) * _determinant(known.point) < 0):
-            raise UnpredictableError("a peak or jump beside a known one was not found, or lies beyond a fold")
+            raise UnpredictableError("a peak or jump next to a known one was not found, or lies beyond a fold")
         return Feature(known.kind, found)
 
     @cached_property

@@ -227,7 +227,7 @@ SPECTRA = Layout(
         "excitation_hz": Variable((), "Hz", "frequency of the excitation; NaN where there is none, or several"),
         "start_s": Variable((), "s", "beginning of the part that is analysed"),
         "duration_s": Variable((), "s", "its duration"),
-        "resolution_hz": Variable((), "Hz", "distance from which on lines are told apart: 4 over the duration"),
+        "resolution_hz": Variable((), "Hz", "smallest distance of lines that can be separated: 4 over the duration"),
         "rate_hz": Variable(
             (), "Hz", "rate of the samples that spectra of a time-stepped motion are made of", optional=True
         ),

@@ -177,8 +177,8 @@ _SUMMARY = (
           "output rate (of a time-stepped motion above a quarter), where above 0.1 %; a spectrum of the samples shows "
           "it at lower frequencies, those of the run are free of it", form=ByName),
     Entry("unresolved_lines", "", "lines with a remainder above 2 %, which are several lines or change during the "
-          "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
-          "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "
+          "record: probe, quantity, frequency_hz, remainder; resolution_hz, the smallest distance of lines that can be "
+          "separated; separating_duration_s, which separates the two lines that explain the curve best (null: they are "
           "farther apart than that)", form=list_of(UNRESOLVED_LINE), ranked_by="remainder"),
     *OF_MODES,
     *CONVERGENCE,
