@@ -440,6 +440,8 @@ import signal, sys, types
 
 import beamsim.cli as cli
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background is started without
+
 def app(prog_name):
     try:
         signal.raise_signal({number})
