@@ -28,7 +28,7 @@ from beamsim.inputs.signal import (
 )
 from beamsim.system.equations import Equations, Forcing, PiecewiseLinearSystem, RowsOf, StateEquations
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
@@ -132,18 +132,14 @@ class ExactFlow:
 
     def _load(self) -> None:
         """List the channels of the forcing and of the observers, and their sources."""
-        channels, contacts = list(self.forcing.signal), self.system.contacts
-        self.base_channel = -1
-        if self.forcing.base_displacement is not None and bool(contacts.on_ground.any()):
-            self.base_channel = len(channels)
-            channels.append(self.forcing.base_displacement)
-        self.first_observer = len(channels)
-        channels.extend(self.observers)
-        self._channels = tuple(channels)
-        self.influence = np.zeros((len(channels), contacts.count))
+        contacts, signals = self.system.contacts, len(self.forcing.signal)
+        moves = self.forcing.base_displacement is not None and bool(contacts.on_ground.any())
+        self.base_channel, self.first_observer = signals if moves else -1, signals + moves
+        self._channels = self._channels_of(self.forcing, self.observers)
+        self.influence = np.zeros((len(self._channels), contacts.count))
         if self.forcing.influence is not None:
-            self.influence[: len(self.forcing.signal)] = self.forcing.influence.T
-        if self.base_channel >= 0:
+            self.influence[:signals] = self.forcing.influence.T
+        if moves:
             self.influence[self.base_channel] = contacts.base_influence
         self.stands = np.flatnonzero(self.influence.any(axis=1))  # channels that move the mounting of a contact
         self.record = common_record(self._channels)
@@ -153,6 +149,15 @@ class ExactFlow:
             sources = sources_of_pieces(self._channels, *(self.pieces or (0, self.record.pieces)), self.duration)
         self.sources = sources
         self.inputs = Inputs(sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last)
+
+    def _channels_of(self, forcing: Forcing, observers: tuple[Signal, ...]) -> tuple[Signal, ...]:
+        """The signals of all channels: of the loads, of the base where a contact feels it, and of the observers."""
+        base = () if self.base_channel < 0 else (not_none(forcing.base_displacement),)
+        return (*forcing.signal, *base, *observers)
+
+    def sources_under(self, forcing: Forcing, observers: tuple[Signal, ...]) -> Sources:
+        """The sources of other loads and observers, which differ in their signals alone."""
+        return compile_sources(self._channels_of(forcing, observers), self.duration)
 
     def _clear(self, arrays: dict[str, NDArray[np.generic]] | None = None) -> None:
         """Remove all states; the first to come are in the rows of arrays, if they are given."""
@@ -219,21 +224,23 @@ class ExactFlow:
     def _with_states_of(self, before: ExactFlow, renewed: Callable[[ContactState], ContactState]) -> ExactFlow:
         """This flow, with nothing but the used states of another one, each renewed.
 
-        A state with the same terms keeps its tables but for what follows from the loads.
+        States with the same terms keep their tables but for what follows from the loads.
         """
         used, number = sorted(before._used), np.full(len(before.states) + 1, -1)
         number[used] = np.arange(len(used))
-        known = {name: array[used] for name, array in before._arrays.items()}
-        self._clear(known)
-        for index, (of, follower) in enumerate(zip(used, known.get("follower", ()), strict=True)):
-            old, state = before.states[of], renewed(before.states[of])
-            if state.term_basis is not old.term_basis:
+        tables, old = {name: array[used] for name, array in before._arrays.items()}, [before.states[k] for k in used]
+        states, follower = [renewed(state) for state in old], number[tables.get("follower", number[:0])]
+        alike = all(state.term_basis is known.term_basis for state, known in zip(states, old, strict=True))
+        self._clear(tables if alike else {name: np.zeros_like(array) for name, array in tables.items()})
+        for index, (state, known) in enumerate(zip(states, old, strict=True)):
+            if not alike:
                 self._append(state)
             else:
                 self._enter(index, state)
-                if state is not old:
+                if state is not known:
                     self._write_loads(index, state)
-            self._arrays["follower"][index, : follower.size] = number[follower]
+        if used:
+            self._arrays["follower"][: len(used), : follower.shape[1]] = follower
         return self
 
     @property

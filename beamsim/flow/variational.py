@@ -347,28 +347,30 @@ def sensitivity(
 class VariationalFlow(PeriodicFlow):
     """The flow in closed form; flows that come from it share the contact states' modes."""
 
-    exact: ExactFlow = field(init=False, repr=False)
+    _exact: ExactFlow = field(init=False, repr=False)  # under the loads of this flow, or of one that it comes from
+    _under: tuple[float, float] = field(init=False, repr=False)  # frequency and level of these
     _along: tuple[ContactDirection, Differences] | None = field(default=None, init=False, repr=False)  # the last one
 
     def _prepare(self) -> None:
         window = LONGEST_WINDOW_RADIANS / self.omega  # for structures without a stiffness: others have their own
         longest = np.inf if self.system.stiffness.any() else window
-        self.exact = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
-        self._outputs = FlowOutputs(self.exact)
+        self._exact = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
+        self._under = self.omega, self.level
+        self._outputs = FlowOutputs(self._exact)
 
-    def with_loads(self, omega: float | None = None, level: float | None = None) -> VariationalFlow:
-        """The flow of the same structure at another frequency and level, which shares the contact states' modes."""
-        flow = super().with_loads(omega, level)
-        if (flow.omega, flow.level) == (self.omega, self.level):
-            return self
-        flow.exact = self.exact.with_loads(self.loads.signals(flow.omega, flow.level))
-        return flow
+    @property
+    def exact(self) -> ExactFlow:
+        """The flow itself; what follows from other loads is computed when it is first asked for."""
+        if self._under != (self.omega, self.level):
+            self._exact = self._exact.with_loads(self.loads.signals(self.omega, self.level))
+            self._under = self.omega, self.level
+        return self._exact
 
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
         flow = copy(self)
-        flow.system, flow.exact = system, self.exact.with_system(system)
-        flow._outputs = FlowOutputs(flow.exact)
+        flow.system, flow._exact, flow._under = system, self.exact.with_system(system), (self.omega, self.level)
+        flow._outputs = FlowOutputs(flow._exact)
         if self._along is not None and not self._along[0].scales_forces:
             flow._along = None
         return flow

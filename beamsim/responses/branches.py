@@ -74,7 +74,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Measure
     moved = None if f.moved is None else f.system
     measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
     traced, motions = with_maxima(
-        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels)
+        traced, lambda points: measurement.of(problem, points), _reported_maxima(model, channels)
     )
     spectra = [problem.multipliers(point) for point in traced.points]
     count = min((mu.size for mu in spectra), default=0)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.contacts.laws import RATE
+from beamsim.flow.harmonic_motions import HarmonicMotions
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
@@ -41,6 +42,8 @@ class _Known:
 
 def energy_error(flow: PeriodicFlow, flow_map: FlowMap) -> float:
     """Largest imbalance over the largest stored energy, or the dissipated one if it is more."""
+    if isinstance(flow, VariationalFlow) and not flow.reversible:
+        return float(energy_errors(HarmonicMotions(flow.exact, [flow_map], [flow.exact.sources]))[0])
     edges = np.append(flow_map.time, flow_map.time[0] + flow_map.duration)
     y = np.vstack([flow_map.y, flow_map.end])
     phases = flow_map.phases
@@ -48,8 +51,26 @@ def energy_error(flow: PeriodicFlow, flow_map: FlowMap) -> float:
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
-    work, lost = _work_and_loss(flow, flow_map)
+    known = _Known(edges, phases, lambda times: flow.states_at(flow_map, times))
+    work, lost = _by_quadrature(flow, known, flow.fastest)
     return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
+
+
+def energy_errors(motions: HarmonicMotions) -> Floats:
+    """(M,) the same of motions in closed form under loads, whose work and losses are integrals in closed form."""
+    flow, of, last = motions.flow, motions.motion, np.append(motions.first[1:], motions.motion.size) - 1
+    end = motions.time[motions.first] + motions.duration
+    time, y = np.append(motions.time, end), np.vstack([motions.y, [each.end for each in motions.maps]])
+    phases = np.vstack([motions.phases, motions.phases[last]])
+    inputs = motions.inputs(np.append(of, of[last]), time).real
+    rows = flow.equations.penetration[:, : y.shape[1] + inputs.shape[1]]
+    stored = stored_energy(flow.system, y, np.hstack([y, inputs]) @ rows.T, phases)
+    inside, ends = np.split(stored, [of.size])
+    lost, work = motions.product_integrals(*power_factors(flow)).T
+    lost = lost + motions.event_losses()
+    largest = np.maximum(np.maximum.reduceat(inside, motions.first), ends)
+    error, size = np.abs(work - lost - (ends - inside[motions.first])), np.maximum(largest, np.abs(lost))
+    return np.asarray(np.divide(error, size, out=np.zeros_like(error), where=size > 0.0))
 
 
 def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
@@ -126,19 +147,11 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
     return np.asarray(energy)
 
 
-def _work_and_loss(flow: PeriodicFlow, flow_map: FlowMap) -> tuple[float, float]:
-    """Work in and dissipated energy over a motion, J."""
-    if isinstance(flow, VariationalFlow):
-        orbit = flow.motion(flow_map)
-        lost, work = orbit.segment_integrals(*power_factors(orbit.flow)).sum(axis=0)
-        return float(work), float(lost + orbit.event_losses().sum())
-    edges = np.append(flow_map.time, flow_map.time[0] + flow_map.duration)
-    known = _Known(edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
-    return _by_quadrature(flow, known, flow.fastest)
-
-
 def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[float, float]:
-    """The same by Gauss-Legendre rules on panels of each segment, short against a motion of ``fastest`` rad/s."""
+    """Work in and dissipated energy over a motion, J.
+
+    They come from Gauss-Legendre rules on panels of each segment that are short against a motion of ``fastest`` rad/s.
+    """
     times, share = gauss_panels(motion.edges, fastest)
     y, phases, each = motion.states(times), motion.phases, motion.segments(times)
     n, contacts, loads = flow.system.size, flow.system.contacts, flow.loads

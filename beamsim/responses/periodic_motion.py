@@ -7,30 +7,35 @@ the period, which the same search takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from beamsim.flow.channels import channel_extrema, outputs_of
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.harmonic_motions import HarmonicMotions
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.responses.loads import harmonic_loads, sine_of
-from beamsim.responses.orbit_energies import balance_error, energy_error
+from beamsim.responses.orbit_energies import balance_error, energy_error, energy_errors
 from beamsim.responses.stepped_channels import SteppedChannels
 from beamsim.results.values import DISPLACEMENT, LIMITED
 from beamsim.scenario.excitation import Sine
 from beamsim.signals.records import RECTANGULAR
-from beamsim.system.equations import ChannelSet
+from beamsim.system.equations import ChannelSet, Forcing
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 SAMPLES = 2048  # of a period, for harmonics that are not known in closed form
+MOST_AT_ONCE = 256  # motions that are measured together ...
+NUMBERS_AT_ONCE = 4e6  # ... and numbers in the vectors of their terms, which bound the memory
 
 
 @dataclass(frozen=True)
@@ -79,18 +84,36 @@ class Measurement:
     channels: ChannelSet
     harmonics: int = 5
     moved: Callable[[StructuralSystem, float], StructuralSystem] | None = None
-    _exact: ExactFlow | None = field(default=None, init=False)  # of the motion before
+    _exact: ExactFlow | None = field(default=None, init=False)  # under the loads of a motion before
 
-    def of(self, problem: Any, point: BranchPoint) -> MeasuredMotion:
-        """The motion of a point of a branch, by shooting or by harmonic balance, with its energy balance."""
+    def of(self, problem: Any, points: Sequence[BranchPoint]) -> list[MeasuredMotion]:
+        """The motions of points of a branch, by shooting or by harmonic balance, with their energy balances."""
         if self.moved is not None:
-            return self._of_moved(self.moved(self.system, point.parameter), problem, point)
+            moved = self.moved
+            return [self._of_moved(moved(self.system, point.parameter), problem, point) for point in points]
         if isinstance(problem, ForcedBalance):
-            flow, motion = problem.flow_at(point.parameter), point.data
-            known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
-            return replace(known, energy_error=balance_error(problem, point))
-        flow, flow_map = problem.cycle(point)
-        return replace(self.of_flow_map(flow, flow_map), energy_error=energy_error(flow, flow_map))
+            return [self._by_balance(problem, point) for point in points]
+        cycles, found = [problem.cycle(point) for point in points], list[MeasuredMotion]()
+        for _, alike in groupby(cycles, lambda cycle: id(cycle[0].system)):
+            found += self._of_cycles(list(alike))
+        return found
+
+    def _of_cycles(self, cycles: Sequence[tuple[PeriodicFlow, FlowMap]]) -> list[MeasuredMotion]:
+        """Motions of one system over a period, each under loads of its own, with their energy balances."""
+        closed = [(flow, flow_map) for flow, flow_map in cycles if isinstance(flow, VariationalFlow)]
+        if not closed:
+            return [replace(self.of_flow_map(*cycle), energy_error=energy_error(*cycle)) for cycle in cycles]
+        size, found = max(1, min(MOST_AT_ONCE, int(NUMBERS_AT_ONCE / closed[0][0].size ** 2))), list[MeasuredMotion]()
+        for first in range(0, len(closed), size):
+            motions = self._motions(closed[first : first + size])
+            pairs = zip(self._in_closed_form(motions), energy_errors(motions).tolist(), strict=True)
+            found += [replace(motion, energy_error=error) for motion, error in pairs]
+        return found
+
+    def _by_balance(self, problem: ForcedBalance, point: BranchPoint) -> MeasuredMotion:
+        flow, motion = problem.flow_at(point.parameter), point.data
+        known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
+        return replace(known, energy_error=balance_error(problem, point))
 
     def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
         """The motion of a system whose channels are those of this one in other places, in the columns of these.
@@ -100,7 +123,7 @@ class Measurement:
         """
         names = {(*each.key, each.name) for each in self.channels.channels}
         there = system.channels.only(lambda each: (*each.key, each.name) in names)
-        found = Measurement(system, self.excitation, there, self.harmonics).of(problem, point)
+        found = Measurement(system, self.excitation, there, self.harmonics).of(problem, [point])[0]
         high, low = np.split(np.zeros(2 * sum(each.columns for each in self.channels.channels)), 2)
         columns = {(*each.key, each.name): slice(k, k + each.columns) for each, k in there.located}
         for each, first in self.channels.located:
@@ -113,29 +136,34 @@ class Measurement:
     def of_flow_map(self, flow: PeriodicFlow, flow_map: FlowMap) -> MeasuredMotion:
         """A motion over a period."""
         if isinstance(flow, VariationalFlow):
-            return self._in_closed_form(flow, flow_map)
+            return self._in_closed_form(self._motions([(flow, flow_map)]))[0]
         edges = np.append(flow_map.time, flow_map.duration)
         return self._on_pieces(flow, edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
 
-    def _under(self, flow: PeriodicFlow, duration: float) -> ExactFlow:
-        """The system of a flow under its loads, as channels ask for them."""
-        sine = 0.0 if self.excitation is None else sine_of(self.excitation, flow.omega, flow.level)
-        forcing, observers = harmonic_loads(self.system, flow.omega, sine)
-        if self._exact is None or self._exact.system is not flow.system:
-            self._exact = ExactFlow(flow.system, forcing, duration, observers)
-        else:
-            self._exact = self._exact.with_loads(forcing, observers)
-        return self._exact
+    def _loads(self, omega: float, level: float) -> tuple[Forcing, tuple[Signal, ...]]:
+        """The loads, and what else channels ask for, at a frequency, rad/s, and level."""
+        sine = 0.0 if self.excitation is None else sine_of(self.excitation, omega, level)
+        return harmonic_loads(self.system, omega, sine)
 
-    def _in_closed_form(self, flow: VariationalFlow, flow_map: FlowMap) -> MeasuredMotion:
-        exact = self._under(flow, flow.exact.duration)
-        motion = flow_map.trajectory(exact)
-        found = channel_extrema(motion, self.channels)
-        displacements = outputs_of(exact, self.channels.of_keys(DISPLACEMENT).linear)
-        omega: Floats = 2.0 * np.pi / flow_map.duration * np.arange(self.harmonics + 1.0)
-        spectrum = 2.0 / flow_map.duration * motion.fourier_integrals(displacements, omega)
-        spectrum[:, 0] *= 0.5
-        return MeasuredMotion(found.high, found.low, spectrum, motion.contact_share()[: len(self.system.snubbers)])
+    def _motions(self, cycles: Sequence[tuple[VariationalFlow, FlowMap]]) -> HarmonicMotions:
+        """Motions of one system, each under the loads of its flow."""
+        loads, first = [self._loads(flow.omega, flow.level) for flow, _ in cycles], cycles[0][0]
+        if self._exact is None or self._exact.system is not first.system:
+            forcing, observers = loads[0]
+            self._exact = ExactFlow(first.system, forcing, first.exact.duration, observers)
+        sources = [self._exact.sources_under(*each) for each in loads]
+        return HarmonicMotions(self._exact, [each for _, each in cycles], sources)
+
+    def _in_closed_form(self, motions: HarmonicMotions) -> list[MeasuredMotion]:
+        exact, channels = motions.flow, self.channels
+        linear, squared = outputs_of(exact, channels.linear), outputs_of(exact, channels.squared)
+        high, low = motions.channel_extrema(channels, linear, squared)
+        displacements = outputs_of(exact, channels.of_keys(DISPLACEMENT).linear)
+        omega = 2.0 * np.pi / motions.duration[:, None] * np.arange(self.harmonics + 1.0)
+        spectra = 2.0 / motions.duration[:, None, None] * motions.fourier_integrals(displacements, omega)
+        spectra[:, :, 0] *= 0.5
+        shares = motions.contact_share()[:, : len(self.system.snubbers)]
+        return [MeasuredMotion(*values) for values in zip(high, low, spectra, shares, strict=True)]
 
     def _on_pieces(
         self,
@@ -146,7 +174,8 @@ class Measurement:
         pieces: int = PIECES,
     ) -> MeasuredMotion:
         """A motion whose states are known, with the springs' phases (G, m) between edges (G + 1,)."""
-        exact = self._under(flow, float(edges[-1]))
+        forcing, observers = self._loads(flow.omega, flow.level)
+        exact = ExactFlow(flow.system, forcing, float(edges[-1]), observers)
         owner, direction = self.system.dynamics.contacts.owners_of_parts
         first = np.diff(owner, prepend=-1) > 0  # the part that touches first, whose face is that of the contact
         sizes = self.channels.sizes

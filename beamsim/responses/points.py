@@ -127,7 +127,7 @@ def with_points_at(
 
 def with_maxima(
     branch: OrbitBranch,
-    measure: Callable[[BranchPoint], Motion],
+    measure: Callable[[Sequence[BranchPoint]], list[Motion]],
     quantities: Iterable[ReportedMaximum[Motion]],
 ) -> tuple[OrbitBranch, list[Motion]]:
     """The branch with a point at the largest value of each quantity, and all points measured.
@@ -135,7 +135,7 @@ def with_maxima(
     Parameters
     ----------
     branch : of shooting or balance.
-    measure : a motion by its point.
+    measure : the motions of points.
     quantities : whose maxima are located.
 
     Returns
@@ -143,7 +143,7 @@ def with_maxima(
     branch : with its own points and the maxima.
     measured : its motions, point by point.
     """
-    points, measured = list(branch.points), [measure(point) for point in branch.points]
+    points, measured = list(branch.points), measure(branch.points)
     for quantity in quantities:
         if asked_to_stop():
             break
@@ -162,7 +162,7 @@ def _insert_maximum(
     points: list[BranchPoint],
     measured: list[Motion],
     k: int,
-    measure: Callable[[BranchPoint], Motion],
+    measure: Callable[[Sequence[BranchPoint]], list[Motion]],
     q: ReportedMaximum[Motion],
 ) -> None:
     """Locate the maximum within the two steps about point k by Brent's method, and add the point if it is higher."""
@@ -184,7 +184,7 @@ def _insert_maximum(
             if point is None or (q.stable_only and not problem.orbit(point).stable):
                 heights[share] = 0.5 * floor
             else:
-                motion = measure(point)
+                motion = measure([point])[0]
                 heights[share] = q.of(motion)
                 if best is None or heights[share] > best[0]:
                     best = heights[share], share, point, motion

@@ -44,7 +44,9 @@ def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, m
 
 
 def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
-    monkeypatch.setattr("beamsim.responses.periodic_motion.energy_error", lambda flow, flow_map: np.nan)
+    monkeypatch.setattr(
+        "beamsim.responses.periodic_motion.energy_errors", lambda motions: np.full(len(motions.maps), np.nan)
+    )
     result = continuation(forced("linear"))
     assert result.outcome.code == "orbit_energy_not_balanced"
     assert "Hz" in result.status

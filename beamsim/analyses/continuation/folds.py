@@ -279,7 +279,7 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
         model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
     )
     points = followed.points
-    peaks = [measurement.of(followed.problem, point).peak for point in points]
+    peaks = [motion.peak for motion in measurement.of(followed.problem, points)]
     return FollowedFolds(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,

@@ -471,7 +471,7 @@ def _resonance(
         return ResonantMotion(**predicted, amplitude=nothing, multipliers=np.zeros(0, dtype=complex))
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
-    motion_found = held.forced.of(problem, point)
+    motion_found = held.forced.of(problem, [point])[0]
     amplitude = motion_found.peak
     balanced = held.at(float(amplitude[compared]), lambda m: float(held.amplitudes(m)[compared]))
     return ResonantMotion(
@@ -545,7 +545,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
         if branch.outcome.code == CLOSED_CURVE:
             break
     followed = joined(*halves)
-    motions = [held.forced.of(problem, p) for p in followed.points]
+    motions = held.forced.of(problem, followed.points)
     return ResponseAboutResonance(
         outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
