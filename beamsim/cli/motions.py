@@ -79,7 +79,7 @@ def _matched(result: RunResult, _: Errors) -> Iterator[str]:
 
 def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     random = result["random"]
-    limits = [limited(name) for name in result.summary["margins"]]
+    limits = [limited(name) for name in result.summary.get("margins", {})]
 
     def compared(signal: Mapping[str, Any]) -> bool:
         return any(value.on_peak_of(signal) and place in ("", signal["name"]) for value, place in limits)
@@ -225,10 +225,10 @@ def _curve_text(curve: SweepCurve) -> str:
 
 def _exceeded_in(result: SweepResult) -> Iterator[str]:
     """Of several curves those that exceed each limit, whose largest value is that of one of them."""
-    for name, of in result.summary["margins"].items() if len(result.curves) > 1 else ():
+    for name, of in result.summary.get("margins", {}).items() if len(result.curves) > 1 else ():
         value, place = limited(name)
         by_curve = result.summary.get(value.entry, {})
-        if of["exceeded"] and set(by_curve) <= set(result.curves):
+        if of["exceeded"] and set(by_curve) == set(result.curves):
             largest = {
                 curve: max((x for at, x in by_curve[curve].items() if place in ("", at)), default=0.0) * value.scale
                 for curve in by_curve

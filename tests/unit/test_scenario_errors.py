@@ -78,7 +78,7 @@ snubbers:
 def test_another_number_is_no_spelling_mistake():
     stops = [{"name": f"stop_{k}", "position": 0.1 * k, "side": "below", "stiffness": 1e5} for k in (1, 2)]
     said = one(BASE, {"snubbers": stops, "limits": {"peak_force": {"stop_12": "5 N"}}})
-    assert said.endswith("= stop_12 is an unknown snubber; the snubbers are stop_1, stop_2")
+    assert said.endswith("peak_force.stop_12 names no snubber; the snubbers are stop_1, stop_2")
     said = one(BASE, {"snubbers": stops, "limits": {"peak_force": {"stpo_2": "5 N"}}})
     assert said.endswith("did you mean stop_2?")
 

@@ -200,11 +200,8 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
     with finishing():
         records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
-    warnings += [*remarks, *unknown.values()]
-    both = zip(tests, vibrations.last, strict=True)
-    warnings += _yielding(vibrations.scenario, fit.numbers)
-    with finishing():
-        warnings += [said for test, last in both for said in test.doubts(last)]
+        doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.doubts(last)]
+    warnings += [*remarks, *unknown.values(), *_yielding(vibrations.scenario, fit.numbers), *doubts]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
