@@ -96,10 +96,7 @@ def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
 
 def channel_values(motion: Trajectory, channels: ChannelSet, times: Floats) -> Floats:
     """(nt, C) channels of a motion at increasing times, s; at an event the state after it counts."""
-    flow = motion.flow
-    return channels.values(
-        lambda of: motion.sample(times, outputs_of(flow, channels.squared if of else channels.linear))
-    )
+    return channels.values(motion.sample(times, outputs_of(motion.flow, channels.rows)))
 
 
 def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | None = None) -> Extrema:

@@ -107,29 +107,24 @@ class HistoryRecorder:
 
     def record(self, chunk: Trajectory, last: int) -> None:
         """Values at the next output times, up to a number of all, and the work until the end of the chunk."""
-        begin, first = float(chunk.time[0]), self._filled
+        begin, first, flow, channels = float(chunk.time[0]), self._filled, chunk.flow, self._channels
+        output_of, states = outputs_of(flow, channels.rows), [flow.equations.state, flow.equations.penetration]
         for number in range(first, max(last, first + 1), self._at_once):
             part = slice(number, min(number + self._at_once, last))
             at = np.minimum(self._times[part], chunk.end)
             phases = chunk.phases[chunk.segments_at(at)]
-            self._values[part], y, penetration = self._sampled(chunk, at)
+            # the terms of the motion at these times are evaluated once for all that is linear in them
+            sampled = chunk.sample(at, lambda of: np.vstack([output_of(of), *states]))
+            values, y, penetration = np.split(sampled, np.cumsum([channels.rows.shape[0], flow.size]), axis=1)
+            self._values[part] = channels.values(values)
             self._touching[part] = self._contacts.closed(phases)
             end = at[-1:] if part.stop < last else [chunk.end]
             work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
             self._energy[0, part] = work[:-1]
-            self._energy[2, part] = stored_energy(chunk.flow.system, y, penetration, phases)
+            self._energy[2, part] = stored_energy(flow.system, y, penetration, phases)
             self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
             begin, self._work = float(end[0]), float(work[-1])
             self._filled = part.stop
-
-    def _sampled(self, chunk: Trajectory, at: Floats) -> tuple[Floats, Floats, Floats]:
-        """Channels, states and penetrations at times (nt,), s; their terms are evaluated once."""
-        flow, channels = chunk.flow, self._channels
-        output_of, states = outputs_of(flow, channels.linear), [flow.equations.state, flow.equations.penetration]
-        sampled = chunk.sample(at, lambda phases: np.vstack([output_of(phases), *states]))
-        linear, y, penetration = np.split(sampled, np.cumsum([channels.linear.shape[0], flow.size]), axis=1)
-        squared = outputs_of(flow, channels.squared)
-        return channels.values(lambda of: chunk.sample(at, squared) if of else linear), y, penetration
 
 
 class LowPassed:

@@ -23,7 +23,7 @@ class SteppedChannels:
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, channels: ChannelSet) -> None:
         self.channels, self._system, self._flow = channels, system, flow
-        self._linear, self._squared = outputs_of(flow, channels.linear), outputs_of(flow, channels.squared)
+        self._output_of = outputs_of(flow, channels.rows)
 
     def of_states(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> Floats:
         """Values where the states are known.
@@ -39,13 +39,8 @@ class SteppedChannels:
         -------
         (nt, C).
         """
-
-        def of_rows(squared: bool) -> Floats:
-            output_of = self._squared if squared else self._linear
-            known = self._flow.outputs_of_states(times, y, phases, output_of, since)
-            return known + self._beside(self.channels.squared if squared else self.channels.linear, times, y)
-
-        return self.channels.values(of_rows)
+        known = self._flow.outputs_of_states(times, y, phases, self._output_of, since)
+        return self.channels.values(known + self._beside(self.channels.rows, times, y))
 
     def _beside(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""

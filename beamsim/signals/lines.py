@@ -24,7 +24,6 @@ _ON_ORDER = 0.02  # bins from an order of the excitation, of one of two lines th
 _MOST_FAILURES = 3  # pairs of one spectrum that explain nothing, before its lines are taken as not steady
 _MOST_LINES = 50
 _FEWEST_BINS = 32  # on either side of a maximum, whose lower quartile is the floor around it
-_HIGHER = 1.1  # times its frequency, at which a line of a motion may be in another one
 _ORDERS_OF_A_SHORT_RECORD = 10
 
 
@@ -264,7 +263,7 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
     least = max(WORTH_LISTING * largest, _OVER_SIDE_LOBES * levels.deviation, ROUND_OFF * levels.peak)
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
-    forced, reach = np.isfinite(excitation_hz), _reach(record.duration, excitation_hz)
+    forced, reach = np.isfinite(excitation_hz), bins_around(record.duration, excitation_hz)
     lines: dict[Fraction | float, SpectralLine] = {}
     for j in top.tolist():
         low, high = (min(j - reach, j // 2), max(j + reach, 2 * j)) if one_sided else (j - reach, j + reach + 1)
@@ -284,22 +283,15 @@ def _peaks(record: SpectrumRecord, view: View, excitation_hz: float, levels: Lev
     return list(lines.values())
 
 
-def _reach(duration: float, excitation_hz: float) -> int:
-    """Bins on either side of a maximum, whose floor it is compared with, in a window with two sides."""
-    return max(_FEWEST_BINS, round(excitation_hz * duration)) if np.isfinite(excitation_hz) else _FEWEST_BINS
-
-
-def seen_up_to(line_hz: float, duration: float, one_sided: bool, excitation_hz: float) -> float:
-    """Hz, up to which a spectrum tells the lines up to one, with the floor around it.
+def bins_around(duration: float, excitation_hz: float) -> int:
+    """Bins on either side of a maximum whose lower quartile is the floor around it, in a window with two sides.
 
     Parameters
     ----------
-    line_hz : Hz, of the highest line, which another motion may have at a frequency that is a little higher.
     duration : s, of the record.
-    one_sided, excitation_hz : as of `lines_of`.
+    excitation_hz : Hz, not finite where there is no single excitation frequency.
     """
-    higher = _HIGHER * line_hz + 2 * LOBE / duration
-    return 2.0 * higher if one_sided else higher + _reach(duration, excitation_hz) / duration
+    return max(_FEWEST_BINS, round(excitation_hz * duration)) if np.isfinite(excitation_hz) else _FEWEST_BINS
 
 
 def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:

@@ -481,6 +481,7 @@ class ChannelSet:
     sizes: Sizes
     linear: Floats = field(init=False)  # rows of the linear channels, of which each is a value
     squared: Floats = field(init=False)  # rows of the energies
+    rows: Floats = field(init=False)  # all of them, those of the linear channels first
     squares: Ints = field(init=False)  # first of the rows of each energy
     order: Ints = field(init=False)  # (C,) numbers of the columns among those of linear channels, then of energies
     located: list[tuple[Channel, int]] = field(init=False)  # each channel with its first column
@@ -490,6 +491,7 @@ class ChannelSet:
         none, energies = self.sizes.rows(0), [channel for channel in self.channels if channel.squared]
         self.linear = np.concatenate([none, *(channel.rows for channel in self.channels if not channel.squared)])
         self.squared = np.concatenate([none, *(channel.rows for channel in energies)])
+        self.rows = np.vstack([self.linear, self.squared])
         self.squares = np.cumsum([0, *(channel.rows.shape[0] for channel in energies)])[:-1]
         ends = np.cumsum([0, *(channel.columns for channel in self.channels)])
         self.located = list(zip(self.channels, ends.tolist(), strict=False))
@@ -513,13 +515,12 @@ class ChannelSet:
         """All but those of some sections and quantities."""
         return self.only(lambda channel: channel.key not in keys)
 
-    def values(self, of_rows: Callable[[bool], Floats]) -> Floats:
-        """(nt, C) values from those of the rows (nt, k): of the linear channels, or (True) of the energies."""
-        values = of_rows(False)
+    def values(self, of_rows: Floats) -> Floats:
+        """(nt, C) values from those of the rows (nt, k): of the linear channels, then of the energies."""
+        linear, squared = np.split(of_rows, [self.linear.shape[0]], axis=1)
         if self.squares.size:
-            energies = np.add.reduceat(0.5 * of_rows(True) ** 2, self.squares, axis=1)
-            values = np.hstack([values, energies])
-        return np.asarray(values[:, self.order])
+            linear = np.hstack([linear, np.add.reduceat(0.5 * squared**2, self.squares, axis=1)])
+        return np.asarray(linear[:, self.order])
 
     def split(self, values: Floats) -> dict[Key, Floats]:
         """Values (..., C) by section and quantity."""

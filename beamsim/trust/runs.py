@@ -54,8 +54,8 @@ from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import FilteredMotion, filtered
-from beamsim.signals.lines import WORTH_LISTING, seen_up_to
-from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord, Window
+from beamsim.signals.lines import WORTH_LISTING, bins_around
+from beamsim.signals.records import LOBE, MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet
 from beamsim.system.parts import SharedBuilds
@@ -89,6 +89,7 @@ from beamsim.typing import Floats, not_none, of_kind
 WINDOWS = 8  # parts of the motion after the sequences have diverged
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes
 SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
+HIGHER = 1.1  # times its frequency in the run, up to which a line of another model may be
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
 RMS_OF_PROBES = (
     ("rms_displacement_m", "displacement", 1.0), ("rms_acceleration_g", MAIN_QUANTITY, STANDARD_GRAVITY)
@@ -525,12 +526,11 @@ class DerivedValues:
         if isinstance(motion, Histories):
             return [dict(zip(signals, _sampled(motion, start_s, channels), strict=True))]
         span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
-        one_sided = any(Window.named(window).one_sided for window in spectra["window"].values.tolist())
-        part_s, excitation_hz = (span[1] - span[0]) / parts, spectra["excitation_hz"].item()
-        highest = min(
-            max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz")),
-            seen_up_to(float(spectra["line_frequency_hz"].values.max()), part_s, one_sided, excitation_hz),
-        )
+        highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
+        if "decaying" not in spectra["window"].values:  # which tells a line by an octave on either side
+            part_s, line_hz = (span[1] - span[0]) / parts, float(spectra["line_frequency_hz"].values.max())
+            around = 2 * LOBE + bins_around(part_s, spectra["excitation_hz"].item())
+            highest = min(highest, HIGHER * line_hz + around / part_s)
         records = records_of(system, motion, channels, span, highest)
         divided = [records] if parts == 1 else [
             [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
