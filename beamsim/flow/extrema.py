@@ -42,6 +42,7 @@ NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the en
 FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
 PARTS_AT_ONCE = 256  # of segments in a batch, which bounds the memory
+REACH_ROUND_OFF = 1e-12  # of the sums of matrix products, relative to the sizes of their terms
 
 
 class Sums(NamedTuple):
@@ -105,7 +106,8 @@ def search_extrema(
     known, evaluations = nothing_known(outputs, windows, squares, rivals), 0
     for sums in batches if known.rank.size else ():
         check_stop()
-        evaluations += search(in_shares(sums), known, -1.0)[1]
+        scaled = in_shares(sums)
+        evaluations += search(scaled, reach(scaled, known), known, -1.0)[1]
     high, low = np.where(np.isnan(known.when), -np.inf, known.value)
     when_high, when_low = known.when
     return Extrema(-low, when_low, high, when_high, evaluations)
@@ -135,6 +137,34 @@ def in_shares(sums: Sums) -> Sums:
         amplitude=sums.amplitude * scale, noise=sums.noise * scale,
         table=np.stack([table.real, table.imag, np.abs(table)], axis=1),
     )  # fmt: skip
+
+
+def reach(sums: Sums, known: Known) -> Floats:
+    """(2, n, J) bounds on J functions of the outputs on parts, and on their negatives, from the values at the begins.
+
+    A term does not come farther from there than its largest slope takes it, or than twice its size. Products of
+    matrices give these bounds for all parts at once; where they are below what is known, a part needs no closer look.
+
+    Parameters
+    ----------
+    sums : as `in_shares` gives them.
+    known : says what the functions are.
+    """
+    (begin, end), rate, power = sums.place[:2, :, None], sums.rate, sums.power
+    farthest = np.maximum(np.abs(begin), np.abs(end))
+    with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
+        most = np.exp(np.maximum(rate.real * begin, rate.real * end)) * farthest**power
+        apart = most * (np.minimum((np.abs(rate) + power / farthest) * (end - begin), 2.0) + REACH_ROUND_OFF)
+        terms = sums.amplitude * (np.exp(rate * begin) * begin**power)[:, sums.basis]
+        sizes = np.abs(sums.amplitude) * apart[:, sums.basis]
+        real, imag, size = sums.table.swapaxes(0, 1)
+        one, other, sizes = (x.reshape(real.shape[0], -1, real.shape[1]) for x in (terms.real, terms.imag, sizes))
+        value, spread = ((one @ real - other @ imag).reshape(begin.size, -1), (sizes @ size).reshape(begin.size, -1))
+        high, low = value + spread, spread - value
+        if not known.squared:
+            return np.stack([high, low])
+        squares = np.maximum(high, low) ** 2, -(np.maximum(np.maximum(-high, -low), 0.0) ** 2)
+        return 0.5 * np.add.reduceat(squares, known.first[:-1], axis=2)
 
 
 def values_in_shares(sums: Sums, rows: Ints, u: Floats) -> Floats:
@@ -198,12 +228,13 @@ FOURTH, ASIDE, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
 
 
 @kernel
-def search(sums, known, resolution):
+def search(sums, reach, known, resolution):
     """Raise what is known to the largest values on the parts.
 
     Parameters
     ----------
     sums, known : the outputs, and what is known of them.
+    reach : (2, n, J) bounds on the functions on the parts and on their negatives; infinite where all are looked at.
     resolution : by how much turning points, of which all are sought, may differ from what is beside them; negative
         where only the largest values are sought.
 
@@ -218,18 +249,19 @@ def search(sums, known, resolution):
     waiting, turns = np.empty((64, 6)), np.empty((64, 2))
     used, evaluations = np.empty(2, dtype=np.int64), 0  # rows of these
     used[0] = used[1] = 0
-    every = np.empty(known.first.size - 1, dtype=np.int64)  # np.arange and np.zeros take longer to compile
-    for j in range(every.size):
-        every[j] = j
+    open, one = np.empty(known.first.size - 1, dtype=np.int64), np.empty(1, dtype=np.int64)
     for i in range(sums.window.size):
         ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
+        count = _fill_open(known, reach, window, i, open)
+        if count == 0:
+            continue
         _fill_waves(sums, i, 0.0, ends)
-        _fill_outputs(sums, i, ends, by_output, output, noise)
-        _see(known, sums, i, every, output, noise, ends)
-        evaluations += 2 * every.size
+        _fill_outputs(sums, i, known.first[open[0]], known.first[open[count - 1] + 1], ends, by_output, output, noise)
+        _see(known, sums, i, open[:count], output, noise, ends)
+        evaluations += 2 * count
         pieces, cut = inside, False
-        for j in every:
-            seen = False
+        for j in open[:count]:
+            seen, one[0] = False, j
             for sign in range(2):
                 top, scale = _top(known, sign, window, j)
                 if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
@@ -237,7 +269,7 @@ def search(sums, known, resolution):
                 if not cut:
                     pieces, cut = _cut(sums, i, ends), True
                 if not seen:
-                    _see(known, sums, i, every[j : j + 1], output, noise, pieces)
+                    _see(known, sums, i, one, output, noise, pieces)
                     evaluations, seen = evaluations + pieces.u.size, True
                 key = (sign, window, j, i)
                 waiting, turns = (
@@ -253,11 +285,26 @@ def search(sums, known, resolution):
                         continue
                     _divide(row, inside.u)
                     _fill_waves(sums, i, row[4], inside)
-                    _see(known, sums, i, every[j : j + 1], output, noise, inside)
+                    _see(known, sums, i, one, output, noise, inside)
                     evaluations += PARTS - 1
                     waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
                     _left(known, key, inside, resolution, waiting, turns, used)
     return turns[: used[1]], evaluations
+
+
+@kernel
+def _fill_open(known, reach, window, i, open):
+    """Write the functions that may exceed what is known on a part, and return how many these are."""
+    count = 0
+    for j in range(open.size):
+        below = True
+        for sign in range(2):
+            top, _ = _top(known, sign, window, j)
+            below = below and reach[sign, i, j] <= top and not math.isnan(known.when[sign, window, j])
+        if not below:
+            open[count] = j
+            count += 1
+    return count
 
 
 @kernel
@@ -274,7 +321,7 @@ def variation(sums):
     for i in range(n):
         ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
         _fill_waves(sums, i, 0.0, ends)
-        _fill_outputs(sums, i, ends, by_output, output, noise)
+        _fill_outputs(sums, i, 0, K, ends, by_output, output, noise)
         look = _cut(sums, i, ends)
         _see_outputs(first, first[:K], output, noise, look)
         for b in range(B):
@@ -356,26 +403,27 @@ def _cut(sums, i, ends):
 
 
 @summing
-def _fill_outputs(sums, i, ends, by_output, output, noise):
-    """(3, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients; (K,) round-off."""
-    n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
+def _fill_outputs(sums, i, first, last, ends, by_output, output, noise):
+    """(3, K, B) on a part, of outputs from one to another: real and imaginary parts and sizes of the functions'
+    coefficients; (K,) round-off."""
+    n, B = i if sums.table.shape[0] > 1 else 0, output.shape[2]
     farthest, round_off = max(abs(ends.u[0]), abs(ends.u[1])), np.empty(B)
     for b in range(B):
-        for k in range(K):
+        for k in range(first, last):
             by_output[0, b, k] = by_output[1, b, k] = 0.0
-    for k in range(K):
+    for k in range(first, last):
         noise[k] = 0.0
     for t in range(sums.basis.size):
         b = sums.basis[t]
         real, imag, rounded = sums.amplitude[i, t].real, sums.amplitude[i, t].imag, sums.noise[i, t] * ends.most[0, b]
-        for k in range(K):
+        for k in range(first, last):
             by_output[0, b, k] += sums.table[n, 0, t, k] * real - sums.table[n, 1, t, k] * imag
             by_output[1, b, k] += sums.table[n, 0, t, k] * imag + sums.table[n, 1, t, k] * real
             noise[k] += sums.table[n, 2, t, k] * rounded
     for b in range(B):
         rate = math.sqrt(sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
         round_off[b] = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
-    for k in range(K):
+    for k in range(first, last):
         for b in range(B):
             output[0, k, b], output[1, k, b] = by_output[0, b, k], by_output[1, b, k]
         for b in range(B):

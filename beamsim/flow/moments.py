@@ -145,27 +145,33 @@ def summed_products(exponent: Complexes, amplitude: Complexes, tau: Floats) -> C
     return np.asarray(out)
 
 
-def moments_by_time(exponent: Complexes, power: Ints, tau: Floats) -> Iterator[tuple[list[Ints], Complexes]]:
-    """Integrals from 0 to tau of all products of two functions, which may have powers of time.
+def moments_by_time(
+    exponent: Complexes, power: Ints, rows: Ints, tau: Floats
+) -> Iterator[tuple[list[Ints], Complexes]]:
+    """Integrals from 0 to tau of products of two functions, which may have powers of time.
+
+    Where all of the first ones are real, those with conjugates are conjugates, and left out.
 
     Parameters
     ----------
     exponent, power : (B,) of the functions, 1/s.
+    rows : (R,) which of them are the first one of a product.
     tau : (n,) s; equal ones share them.
 
     Yields
     ------
-    Numbers of the entries of each of some times, and of each time integrals (B, 2 B) of the products with the
+    Numbers of the entries of each of some times, and of each time integrals (R, B) or (R, 2 B) of the products with the
     functions and their conjugates.
     """
-    rate, degree, inverse = _pairs(exponent, power, np.arange(exponent.size), tau)
+    columns = (2 if exponent[rows].imag.any() else 1) * exponent.size
+    rate, degree, inverse = (x[:, :columns] for x in _pairs(exponent, power, rows, tau))
     row, column = np.nonzero(inverse == 0.0)
     order = np.argsort(tau, kind="stable")
     times, first = np.unique(tau[order], return_index=True)
     entries = np.split(order, first[1:])
     for part in blocks(times.size, 2 * rate.size, MANY_VALUES):
         end = np.exp(np.multiply.outer(times[part], exponent))
-        out = (end[:, :, None] * np.hstack([end, end.conj()])[:, None] - 1.0) * inverse
+        out = (end[:, rows, None] * np.hstack([end, end.conj()])[:, None, :columns] - 1.0) * inverse
         out[:, row, column] = _integrals(rate[row, column], degree[row, column], times[part])
         yield entries[part], out
 
@@ -220,7 +226,7 @@ def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:
     each, at = np.unique(times, return_inverse=True)
     moments = exponential_moments(np.multiply.outer(each, rates), int(power.max(initial=0)))
     moments *= (each[:, None] ** np.arange(1, moments.shape[2] + 1))[:, None]
-    return np.asarray(moments[:, number, power][at])
+    return np.asarray(moments[at[:, None], number, power])
 
 
 def blocks(count: int, width: int, values: int = VALUES_AT_ONCE) -> Iterator[slice]:

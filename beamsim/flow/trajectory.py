@@ -355,7 +355,7 @@ class Trajectory:
         for segment, sums in self.sums(output_of, which):
             check_stop()
             scaled, every = in_shares(sums), np.arange(segment.size)
-            turns, _ = search(scaled, known, resolution)
+            turns, _ = search(scaled, np.full((2, segment.size, 1), np.inf), known, resolution)
             inside = turns[:, 0].astype(np.int64)
             for place, rows, u in ((0, every, sums.place[0]), (1, inside, turns[:, 1]), (2, every, sums.place[1])):
                 of = segment[rows]
@@ -475,30 +475,38 @@ class Trajectory:
         """(n, Q) the same in a contact state with powers of time, from the factors as sums of functions of time.
 
         Over equal times they are one quadratic form of the amplitudes: pieces of a random input have the same length.
+        Left factors that are inputs, as those of work are, have few functions and sources.
         """
         amplitude, weight = self.amplitudes(state, segment), factors[2]
         F, B, (K, Q) = amplitude.shape[1], state.exponent.size, weight.shape
         of_sources = np.zeros((2, F * B, K), dtype=complex)
         for of, table in zip(of_sources, factors[:2], strict=True):
             np.add.at(of, state.term_source * B + state.term_basis, table)
-        of_units = of_sources.reshape(2, F, B, K).swapaxes(2, 3)  # outputs of a unit of each amplitude
-        both_of_units = np.stack([of_units[1], of_units[1].conj()]).reshape(2, F, K * B)
-        by_source = of_units.swapaxes(0, 1).reshape(F, 2 * K * B)
+        left, right = of_sources.reshape(2, F, B, K).swapaxes(2, 3)  # outputs of a unit of each amplitude
+        acting, rows = np.flatnonzero(left.any(axis=(1, 2))), np.flatnonzero(left.any(axis=(0, 1)))
+        left = left[acting][:, :, rows]
+        both_of_units, real = np.stack([right, right.conj()]).reshape(2, F, K * B), not state.exponent[rows].imag.any()
+        of_left, of_right = left.reshape(acting.size, K * rows.size), right.reshape(F, K * B)
         out = np.empty((tau.size, Q))
-        for groups, moments in moments_by_time(state.exponent, state.power, tau):
+        for groups, moments in moments_by_time(state.exponent, state.power, rows, tau):
             many = [k for k, entries in enumerate(groups) if entries.size >= F]
             for k in many:
-                integrals = (of_units[0] @ moments[k]).reshape(F, K, 2, B).transpose(2, 0, 1, 3)
-                weighted = (integrals * weight.T[:, None, None, :, None]).reshape(Q, 2, F, K * B)
+                integrals = left @ (np.hstack([moments[k], moments[k].conj()]) if real else moments[k])
+                integrals = integrals.reshape(acting.size, K, 2, B).transpose(2, 0, 1, 3)
+                weighted = (integrals * weight.T[:, None, None, :, None]).reshape(Q, 2, acting.size, K * B)
                 zeta = amplitude[groups[k]]
-                products = (zeta @ (weighted @ both_of_units.swapaxes(1, 2))) * np.stack([zeta, zeta.conj()])
+                products = zeta[:, acting] @ (weighted @ both_of_units.swapaxes(1, 2)) * np.stack([zeta, zeta.conj()])
                 out[groups[k]] = 0.5 * products.sum(axis=(1, 3)).real.T
             at = np.repeat(np.arange(len(groups)), [entries.size for entries in groups])
             some = ~np.isin(at, many)
             entries, at = np.concatenate(groups)[some], at[some]
-            one, other = (amplitude[entries] @ by_source).reshape(at.size, 2, K, B).swapaxes(0, 1)
-            both = np.concatenate([other, other.conj()], axis=2)
-            out[entries] = 0.5 * ((one @ moments[at]) * both).sum(axis=2).real @ weight
+            one = (amplitude[np.ix_(entries, acting)] @ of_left).reshape(at.size, K, rows.size)
+            other = (amplitude[entries] @ of_right).reshape(at.size, K, B)
+            if real:
+                out[entries] = ((one.real @ moments[at]) * other).sum(axis=2).real @ weight
+            else:
+                both = np.concatenate([other, other.conj()], axis=2)
+                out[entries] = 0.5 * ((one @ moments[at]) * both).sum(axis=2).real @ weight
         return out
 
     def square_integrals(self, output_of: RowsOf) -> Floats:
@@ -536,10 +544,12 @@ class Trajectory:
         """(T, 2 T) the same in a contact state with powers of time."""
         basis, source = state.term_basis, state.term_source
         zeta = self.amplitudes(state, segments)
-        functions = basis[:, None], np.append(basis, state.exponent.size + basis)
+        conjugate = state.exponent.size if state.exponent.imag.any() else 0  # functions that are real are their own
+        functions = basis[:, None], np.append(basis, conjugate + basis)
         sources, whole = (source[:, None], np.append(source, zeta.shape[1] + source)), np.hstack([zeta, zeta.conj()])
         products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
-        for groups, integrals in moments_by_time(state.exponent, state.power, length):
+        every = np.arange(state.exponent.size)
+        for groups, integrals in moments_by_time(state.exponent, state.power, every, length):
             for entries, moments in zip(groups, integrals, strict=True):
                 products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
         return products

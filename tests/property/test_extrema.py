@@ -118,6 +118,19 @@ def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
     assert fewer.evaluations < found.evaluations
 
 
+def test_most_of_a_random_motion_is_left_out_by_bounds_on_all_segments_at_once():
+    """Each segment takes two values of each output, unless it is known to stay below the largest ones."""
+    whole, outputs = motion_of("random, of many equal pieces", duration=1.0)
+    found = whole.extrema(outputs)
+    values = 2 * whole.time.size * found.high.size
+    assert whole.time.size > 3000
+    assert found.evaluations < 0.25 * values
+    sampled = samples(whole, outputs)[1]
+    size = np.abs(sampled).max(axis=0)
+    assert np.all(sampled.max(axis=0) <= found.high + 1e-9 * size)
+    assert np.all(sampled.min(axis=0) >= found.low - 1e-9 * size)
+
+
 def test_the_variation_is_bounded_and_not_much_larger(motion):
     """The changes between all turning points and ends of segments add up to less than the bound."""
     whole, outputs = motion
