@@ -164,7 +164,8 @@ def moments_by_time(
     functions and their conjugates.
     """
     columns = (2 if exponent[rows].imag.any() else 1) * exponent.size
-    rate, degree, inverse = (x[:, :columns] for x in _pairs(exponent, power, rows, tau))
+    rate, degree, inverse = _pairs(exponent, power, rows, tau)
+    rate, degree, inverse = rate[:, :columns], degree[:, :columns], inverse[:, :columns]
     row, column = np.nonzero(inverse == 0.0)
     order = np.argsort(tau, kind="stable")
     times, first = np.unique(tau[order], return_index=True)

@@ -301,7 +301,7 @@ class Convergence:
         model: dict[str, Any] = {
             "modes": self.modes, "first_modes": self.first_modes,
             **{name: time if math.isfinite(time) else None for name, time in times.items()},
-            "processor_time_s": self.processor_time_s, "reason": self.reason,
+            "finer_model_processor_time_s": self.processor_time_s, "reason": self.reason,
         }  # fmt: skip
         if math.isfinite(self.compared_s):
             model["compared_s"] = self.compared_s
