@@ -126,7 +126,8 @@ class ContactState:
         (T, k).
         """
         table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
-        states, inputs, slopes = np.split(rows, np.cumsum([self.term_vector.shape[1], sources.power.size]), axis=1)
+        of = self.equations.equations
+        states, inputs, slopes = rows[:, : of.states], rows[:, of.inputs], rows[:, of.slopes]
         table.real, table.imag = self.term_vector.real @ states.T, self.term_vector.imag @ states.T
         driven, lowered = self.terms_of_sources
         table[driven] += (inputs + sources.exponent * slopes).T
