@@ -1,8 +1,9 @@
 """Stated errors of every shipped run and swept sine, compared with four and eight times the modes and elements.
 
-    python -m benchmarks.convergence_of_configs [NAME ...]
+    python -m benchmarks.convergence_of_configs [--resume | NAME ...]
 
-writes `docs/convergence.csv`, or prints the rows of the named configurations alone. A row is a printed value: its
+writes `docs/convergence.csv` after each configuration, from where it ended with `--resume`, or prints the rows of
+the named configurations alone. A row is a printed value: its
 configuration, name, value, stated error, and its difference from the finest model, relative to the larger of both as
 stated errors are. Left out are values that the program itself calls one of many motions, or without a limit. Long
 motions are shortened, and the finest model is the one with four times the modes where that takes long.
@@ -134,10 +135,25 @@ def write(rows: Sequence[Row], path: Path = TABLE) -> None:
             table.writerow([*row[:2], f"{row.value:.6g}", f"{row.stated:.3g}", f"{row.true:.3g}", row.times])
 
 
-def main(names: Sequence[str]) -> None:
+def stored(path: Path = TABLE) -> list[Row]:
+    """The rows of the table."""
+    with path.open(encoding="utf-8") as file:
+        table = csv.DictReader(line for line in file if not line.startswith("#"))
+        numbers = ("value", "stated_error", "true_error")
+        return [
+            Row(row["config"], row["quantity"], *(float(row[name]) for name in numbers), int(row["times_the_modes"]))
+            for row in table
+        ]
+
+
+def main(arguments: Sequence[str]) -> None:
     """Compute, write or print."""
-    rows: list[Row] = []
+    names = [name for name in arguments if name != "--resume"]
+    rows = stored() if "--resume" in arguments else []
+    known = {row.config for row in rows}
     for name, command, scenario in cases(names):
+        if name in known:
+            continue
         begin = time.process_time()
         found = rows_of(name, command, scenario)
         rows += found
@@ -152,10 +168,10 @@ def main(names: Sequence[str]) -> None:
                 f"    {row.quantity:45} {row.value:12.6g}  {row.stated:9.3g} {row.true:9.3g} {row.over:6.2f}",
                 flush=True,
             )
+        if rows and not names:
+            write(rows)
     if rows:
         print(judged(rows))
-    if rows and not names:
-        write(rows)
 
 
 if __name__ == "__main__":

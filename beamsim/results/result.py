@@ -113,7 +113,8 @@ OF_MODES = (
 )
 CONVERGENCE = (
     Entry("convergence", "1", "by value, and by its place where there are several, its relative error: 9/8 of its "
-             "change (4/3 of it with plates) with three times the modes and twice the elements",
+             "change (4/3 of it with plates, 1.55 of reactions at edges) with three times the modes and twice the "
+             "elements",
              form=dict[str, Number | ByName]),
     Entry("doubtful", "", "values with an error of more than 2 %: value.place", form=list[str]),
     Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "

@@ -644,6 +644,7 @@ class Body(Schema):
         return 0.0
 
     mesh_order: ClassVar[float] = 4.0
+    reaction_order: ClassVar[float] = 4.0  # of forces and moments at supports
     """Order with which its values converge as its elements get smaller."""
 
     def refined(self) -> Self:

@@ -130,6 +130,7 @@ class PlateBody(Body):
     base_directions: ClassVar[tuple[str, ...]] = ("z", "rx", "ry")
     body_kind: ClassVar[str] = "plate"
     mesh_order: ClassVar[float] = 2.0
+    reaction_order: ClassVar[float] = 1.5  # strains at an edge are of a lower order than inside
     how_to_load: ClassVar[str] = "give area: whole, with a level in Pa"
     how_to_place: ClassVar[str] = "give x and y from its left and bottom edge, position: [270 mm, 100 mm] on a plate"
 

@@ -1,6 +1,7 @@
 """Stated errors hold the true ones, and values without a limit as the modes grow are named."""
 
 import math
+from pathlib import Path
 
 import pytest
 import yaml
@@ -10,7 +11,9 @@ import beamsim
 from beamsim.cli.motions import run_screen, sweep_screen
 from beamsim.cli.screens import significant_digits
 from beamsim.scenario import load_scenario
+from beamsim.trust.convergence import errors_of
 
+ROOT = Path(__file__).parents[2]
 BEAM = {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa", "density": "2700 kg/m^3"}
 
 
@@ -173,3 +176,15 @@ def test_sweeps_mark_accelerations_without_a_limit(sweep):
     assert " g ^" in sweep_screen(result).text(result, ["case.h5"])
     masses = [{"position": "270 mm", "mass": "20 g"}]
     assert "without_limit" not in beamsim.sweep(load_scenario(case, {"beam.point_masses": masses})).summary
+
+
+def test_reactions_at_the_edges_of_plates_converge_with_order_1_5():
+    """Twice the elements leave 2^-1.5 of their error; of other values 2^-2."""
+    plate = load_scenario(ROOT / "configs/structures/plate_panel.yaml", {"outputs": [
+        {"name": "edge", "kind": "reaction_force", "support": "base"},
+        {"name": "inside", "kind": "acceleration", "position": [0.1, 0.1]},
+    ]})  # fmt: skip
+    found = errors_of({"peak_output": {"edge": 0.045, "up_0 edge": 0.045, "inside": 0.045}}, plate, complete=False)
+    stated = found["peak_output"]
+    assert stated["edge"] == stated["up_0 edge"] == pytest.approx(0.045 / (1.0 - 2.0**-1.5))
+    assert stated["inside"] == pytest.approx(0.045 / 0.75)
