@@ -2,7 +2,7 @@
 
 Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
 is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`asked_to_stop`), and
-returns what it has. What a kind of outcome comes to, a limit, and the exit code are decided here alone (`STANDINGS`,
+returns what it has. What a kind of outcome comes to, a limit, and the exit code are decided here alone (`EXIT_RULES`,
 `on_limit`, `exit_code`).
 
 >>> sentence = "no solution even with the smallest step"
@@ -169,27 +169,27 @@ class ExitCode(IntEnum):
     TERMINATED = 143  # by SIGTERM
 
 
-class Standing(NamedTuple):
+class ExitRule(NamedTuple):
     """What a result is worth whose outcome is of a kind."""
 
     exit_code: ExitCode
     first_line: str = ""  # beside the title; empty where the comparison with a finer model says it
 
 
-STANDINGS = {
-    OutcomeKind.COMPLETE: Standing(ExitCode.SUCCESS),
-    OutcomeKind.NOTED: Standing(ExitCode.SUCCESS),
-    OutcomeKind.DOUBTFUL: Standing(ExitCode.SUCCESS, "NOT CONVERGED"),
-    OutcomeKind.NOT_HELD: Standing(ExitCode.NOT_CONVERGED, "LIMITS EXCEEDED"),
-    OutcomeKind.INCOMPLETE: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
-    OutcomeKind.STOPPED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
-    OutcomeKind.FAILED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
-    OutcomeKind.UNTRUSTED: Standing(ExitCode.NOT_CONVERGED, "NOT RELIABLE"),
-    OutcomeKind.INTERRUPTED: Standing(ExitCode.INTERRUPTED, "INCOMPLETE"),
+EXIT_RULES = {
+    OutcomeKind.COMPLETE: ExitRule(ExitCode.SUCCESS),
+    OutcomeKind.NOTED: ExitRule(ExitCode.SUCCESS),
+    OutcomeKind.DOUBTFUL: ExitRule(ExitCode.SUCCESS, "NOT CONVERGED"),
+    OutcomeKind.NOT_HELD: ExitRule(ExitCode.NOT_CONVERGED, "LIMITS EXCEEDED"),
+    OutcomeKind.INCOMPLETE: ExitRule(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.STOPPED: ExitRule(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.FAILED: ExitRule(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.UNTRUSTED: ExitRule(ExitCode.NOT_CONVERGED, "NOT RELIABLE"),
+    OutcomeKind.INTERRUPTED: ExitRule(ExitCode.INTERRUPTED, "INCOMPLETE"),
 }
 
 
-class OnLimit(StrEnum):
+class Verdict(StrEnum):
     """The verdict on a limit."""
 
     MET = "ok"
@@ -222,7 +222,7 @@ class Where(NamedTuple):
         ranges = isinstance(self.value, tuple) and any(isinstance(item, tuple) for item in self.value)
         return f"{'from' if ranges else 'at'} {self}"
 
-    def shown(self, convert: Callable[[float], float], unit: str, name: str) -> Where:
+    def in_unit(self, convert: Callable[[float], float], unit: str, name: str) -> Where:
         """The parameter of a branch in the unit that people read; any other place as it is.
 
         Parameters
@@ -256,9 +256,9 @@ class Outcome:
     sentence : what happened, for people; the place is added to it.
     remedy : what to try; may be empty.
     place : where it happened, if that belongs to it.
-    within : of which part of the computation it is, such as a level or a direction.
+    context : of which part of the computation it is, such as a level or a direction.
     numbers : by name.
-    parts : outcomes that caused this one or accompany it.
+    sub_outcomes : outcomes that caused this one or accompany it.
     """
 
     kind: OutcomeKind
@@ -266,13 +266,13 @@ class Outcome:
     sentence: str = ""
     remedy: str = ""
     place: Where | None = None
-    within: Where | str = ""
+    context: Where | str = ""
     numbers: Mapping[str, Number] = field(default_factory=dict, hash=False)
-    parts: tuple[Outcome, ...] = ()
+    sub_outcomes: tuple[Outcome, ...] = ()
 
     @classmethod
     def of(
-        cls, kind: OutcomeKind, code: str, sentence: str = "", *parts: Outcome, at: Where | float | None = None,
+        cls, kind: OutcomeKind, code: str, sentence: str = "", *sub_outcomes: Outcome, at: Where | float | None = None,
         remedy: str = "", **numbers: Any,
     ) -> Self:  # fmt: skip
         """Make an outcome.
@@ -280,7 +280,7 @@ class Outcome:
         Parameters
         ----------
         kind, code, sentence : see the class.
-        parts : outcomes that caused this one or accompany it.
+        sub_outcomes : outcomes that caused this one or accompany it.
         at : where it happened; a bare number is the parameter of a branch.
         remedy : what to try.
         numbers : by name.
@@ -292,12 +292,12 @@ class Outcome:
         place = at if isinstance(at, Where) or at is None else Where(float(at))
         if place is not None:
             place = place._replace(value=_plain(place.value))
-        return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, parts)
+        return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, sub_outcomes)
 
     @property
     def gravest(self) -> OutcomeKind:
         """The gravest kind of this outcome and of its parts."""
-        return max((self.kind, *(part.gravest for part in self.parts)), key=list(OutcomeKind).index)
+        return max((self.kind, *(part.gravest for part in self.sub_outcomes)), key=list(OutcomeKind).index)
 
     @property
     def complete(self) -> bool:
@@ -307,29 +307,29 @@ class Outcome:
     @property
     def usable(self) -> bool:
         """Whether everything requested was computed and can be used: complete, or doubtful in some of its values."""
-        return STANDINGS[self.gravest].exit_code == ExitCode.SUCCESS
+        return EXIT_RULES[self.gravest].exit_code == ExitCode.SUCCESS
 
     @property
     def trusted(self) -> bool:
         """Whether what was computed can be used, even if something is missing or some values are doubtful."""
         unreliable = self.kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED)
-        return not unreliable and all(part.trusted for part in self.parts)
+        return not unreliable and all(part.trusted for part in self.sub_outcomes)
 
     @property
     def interrupted(self) -> bool:
         """Whether the computation ended on request."""
-        return self.kind is OutcomeKind.INTERRUPTED or any(part.interrupted for part in self.parts)
+        return self.kind is OutcomeKind.INTERRUPTED or any(part.interrupted for part in self.sub_outcomes)
 
     @property
     def cut_short(self) -> bool:
         """Whether something that was requested was not computed."""
-        return self.kind in _MISSING or any(part.cut_short for part in self.parts)
+        return self.kind in _MISSING or any(part.cut_short for part in self.sub_outcomes)
 
     @property
     def ended_early(self) -> bool:
         """Whether the computation did not come to its end; what was also asked of it may be missing without that."""
         early = self.kind in _MISSING and self.kind is not OutcomeKind.INCOMPLETE
-        return early or any(part.ended_early for part in self.parts)
+        return early or any(part.ended_early for part in self.sub_outcomes)
 
     @property
     def unless_complete(self) -> tuple[Outcome, ...]:
@@ -362,8 +362,8 @@ class Outcome:
     def statements(self) -> tuple[str, ...]:
         """Message and remedy of this outcome, then those of its parts; nothing of those that have none."""
         own = "; ".join(filter(None, (self.message, self.remedy)))
-        own = f"{self.within}: {own}" if own and self.within else own
-        return tuple(filter(None, (own, *(text for part in self.parts for text in part.statements))))
+        own = f"{self.context}: {own}" if own and self.context else own
+        return tuple(filter(None, (own, *(text for part in self.sub_outcomes for text in part.statements))))
 
     @property
     def of_part(self) -> str:
@@ -379,14 +379,14 @@ class Outcome:
 
     def all_of(self, code: str) -> list[Outcome]:
         """This outcome and its parts, as far as they have a code."""
-        of_parts = [outcome for part in self.parts for outcome in part.all_of(code)]
+        of_parts = [outcome for part in self.sub_outcomes for outcome in part.all_of(code)]
         return [self, *of_parts] if self.code == code else of_parts
 
-    def but(self, *parts: Outcome, **fields: Any) -> Self:
+    def but(self, *sub_outcomes: Outcome, **fields: Any) -> Self:
         """A copy with additional parts, and other fields."""
-        return replace(self, parts=(*self.parts, *parts), **fields)
+        return replace(self, sub_outcomes=(*self.sub_outcomes, *sub_outcomes), **fields)
 
-    def shown(self, convert: Callable[[float], float], unit: str = "", name: str = "") -> Self:
+    def in_unit(self, convert: Callable[[float], float], unit: str = "", name: str = "") -> Self:
         """A copy in which the parameter of a branch, here and in the parts, is in the unit that people read.
 
         Parameters
@@ -399,8 +399,10 @@ class Outcome:
         Outcome
             Places that have a unit already stay as they are.
         """
-        place = None if self.place is None else self.place.shown(convert, unit, name)
-        return replace(self, place=place, parts=tuple(part.shown(convert, unit, name) for part in self.parts))
+        place = None if self.place is None else self.place.in_unit(convert, unit, name)
+        return replace(
+            self, place=place, sub_outcomes=tuple(part.in_unit(convert, unit, name) for part in self.sub_outcomes)
+        )
 
     def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Self:
         """A copy with its places in the units of tables.
@@ -410,13 +412,15 @@ class Outcome:
         scale : the factor and the unit in which some numbers of a unit are shown.
         """
         place = None if self.place is None else self.place.displayed(scale)
-        within = self.within.displayed(scale) if isinstance(self.within, Where) else self.within
-        return replace(self, place=place, within=within, parts=tuple(part.displayed(scale) for part in self.parts))
+        within = self.context.displayed(scale) if isinstance(self.context, Where) else self.context
+        return replace(
+            self, place=place, context=within, sub_outcomes=tuple(part.displayed(scale) for part in self.sub_outcomes)
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Values that JSON can hold."""
         return {name: value for name, value in asdict(self).items() if value not in (None, "", {}, ())} | {
-            "parts": [part.as_dict() for part in self.parts]
+            "sub_outcomes": [part.as_dict() for part in self.sub_outcomes]
         }
 
     @classmethod
@@ -428,13 +432,13 @@ class Outcome:
         KeyError, ValueError
             If there is no such kind.
         """
-        read = {name: _plain(value) for name, value in values.items() if name not in ("numbers", "parts")}
-        for name in ("place", "within"):
+        read = {name: _plain(value) for name, value in values.items() if name not in ("numbers", "sub_outcomes")}
+        for name in ("place", "context"):
             if isinstance(read.get(name), tuple):
                 read[name] = Where(*read[name])
         numbers = {name: _plain(value) for name, value in values.get("numbers", {}).items()}
-        parts = tuple(cls.from_dict(part) for part in values.get("parts", ()))
-        return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, parts=parts)
+        parts = tuple(cls.from_dict(part) for part in values.get("sub_outcomes", ()))
+        return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, sub_outcomes=parts)
 
     def as_texts(self) -> dict[str, str]:
         """Texts that a file stores: ``status`` for people, its code ``outcome``; as JSON ``outcome_numbers``."""
@@ -458,7 +462,7 @@ COMPLETE = Outcome(OutcomeKind.COMPLETE, "complete")
 """Everything requested was computed."""
 
 
-def on_limit(lowest: float, highest: float, limit: float, outcome: Outcome = COMPLETE) -> OnLimit:
+def on_limit(lowest: float, highest: float, limit: float, outcome: Outcome = COMPLETE) -> Verdict:
     """The verdict on a limit: met or exceeded only if that holds for a value with its change added and subtracted.
 
     Parameters
@@ -469,16 +473,16 @@ def on_limit(lowest: float, highest: float, limit: float, outcome: Outcome = COM
 
     Returns
     -------
-    OnLimit
+    Verdict
 
     >>> [str(on_limit(0.9 * x, 1.1 * x, 1.0)) for x in (0.9, 1.0, 1.2)]
     ['ok', 'not reliable', 'exceeded']
     """
     if not outcome.trusted:
-        return OnLimit.NOT_RELIABLE
+        return Verdict.NOT_RELIABLE
     if lowest > limit:
-        return OnLimit.EXCEEDED
-    return OnLimit.MET if highest <= limit and not outcome.cut_short else OnLimit.NOT_RELIABLE
+        return Verdict.EXCEEDED
+    return Verdict.MET if highest <= limit and not outcome.cut_short else Verdict.NOT_RELIABLE
 
 
 def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> int:
@@ -500,28 +504,28 @@ def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> 
     """
     if signal:
         return 128 + signal
-    code, verdicts = STANDINGS[outcome.gravest].exit_code, set(limits)
+    code, verdicts = EXIT_RULES[outcome.gravest].exit_code, set(limits)
     if code == ExitCode.INTERRUPTED:
         return code
-    if OnLimit.EXCEEDED in verdicts:
+    if Verdict.EXCEEDED in verdicts:
         return ExitCode.LIMIT_EXCEEDED
-    return code if verdicts <= {OnLimit.MET} else max(code, ExitCode.NOT_CONVERGED)
+    return code if verdicts <= {Verdict.MET} else max(code, ExitCode.NOT_CONVERGED)
 
 
-def interruption(when: str = "", *parts: Outcome, at: Where | None = None) -> Outcome:
+def interruption(when: str = "", *sub_outcomes: Outcome, at: Where | None = None) -> Outcome:
     """The outcome of what ended on request.
 
     Parameters
     ----------
     when : what follows "interrupted": "during the search", "after 2 of 3 levels".
-    parts : outcomes that accompany it.
+    sub_outcomes : outcomes that accompany it.
     at : where it ended.
 
     Returns
     -------
     Outcome
     """
-    return Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", when, *parts, at=at)
+    return Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", when, *sub_outcomes, at=at)
 
 
 def combined(outcomes: Iterable[Outcome]) -> Outcome:
@@ -529,7 +533,7 @@ def combined(outcomes: Iterable[Outcome]) -> Outcome:
     return next((outcome for outcome in outcomes if not outcome.complete), COMPLETE)
 
 
-def together(outcomes: Sequence[Outcome]) -> Outcome:
+def first_with_others(outcomes: Sequence[Outcome]) -> Outcome:
     """Several outcomes as one: the first with the others as its parts; `COMPLETE` if there are none."""
     return outcomes[0].but(*outcomes[1:]) if outcomes else COMPLETE
 
@@ -540,7 +544,7 @@ def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
         return backward
     swap = backward.complete and not forward.complete
     first, second = (forward, backward) if swap else (backward, forward)
-    return first.but(replace(second, within="in the other direction"))
+    return first.but(replace(second, context="in the other direction"))
 
 
 def listed(value: Any) -> str:

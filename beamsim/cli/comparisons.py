@@ -18,7 +18,7 @@ from beamsim.cli.session import Given, scenario_given
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.measurements.channels import history_named
-from beamsim.outcomes import OnLimit, exit_code
+from beamsim.outcomes import Verdict, exit_code
 from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.validation_errors import describe
@@ -134,7 +134,7 @@ def compare_shapes(
     result = concluded("compare-modes", target, given, compared, f"comparing with {measured.name}")
     beyond = list(_beyond(result.summary["pairs"], **limits))
     if beyond:
-        raise VerdictError("; ".join(beyond), exit_code(result.outcome, [OnLimit.EXCEEDED]))
+        raise VerdictError("; ".join(beyond), exit_code(result.outcome, [Verdict.EXCEEDED]))
 
 
 def _beyond(

@@ -21,7 +21,7 @@ from beamsim.outcomes import first_of
 from beamsim.plots.run import damage_text
 from beamsim.plots.style import amount, is_known, percent, scale_for
 from beamsim.results.competition import ALIKE
-from beamsim.results.values import limit_label, limited
+from beamsim.results.values import limit_label, parse_limit
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -79,7 +79,7 @@ def _matched(result: RunResult, _: Errors) -> Iterator[str]:
 
 def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     random = result["random"]
-    limits = [limited(name) for name in result.summary.get("margins", {})]
+    limits = [parse_limit(name) for name in result.summary.get("margins", {})]
 
     def compared(signal: Mapping[str, Any]) -> bool:
         return any(value.on_peak_of(signal) and place in ("", signal["name"]) for value, place in limits)
@@ -226,7 +226,7 @@ def _curve_text(curve: SweepCurve) -> str:
 def _exceeded_in(result: SweepResult) -> Iterator[str]:
     """Of several curves those that exceed each limit, whose largest value is that of one of them."""
     for name, of in result.summary.get("margins", {}).items() if len(result.curves) > 1 else ():
-        value, place = limited(name)
+        value, place = parse_limit(name)
         by_curve = result.summary.get(value.entry, {})
         if of["exceeded"] and set(by_curve) == set(result.curves):
             largest = {

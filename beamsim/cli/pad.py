@@ -9,7 +9,7 @@ from beamsim.analyses.pad.analysis import KnownPad, PadNumbers, option
 from beamsim.analyses.pad.analysis import pad as designed
 from beamsim.cli.session import print_json, show
 from beamsim.errors import Problem, ScenarioError, VerdictError
-from beamsim.outcomes import STANDINGS, exit_code
+from beamsim.outcomes import EXIT_RULES, exit_code
 from beamsim.plots.style import amount
 from beamsim.scenario import units
 from beamsim.scenario.quantities import Quantity
@@ -122,7 +122,7 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
 
 def _comments(found: PadNumbers) -> Iterator[str]:
     """How reliable it is and what is known of the pad, a line each."""
-    if verdict := STANDINGS[found.outcome.gravest].first_line:
+    if verdict := EXIT_RULES[found.outcome.gravest].first_line:
         yield verdict
     for label, name, unit in _SHOWN:
         value = getattr(found, name)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from beamsim.kinds import KINDS
-from beamsim.outcomes import STANDINGS, OnLimit, first_of
+from beamsim.outcomes import EXIT_RULES, Verdict, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.plots.understood import understood
 from beamsim.results.result import ALLOWED_ERROR, Result
@@ -65,7 +65,7 @@ class Screen:
         """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
         outcome = result.outcome
         doubtful = first_of_keys(result, result.summary.get("doubtful", ()))
-        worth = STANDINGS[outcome.gravest].first_line
+        worth = EXIT_RULES[outcome.gravest].first_line
         if worth and doubtful and outcome.usable:
             worth = f"{worth}: {counted(len(doubtful), 'value')}"
         statements = [part for text in outcome.displayed(scale_for).statements for part in text.split("; ")]
@@ -167,7 +167,7 @@ class Errors:
         marked = self._printed & self._unlimited
         apart = ", but for what is marked ^" if marked else ""
         scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
-        if STANDINGS[self._result.outcome.gravest].first_line:
+        if EXIT_RULES[self._result.outcome.gravest].first_line:
             verdict = ""  # the title says it
         elif model["reason"]:
             verdict = f"not checked with a finer model ({model['reason']})"
@@ -321,7 +321,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
             "value": amount(item["value"], limit_unit(result.scenario, name)),
             "at": item["at"] or "",
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),
-            "verdict": item["verdict"] if item["verdict"] == OnLimit.MET else item["verdict"].upper(),
+            "verdict": item["verdict"] if item["verdict"] == Verdict.MET else item["verdict"].upper(),
         }
         for name, item in compared.items()
     }
@@ -342,9 +342,9 @@ def limits_in_test(result: Result) -> Iterator[str]:
     yield from (f"compared with limits: {first_of(names, SHOWN)} by the {of}" for of, names in alike.items())
     for name, item in result.summary.get("margins", {}).items():
         unit = limit_unit(result.scenario, name)
-        if item["verdict"] == OnLimit.MET and item.get("reached", 0.0) > item["limit"]:
+        if item["verdict"] == Verdict.MET and item.get("reached", 0.0) > item["limit"]:
             yield f"{limit_label(name)} is met by that value alone: the run reached {amount(item['reached'], unit, 4)}"
-        if item["verdict"] == OnLimit.UNDECIDED:
+        if item["verdict"] == Verdict.UNDECIDED:
             longer = item["decided_after_s"]
             low, high, limit = (amount(item[key], unit, 4) for key in ("interval_low", "interval_high", "limit"))
             after = longer_run(amount(longer, "s", 2) if is_known(longer) else "")

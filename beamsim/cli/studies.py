@@ -13,7 +13,7 @@ from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.worst import SAMPLED
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.labelled import Dataset
-from beamsim.outcomes import OnLimit
+from beamsim.outcomes import Verdict
 from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.results.values import VALUES, limit_label, parameter_label
 from beamsim.scenario.base import counted
@@ -282,10 +282,10 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
         at, most = f" at {of['at']}" if of["at"] else "", ""
         if result.kind == "optimise":
             where = f"in the {'best design' if 'best' in result.summary else 'design nearest to the limits'}:"
-        elif item["verdict"] == OnLimit.MET:
+        elif item["verdict"] == Verdict.MET:
             where = f"in all cases{_of_quantile(result)}: at most"
         else:
-            counts = {OnLimit.EXCEEDED: "cases_exceeding", OnLimit.UNDECIDED: "cases_undecided"}
+            counts = {Verdict.EXCEEDED: "cases_exceeding", Verdict.UNDECIDED: "cases_undecided"}
             count = item.get(counts.get(item["verdict"], "cases_not_reliable"))
             where = f"in {count or 'some'} of {result.count} cases{_of_quantile(result)}:"
             with_them = _parameters(result, item.get("parameters", {})).items()

@@ -194,7 +194,7 @@ class Contacts:
         """Gaps of all one-sided springs, m: one per breakpoint of a piecewise-linear law."""
         return self.split().gap
 
-    def with_others(self, others: Contacts) -> Contacts:
+    def first_with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
         theirs = np.where(others.presser < 0, -1, others.presser + self.count)
         return Contacts(

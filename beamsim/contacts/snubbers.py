@@ -210,8 +210,8 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
 
 
 def build_contacts(
-    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, levers: Floats, omega: Floats,
-    rigid: int,
+    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, base_participations: Floats,
+    omega: Floats, rigid: int,
 ) -> Contacts:  # fmt: skip
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
@@ -220,7 +220,7 @@ def build_contacts(
     located : the scenario's snubbers and where they are written.
     curves : of those that have a force-deflection table.
     shape : (m, n) deflection at each for a unit of each coordinate.
-    levers : (m,) displacement of each place for a unit displacement of the base.
+    base_participations : (m,) displacement of each place for a unit displacement of the base.
     omega : (n,) rad/s, open structure.
     rigid : number of rigid-body coordinates.
 
@@ -255,7 +255,7 @@ def build_contacts(
         laws=tuple(
             _law(at, float(k), curve, c) for at, k, curve, c in zip(located, stiffness, curves, dashpot, strict=True)
         ),
-        base_participation=levers,
+        base_participation=base_participations,
     )
 
 

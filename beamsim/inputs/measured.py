@@ -20,8 +20,8 @@ from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
 from beamsim.measurements.signal import MeasuredSignal, axis_kind, in_si
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import InvalidValueError, path_text
 from beamsim.scenario.base import Path as Keys
-from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, spoken
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant, power_of
@@ -388,7 +388,7 @@ def read_density(excitation: RandomInput, table: CurveFile, folder: Path | None 
         frequency, value = _read_function(table, folder, dimensions[excitation.quantity])
     try:
         excitation.check_sample_rate(float(frequency[-1]))
-    except Unfit as fault:
+    except InvalidValueError as fault:
         raise ScenarioError(fault.problem(("excitation",))) from None
     return frequency, value
 

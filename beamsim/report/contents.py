@@ -8,7 +8,7 @@ from re import fullmatch
 from typing import Any, NamedTuple
 
 from beamsim.kinds import KINDS
-from beamsim.outcomes import STANDINGS, OnLimit
+from beamsim.outcomes import EXIT_RULES, Verdict
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture
 from beamsim.plots.model import model_figure
@@ -16,7 +16,7 @@ from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.plots.understood import excitation_text
 from beamsim.report.interactive import interactive
-from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
+from beamsim.report.page import NOTE, Cells, Headline, Page, captioned, labelled, listing, picture, table
 from beamsim.results.result import MARGINS, Result
 from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
@@ -119,34 +119,34 @@ def page_of(
     return page
 
 
-def verdict_of(result: Result) -> Verdict:
+def verdict_of(result: Result) -> Headline:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
-    standing = STANDINGS[result.outcome.gravest]
+    standing = EXIT_RULES[result.outcome.gravest]
     reasons = [str(result.outcome.displayed(scale_for))] if standing.first_line else []
-    on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in OnLimit}
-    if on[OnLimit.EXCEEDED]:
-        return Verdict("bad", f"Limit exceeded: {', '.join(on[OnLimit.EXCEEDED])}", reasons)
+    on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in Verdict}
+    if on[Verdict.EXCEEDED]:
+        return Headline("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
     if standing.exit_code:
-        return Verdict("bad", standing.first_line.capitalize(), reasons)
-    if on[OnLimit.NOT_RELIABLE]:
-        return Verdict("doubt", f"Neither kept nor exceeded: {', '.join(on[OnLimit.NOT_RELIABLE])}", reasons)
-    if on[OnLimit.UNDECIDED]:
-        reasons += limits_not_met(result.scenario, {n: i for n, i in margins.items() if i["verdict"] != OnLimit.MET})
-        return Verdict("doubt", f"Undecided by a run of this length: {', '.join(on[OnLimit.UNDECIDED])}", reasons)
+        return Headline("bad", standing.first_line.capitalize(), reasons)
+    if on[Verdict.NOT_RELIABLE]:
+        return Headline("doubt", f"Neither kept nor exceeded: {', '.join(on[Verdict.NOT_RELIABLE])}", reasons)
+    if on[Verdict.UNDECIDED]:
+        reasons += limits_not_met(result.scenario, {n: i for n, i in margins.items() if i["verdict"] != Verdict.MET})
+        return Headline("doubt", f"Undecided by a run of this length: {', '.join(on[Verdict.UNDECIDED])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""
-        return Verdict("doubt", f"To be read with care.{within}", reasons)
+        return Headline("doubt", f"To be read with care.{within}", reasons)
     if margins:
-        return Verdict("good", "All limits are kept")
+        return Headline("good", "All limits are kept")
     if MARGINS in type(result).SUMMARY:
         limit = "peak_force: 50 N" if result.scenario.all_snubbers else "peak_displacement: 2 mm"
-        return Verdict("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
-    return Verdict("", "Complete")
+        return Headline("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
+    return Headline("", "Complete")
 
 
 def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
-    signs = {OnLimit.MET: "+ ", OnLimit.EXCEEDED.upper(): "! "}
+    signs = {Verdict.MET: "+ ", Verdict.EXCEEDED.upper(): "! "}
     for name, of in limits.items():
         yield [name, of["value"], of["at"], of["limit"], of["margin"], signs.get(of["verdict"], "") + of["verdict"]]
 

@@ -33,8 +33,8 @@ from beamsim.results.values import (
     STRESS,
     Value,
     largest_in,
-    limited,
     margins_along,
+    parse_limit,
 )
 from beamsim.scenario.sweep import HarmonicBalance
 from beamsim.system.equations import ChannelSet
@@ -101,7 +101,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
     for name in () if limits is None else limits.given:
-        value, place = limited(name)
+        value, place = parse_limit(name)
         columns = [k for each, k in channels.located if value.takes(each) and place in ("", each.name)]
         some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.results.values import of_angles
+from beamsim.results.values import hinge_key
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.system.structural import ContactUnits, StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
@@ -232,7 +232,7 @@ def finite(ratios: Mapping[str, float]) -> dict[str, float]:
 
 def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """The entries of a summary's ``gapping`` with those of hinges under the names of angles and moments."""
-    turned = {name: {of_angles(key): x for key, x in of.items()} for name, of in snubbers.items()}
+    turned = {name: {hinge_key(key): x for key, x in of.items()} for name, of in snubbers.items()}
     return {name: turned[name] if units[name] == "rad" else of for name, of in snubbers.items()}
 
 

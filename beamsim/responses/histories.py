@@ -22,7 +22,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, asked_by
 from beamsim.responses.energies import EnergyHistory, stored_energy, work_factors
-from beamsim.results.values import outer
+from beamsim.results.values import merge_extremes
 from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats, Ints
@@ -155,7 +155,7 @@ class LowPassed:
         times = np.minimum(self._times[self._reached : upto], end)
         motion = behind(times)
         self.values[self._reached : upto] = motion.at(times)
-        self.extremes = outer(self.extremes, np.array(motion.extremes(self._begin, end)))
+        self.extremes = merge_extremes(self.extremes, np.array(motion.extremes(self._begin, end)))
         self._begin, self._reached = end, upto
 
 

@@ -62,7 +62,7 @@ class FollowedParameter:
 
     def shown(self, outcome: Outcome) -> Outcome:
         """An outcome with its parameter in the user's unit."""
-        return outcome.shown(self.outward, self.unit)
+        return outcome.in_unit(self.outward, self.unit)
 
     def system(self, unmoved: StructuralSystem, unknown: float) -> StructuralSystem:
         """The system whose motion a point of the continuation is; frequency and level leave it as it is."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.labelled import Dataset
-from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
+from beamsim.outcomes import COMPLETE, Outcome, Verdict, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -38,10 +38,10 @@ Margins = dict[str, dict[str, Any]]
 ``verdict``, ``exceeded``; of a value of a random motion also which ``statistic`` it is."""
 
 
-def of_angles(entry: str) -> str:
+def hinge_key(entry: str) -> str:
     """The entry of a hinge that stands for one of a snubber or friction contact: moments for forces, rad for m.
 
-    >>> of_angles("peak_force_n"), of_angles("gap_m"), of_angles("impulse_n_s"), of_angles("approach_speed_m_s")
+    >>> hinge_key("peak_force_n"), hinge_key("gap_m"), hinge_key("impulse_n_s"), hinge_key("approach_speed_m_s")
     ('peak_moment_n_m', 'gap_rad', 'impulse_n_m_s', 'approach_speed_rad_s')
     """
     name = entry.replace("force", "moment")
@@ -51,11 +51,11 @@ def of_angles(entry: str) -> str:
     return name
 
 
-def by_units(entry: str, contacts: Iterable[Any], value: Callable[[Any], float]) -> dict[str, dict[str, float]]:
+def by_hinge_key(entry: str, contacts: Iterable[Any], value: Callable[[Any], float]) -> dict[str, dict[str, float]]:
     """A value by name of contacts, those of hinges under the entry of angles, which is there only with them."""
     found: dict[str, dict[str, float]] = {entry: {}}
     for contact in contacts:
-        name = of_angles(entry) if contact.gap_unit == "rad" else entry
+        name = hinge_key(entry) if contact.gap_unit == "rad" else entry
         found.setdefault(name, {})[contact.name] = value(contact)
     return found
 
@@ -96,7 +96,7 @@ def by_magnitude(channels: Sequence[Channel], extreme: Extreme) -> Extreme:
     return np.array([low, when_low, np.where(pulls, -low, high), np.where(pulls, when_low, when_high)])
 
 
-def outer(before: Extreme | None, new: Extreme) -> Extreme:
+def merge_extremes(before: Extreme | None, new: Extreme) -> Extreme:
     """The lowest and the highest of two extremes, with their times."""
     if before is None:
         return new
@@ -274,7 +274,7 @@ def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
 
 def limits(name: str, entry: str, place: str) -> bool:
     """Whether a limit is one on this entry of a summary at this place."""
-    value, of = limited(name)
+    value, of = parse_limit(name)
     rms = entry == "random" and place.endswith(f" {value.quantity} rms")
     found = rms or entry in filter(None, (value.entry, value.reported))
     return found and (not of or of in (place, *place.split(" ")) or place.endswith(f" {of}"))
@@ -364,10 +364,10 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     return found
 
 
-def limited(name: str) -> tuple[Value, str]:
+def parse_limit(name: str) -> tuple[Value, str]:
     """The value that a limit is on, and at which place alone; no place where that is any of them.
 
-    >>> value, place = limited("peak_force.tip")
+    >>> value, place = parse_limit("peak_force.tip")
     >>> value.name, place
     ('peak_force', 'tip')
     """
@@ -377,7 +377,7 @@ def limited(name: str) -> tuple[Value, str]:
 
 def limit_unit(scenario: Scenario, name: str) -> str:
     """SI unit of a limit."""
-    value, place = limited(name)
+    value, place = parse_limit(name)
     if value is OUTPUT:
         return scenario.output_units[place]
     return value.unit
@@ -434,7 +434,7 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
     """The margins of a run, from the values of its summary; a curve's limit is 1, on the largest ratio to it."""
     largest = {}
     for name in {} if limits is None else limits.given:
-        value, place = limited(name)
+        value, place = parse_limit(name)
         found = summary.get(value.entry, {})
         if isinstance(found, Mapping):
             found = found or {place: math.nan}  # of what was left out, or is not known
@@ -458,7 +458,7 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
         value, at = largest.get(name, (math.nan, ""))
         ends = {"lowest": value, "highest": value}
         compared[name] = {"limit": limit, "value": value, **ends, "margin": margin_of(limit, value), "at": at}
-        if decade := limited(name)[0].decibels:
+        if decade := parse_limit(name)[0].decibels:
             compared[name]["margin_db"] = decade * math.log10(limit / value) if value > 0.0 else math.nan
     return judged(compared)
 
@@ -486,7 +486,7 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
 
     Returns
     -------
-    With ``verdict`` (`OnLimit`), and ``exceeded`` where it says so.
+    With ``verdict`` (`Verdict`), and ``exceeded`` where it says so.
     """
     verdicts = {
         name: on_limit(item["lowest"], item["highest"], item["limit"] * (1.0 + item.get("held_within", 0.0)), outcome)
@@ -494,10 +494,10 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     }
     for name, verdict in verdicts.items():
         low, high = (compared[name].get(f"interval_{end}", math.nan) for end in ("low", "high"))
-        if verdict is OnLimit.NOT_RELIABLE and outcome.trusted and low <= compared[name]["limit"] < high:
-            verdicts[name] = OnLimit.UNDECIDED
+        if verdict is Verdict.NOT_RELIABLE and outcome.trusted and low <= compared[name]["limit"] < high:
+            verdicts[name] = Verdict.UNDECIDED
     return {
-        name: item | {"exceeded": verdicts[name] is OnLimit.EXCEEDED, "verdict": verdicts[name].value}
+        name: item | {"exceeded": verdicts[name] is Verdict.EXCEEDED, "verdict": verdicts[name].value}
         for name, item in compared.items()
     }
 
@@ -513,14 +513,14 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
     """A message for every limit that is exceeded, and for every one of which nothing reliable can be said."""
     texts = []
     for name, item in compared.items():
-        if item["verdict"] == OnLimit.MET:
+        if item["verdict"] == Verdict.MET:
             continue
         unit, changes = f" {limit_unit(scenario, name)}".removesuffix(" 1"), item["lowest"] < item["highest"]
         between = f" ({item['lowest']:.5g} to {item['highest']:.5g}{unit} with its change)" if changes else ""
         if "interval_low" in item:
             between = f" ({item['interval_low']:.5g} to {item['interval_high']:.5g}{unit} at 95 % of tests)"
         verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
-        if item["verdict"] == OnLimit.UNDECIDED:
+        if item["verdict"] == Verdict.UNDECIDED:
             interval = f"{item['interval_low']:.5g} to {item['interval_high']:.5g}{unit}"
             test = f"the largest value in run.test_duration, {interval} at 95 %, may meet or exceed"
             after = longer_run(f"{float(f'{longer:.2g}'):g} s" if (longer := item["decided_after_s"]) > 0.0 else "")

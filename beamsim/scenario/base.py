@@ -75,7 +75,7 @@ def path_text(path: Path) -> str:
     return text
 
 
-class Unfit(ValueError):
+class InvalidValueError(ValueError):
     """A value that is not taken; raised by validators, and located by whoever knows where the value stands.
 
     Parameters
@@ -100,7 +100,7 @@ def problem(path: Path, message: str, remedy: str = "", mark: Mark = NOWHERE) ->
     Parameters
     ----------
     path : of the value.
-    message : what is wrong; follows the path, as that of `Unfit` does.
+    message : what is wrong; follows the path, as that of `InvalidValueError` does.
     remedy : what to do about it.
     mark : file and line, where they are known already.
 
@@ -128,12 +128,14 @@ def demand_rising(
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         at the first number that does not lie above the one before.
     """
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
-            raise Unfit(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
+            raise InvalidValueError(
+                f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index)
+            )
 
 
 def _hashable(value: Any) -> Any:
@@ -170,7 +172,7 @@ class Schema(BaseModel):
     """By key the attribute with what `plain` writes there in any case, because units said it; None for nothing."""
 
     def check(self) -> None:
-        """Compare fields with each other; raises `Unfit`."""
+        """Compare fields with each other; raises `InvalidValueError`."""
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """What is wrong with it in its scenario, where it is written at a path; its own parts are asked themselves."""
@@ -189,7 +191,7 @@ class Schema(BaseModel):
             if value is not None and (default is None or value != default):
                 given.append(each)
         if key in given and given[0] != key:
-            raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
+            raise InvalidValueError(f"and {given[0]} exclude each other", remedy, (key,))
 
     @classmethod
     def key_of(cls, name: str) -> str:
@@ -304,16 +306,16 @@ def plain(value: object) -> Any:
     return float(value) if isinstance(value, float) else str(value)
 
 
-def within(annotation: Any) -> Iterator[Any]:
+def nested_annotations(annotation: Any) -> Iterator[Any]:
     """An annotation and all that it is made of: types, metadata, words."""
     yield annotation
     for inner in get_args(annotation):
-        yield from within(inner)
+        yield from nested_annotations(inner)
 
 
 def words_of(annotation: Any) -> tuple[str, ...]:
     """Words that an annotation, or a member of a union in it, allows."""
-    words = (get_args(each) for each in within(annotation) if get_origin(each) is Literal)
+    words = (get_args(each) for each in nested_annotations(annotation) if get_origin(each) is Literal)
     return tuple(str(word) for each in words for word in each)
 
 
@@ -459,24 +461,24 @@ def distinct(a: float, b: float) -> tuple[str, str]:
     return repr(a), repr(b)
 
 
-def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
+def suggestion(name: str, names: Iterable[str], introduction: str) -> str:
     """The remedy for an unknown name.
 
     Parameters
     ----------
     name : that was written.
     names : that there are.
-    otherwise : what comes before all of them where none is similar ("the bodies are").
+    introduction : what comes before all of them where none is similar ("the bodies are").
 
     Returns
     -------
     str
-        The similar name as a question, else ``otherwise`` with all names.
+        The similar name as a question, else ``introduction`` with all names.
     """
     names = list(names)
     meant = closest(name, names)
     more = f", ... ({len(names)} in all)" if len(names) > MOST_NAMES else ""
-    return f"did you mean {meant}?" if meant else f"{otherwise} {', '.join(names[:MOST_NAMES])}{more}"
+    return f"did you mean {meant}?" if meant else f"{introduction} {', '.join(names[:MOST_NAMES])}{more}"
 
 
 MEANT = {
@@ -538,7 +540,7 @@ def closest(name: str, names: Iterable[str]) -> str:
     return alike[0] if alike else ""
 
 
-def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> Iterator[Problem]:
+def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_without_any: str = "") -> Iterator[Problem]:
     """A problem where a name is none of those that are known.
 
     Parameters
@@ -547,7 +549,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: s
     name : that was written.
     kind : what it names, in the singular ("body").
     known : the names that there are.
-    otherwise : the remedy where there are none.
+    remedy_without_any : the remedy where there are none.
 
     Yields
     ------
@@ -557,7 +559,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: s
     names = list(known)
     if name not in names:
         plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")
-        remedy = suggestion(name, names, f"the {plural} are") if names else otherwise or f"there is no {kind}"
+        remedy = suggestion(name, names, f"the {plural} are") if names else remedy_without_any or f"there is no {kind}"
         yield problem(path, f"names no {kind}" if path[-1] == name else f"= {name} is an unknown {kind}", remedy)
 
 

@@ -1,4 +1,4 @@
-"""The beam: what makes its stretches stiff and heavy, supports, damping, point masses."""
+"""The beam: what makes its segments stiff and heavy, supports, damping, point masses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Whole, path_text, problem
+from beamsim.scenario.base import BY_FORM, InvalidValueError, Path, Problems, Schema, Whole, path_text, problem
 from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition, coarse_mesh
 
 
@@ -59,10 +59,10 @@ class SquareSection(Schema):
         return _rectangle(self.side, self.side)
 
 
-def _ring(outer: float, inner: float) -> CrossSection:
+def _ring(outside: float, inside: float) -> CrossSection:
     """Between two diameters."""
     return CrossSection(
-        math.pi / 4.0 * (outer**2 - inner**2), math.pi / 64.0 * (outer**4 - inner**4), outer / 2.0
+        math.pi / 4.0 * (outside**2 - inside**2), math.pi / 64.0 * (outside**4 - inside**4), outside / 2.0
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ class TubeSection(Schema):
     def check(self) -> None:
         """Reject a wall thicker than the tube."""
         if self.wall_thickness > self.outer_diameter / 2.0:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
                 "half the diameter is a solid rod",
                 ("wall_thickness",),
@@ -126,7 +126,7 @@ class ISection(Schema):
             ("flange_thickness", self.height / 2.0, "half of height"),
         ):
             if getattr(self, key) > largest:
-                raise Unfit(
+                raise InvalidValueError(
                     f"= {getattr(self, key):g} m is more than {what} = {largest:g} m", "check the two sizes", (key,)
                 )
 
@@ -197,7 +197,7 @@ class SandwichSection(Schema):
 
 
 class Bending(NamedTuple):
-    """Bending stiffness and mass of a stretch of a beam, whatever they are given by."""
+    """Bending stiffness and mass of a segment of a beam, whatever they are given by."""
 
     bending_stiffness: float  # E I, N m^2
     mass_per_length: float  # kg/m
@@ -206,7 +206,7 @@ class Bending(NamedTuple):
 
 
 class Bent(Schema):
-    """What gives a stretch of a beam its bending stiffness and mass."""
+    """What gives a segment of a beam its bending stiffness and mass."""
 
     @property
     def bending(self) -> Bending:
@@ -239,7 +239,9 @@ class SolidBending(Bent):
         if self.section is None and (missing := [key for key in ("width", "thickness") if getattr(self, key) is None]):
             remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
             one = len(missing) == 1
-            raise Unfit("is missing" if one else "has no cross-section", remedy, tuple(missing) if one else ())
+            raise InvalidValueError(
+                "is missing" if one else "has no cross-section", remedy, tuple(missing) if one else ()
+            )
         area, second_moment, _ = self._section_values
         for value, of in (
             (area, units.AREA), (second_moment, units.SECOND_MOMENT),
@@ -325,7 +327,7 @@ class StatedBending(Bent):
 
 
 class SegmentBase(Schema):
-    """A stretch of a beam with properties of its own."""
+    """A segment of a beam with properties of its own."""
 
     from_: q.PositionOrShare = Field(alias="from")
     """Where it begins: distance from the left end of the beam, or the share of its length: 40 %."""
@@ -350,8 +352,8 @@ class StatedSegment(StatedBending, SegmentBase):
 Segment = Annotated[SolidSegment | SandwichSegment | StatedSegment, BY_FORM]
 
 
-class Stretch(NamedTuple):
-    """A stretch of a beam along which nothing changes."""
+class UniformSegment(NamedTuple):
+    """A segment of a beam along which nothing changes."""
 
     path: Path  # below the beam
     start: float  # m
@@ -394,7 +396,7 @@ class ElasticSupport(Schema):
         ):
             for key in keys:
                 if self.kind in holding and getattr(self, key) > 0.0:
-                    raise Unfit(
+                    raise InvalidValueError(
                         f"has no effect: a {self.kind} end cannot {what}", "leave it out, or change kind", (key,)
                     )
 
@@ -461,7 +463,7 @@ class BeamBody(Body):
         raise NotImplementedError
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def uniform_segments(self) -> tuple[UniformSegment, ...]:
         """What the beam is made of, from left to right."""
         raise NotImplementedError
 
@@ -478,7 +480,7 @@ class BeamBody(Body):
     @property
     def gives_stress(self) -> bool:
         """Whether a bending stress can be recovered."""
-        return all(stretch.bending.stress_per_moment is not None for stretch in self.stretches)
+        return all(segment.bending.stress_per_moment is not None for segment in self.uniform_segments)
 
     @property
     def rough_frequency_hz(self) -> float:
@@ -503,8 +505,8 @@ class BeamBody(Body):
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
-        """Those of its stretches."""
-        return tuple((each.start, each.end, each.bending.depth) for each in self.stretches if each.bending.depth)
+        """Those of its segments."""
+        return tuple((each.start, each.end, each.bending.depth) for each in self.uniform_segments if each.bending.depth)
 
     def refined(self) -> Self:
         """The beam with twice the elements."""
@@ -525,13 +527,13 @@ class BeamBody(Body):
         yield from super().problems(scenario, at)
         if self.elements == 1 and self.supports.kinds == ("clamped", "clamped"):
             inside = any(0.0 < x < self.length for x in self.mass_points)
-            if not inside and len(self.stretches) == 1 and not self.nodes:
+            if not inside and len(self.uniform_segments) == 1 and not self.nodes:
                 message = "= 1 leaves no degree of freedom between two clamped ends"
                 yield problem((*at, "elements"), message, "use 2 or more")
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(at, (*at, "nodes", index), x, "")
 
-    def held(self, position: WrittenPosition) -> str:
+    def support_at(self, position: WrittenPosition) -> str:
         """The end at a position, where its deflection is held."""
         at = self.point(position)
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
@@ -567,11 +569,11 @@ class BeamBody(Body):
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Numbers of no solid, depth, too few elements."""
         yield from super().doubts(scenario, at)
-        for stretch in self.stretches:
-            yield from stretch.section.material_doubts((*at, *stretch.path))
+        for segment in self.uniform_segments:
+            yield from segment.section.material_doubts((*at, *segment.path))
         if self.depth > DEEPEST * self.length:
             yield f"{path_text(at)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
-        ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
+        ratio = min(segment.bending_stiffness / segment.mass_per_length for segment in self.uniform_segments)
         highest_hz = scenario.excitation.highest_tone_hz
         yield from coarse_mesh((*at, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
 
@@ -580,10 +582,10 @@ class UniformBeam(Bent, BeamBody):
     """A beam along which nothing changes but point masses."""
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def uniform_segments(self) -> tuple[UniformSegment, ...]:
         """The whole beam."""
         of = self.bending
-        return (Stretch((), 0.0, self.length, self.length, self, of, of.bending_stiffness, of.mass_per_length),)
+        return (UniformSegment((), 0.0, self.length, self.length, self, of, of.bending_stiffness, of.mass_per_length),)
 
 
 class Beam(SolidBending, UniformBeam):
@@ -607,56 +609,56 @@ class SegmentedBeam(BeamBody):
     """The segments from left to right; together they cover the beam."""
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def uniform_segments(self) -> tuple[UniformSegment, ...]:
         """The segments."""
-        stretches = []
+        segments = []
         for index, segment in enumerate(self.segments):
             start, end, of = self.metres(segment.from_), self.metres(segment.to), segment.bending
             mass = of.mass_per_length + segment.added_mass_per_length
-            stretches.append(
-                Stretch(("segments", index), start, end, end - start, segment, of, of.bending_stiffness, mass)
+            segments.append(
+                UniformSegment(("segments", index), start, end, end - start, segment, of, of.bending_stiffness, mass)
             )
-        return tuple(stretches)
+        return tuple(segments)
 
     @property
     def bending(self) -> Bending:
         """The largest E I and the mean mass per length."""
-        mass = sum(stretch.mass_per_length * stretch.length for stretch in self.stretches)
-        return Bending(max(stretch.bending_stiffness for stretch in self.stretches), mass / self.length)
+        mass = sum(segment.mass_per_length * segment.length for segment in self.uniform_segments)
+        return Bending(max(segment.bending_stiffness for segment in self.uniform_segments), mass / self.length)
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
         yield from super().problems(scenario, at)
-        shortest, stretches = SHORTEST * self.length / self.elements, self.stretches
-        ends = [(each.path, key, x) for each in stretches for key, x in (("from", each.start), ("to", each.end))]
+        shortest, segments = SHORTEST * self.length / self.elements, self.uniform_segments
+        ends = [(each.path, key, x) for each in segments for key, x in (("from", each.start), ("to", each.end))]
         for path, key, x in ends:
             if x > self.length * (1.0 + _TOGETHER):
                 yield from self.beyond(at, (*at, *path, key), x)
                 return
-        for stretch in stretches:
-            if stretch.length <= shortest:
+        for segment in segments:
+            if segment.length <= shortest:
                 yield problem(
-                    (*at, *stretch.path, "to"),
-                    f"= {stretch.end:g} m is not beyond its from = {stretch.start:g} m by more than {SHORTEST:g} of an "
+                    (*at, *segment.path, "to"),
+                    f"= {segment.end:g} m is not beyond its from = {segment.start:g} m by more than {SHORTEST:g} of an "
                     "element",
                     "give from < to",
                 )
-        bounds = [("from", 0.0, stretches[0].start, stretches[0])]
-        bounds += [("from", before.end, after.start, after) for before, after in pairwise(stretches)]
-        bounds += [("to", self.length, stretches[-1].end, stretches[-1])]
-        for key, expected, given, stretch in bounds:
+        bounds = [("from", 0.0, segments[0].start, segments[0])]
+        bounds += [("from", before.end, after.start, after) for before, after in pairwise(segments)]
+        bounds += [("to", self.length, segments[-1].end, segments[-1])]
+        for key, expected, given, segment in bounds:
             if abs(given - expected) > _TOGETHER * self.length:
                 yield problem(
-                    (*at, *stretch.path, key),
+                    (*at, *segment.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",
                     "segments follow one another from 0 to length without gap or overlap",
                 )
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Segments that keep the others' stress from being given, beside the doubts of every beam."""
-        known = [stretch.bending.stress_per_moment is not None for stretch in self.stretches]
+        known = [segment.bending.stress_per_moment is not None for segment in self.uniform_segments]
         if any(known) and not all(known):
-            section = self.stretches[known.index(False)].section
+            section = self.uniform_segments[known.index(False)].section
             needed = ("extreme_fibre", "youngs_modulus")
             missing = " and ".join(name for name in needed if getattr(section, name, None) is None)
             yield (

@@ -14,10 +14,10 @@ from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     PAIR,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Variants,
     Whole,
     distinct,
@@ -73,12 +73,12 @@ class PointOfBody(Schema):
                 self.exclude(key, "at", remedy="keep at: it names the place")
             return
         if self.position is None and self.mass is None and self.node is None:
-            raise Unfit("names no place", _REMEDY)
+            raise InvalidValueError("names no place", _REMEDY)
         remedy = "position belongs to a beam, mass to a chain, node to imported matrices"
         self.exclude("mass", "position", remedy=remedy)
         self.exclude("node", "position", "mass", remedy=remedy)
         if self.direction is not None and self.node is None:
-            raise Unfit("belongs to a node", "leave it out, or give node: 24", ("direction",))
+            raise InvalidValueError("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
 
 class AtPlace(PointOfBody):
@@ -200,7 +200,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
     turns = [(place.direction or "z").removeprefix("local_").startswith("r") for place in places]
     if any(turns) and not all(turns):
         directions = " and ".join(place.direction or "z" for place in places)
-        raise Unfit(
+        raise InvalidValueError(
             f"acts between {directions}, a displacement and a rotation",
             "name displacements (x, y, z) or rotations (rx, ry, rz) at both places", ("between",),
         )  # fmt: skip
@@ -232,7 +232,7 @@ class BetweenPlaces(Schema):
         super().check()
         key, ends = self.ends
         if ends[0] == ends[1]:
-            raise Unfit("joins a place to itself", "name two different places", (key,))
+            raise InvalidValueError("joins a place to itself", "name two different places", (key,))
         refuse_unlike_directions(self.places)
 
     @property
@@ -347,9 +347,9 @@ class MovedSupport(Schema):
     def check(self) -> None:
         """Demand a support or a joint."""
         if (self.support is None) == (self.joint is None):
-            raise Unfit("names neither a support nor a joint, or both", "give one of them: {support: left}")
+            raise InvalidValueError("names neither a support nor a joint, or both", "give one of them: {support: left}")
         if self.joint is not None and self.body is not None:
-            raise Unfit("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
+            raise InvalidValueError("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
 
     @property
     def label(self) -> str:
@@ -504,10 +504,10 @@ class RayleighDamping(Schema):
             return
         low, high = sorted(self.ratios, key=lambda at: at.frequency)
         if low.frequency == high.frequency:
-            raise Unfit("has the same frequency twice", "give two different frequencies", ("ratios",))
+            raise InvalidValueError("has the same frequency twice", "give two different frequencies", ("ratios",))
         slope = high.frequency / low.frequency
         if not low.ratio / slope <= high.ratio <= low.ratio * slope:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {high.ratio:g} at {high.frequency:g} Hz with {low.ratio:g} at {low.frequency:g} Hz needs a "
                 "negative factor, and so motions that grow",
                 f"give it {low.ratio / slope:.4g} to {low.ratio * slope:.4g} there, or use kind: modal",
@@ -728,7 +728,7 @@ class Body(Schema):
         assert number is not None
         return float(number)
 
-    def held(self, position: WrittenPosition) -> str:
+    def support_at(self, position: WrittenPosition) -> str:
         """What keeps a point of the body from deflecting, such as "the clamped left end"; empty where nothing does."""
         return ""
 
@@ -758,7 +758,7 @@ class Body(Schema):
             return
         for axis, x in enumerate(along):
             yield from self.beyond(where, (*at, axis) if len(along) > 1 else at, x, axis)
-        if what and (held := self.held(position)):
+        if what and (held := self.support_at(position)):
             yield self._without_effect(where, at, position, f"{held}, which cannot deflect: {what}")
 
     def _without_effect(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Problem:
@@ -792,9 +792,9 @@ class Body(Schema):
         if x > side:
             yield self._too_far(where, at, distinct(x, side), axis)
 
-    def _too_far(self, where: Path, at: Path, told: tuple[str, str], axis: int) -> Problem:
+    def _too_far(self, where: Path, at: Path, numbers: tuple[str, str], axis: int) -> Problem:
         """That a position is beyond the last one of a side, both in words."""
-        (given, last), (key, begins) = told, (("length", "left"), ("width", "bottom"))[axis]
+        (given, last), (key, begins) = numbers, (("length", "left"), ("width", "bottom"))[axis]
         return problem(
             at,
             f"= {given} m lies beyond {path_text((*where, key))} = {last} m",

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Unfit, counted, problem
+from beamsim.scenario.base import InvalidValueError, Path, counted, problem
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, ChainDamping
 from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
@@ -45,13 +45,13 @@ class Chain(Body):
         """Check the lengths of the lists."""
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots_)
         if springs not in (masses, masses + 1):
-            raise Unfit(
+            raise InvalidValueError(
                 f"has {counted(springs, 'value')} for {counted(masses, 'mass', 'masses')}",
                 f"give {masses + 1} (wall to 1, 1 to 2, ... {masses} to wall), or {masses} if the last mass is free",
                 ("springs",),
             )
         if dashpots not in (0, springs):
-            raise Unfit(
+            raise InvalidValueError(
                 f"has {counted(dashpots, 'value')} for {counted(springs, 'spring')}",
                 f"give {springs}, one in parallel with each spring, or leave it out",
                 ("dashpots",),

@@ -16,10 +16,10 @@ from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     PAIR,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Variants,
     Whole,
     counted,
@@ -79,7 +79,7 @@ class SpringBetween(BetweenPlaces, Named):
         """Refuse places that are named twice."""
         self.exclude("masses", "between")
         if not self.ends[1]:
-            raise Unfit("names no places", "give between, or on a chain masses: [1, 2]")
+            raise InvalidValueError("names no places", "give between, or on a chain masses: [1, 2]")
         super().check()
 
 
@@ -134,7 +134,7 @@ class PiecewiseLinearSpring(Schema):
         """Check the lengths and the order."""
         bends, slopes = len(self.breakpoints), len(self.stiffnesses)
         if slopes != bends + 1:
-            raise Unfit(
+            raise InvalidValueError(
                 f"has {counted(slopes, 'value')} for {counted(bends, 'breakpoint')}",
                 f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
                 ("stiffnesses",),
@@ -219,11 +219,11 @@ class MeasuredForces(Schema):
     def check(self) -> None:
         """Demand a file or points, and of points that are not fitted that they are a curve."""
         if (self.file is None) == (self.points is None):
-            raise Unfit("needs file or points", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
+            raise InvalidValueError("needs file or points", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
         if self.points is not None and self.fit is None:
             check_points(self.points, ("points",))
         elif self.points is not None and len(self.points) < 2:
-            raise Unfit("has too few points to fit", "measure more points", ("points",))
+            raise InvalidValueError("has too few points to fit", "measure more points", ("points",))
 
 
 def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
@@ -237,14 +237,16 @@ def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("
     """
     way, push = units
     if len(points) < 2:
-        raise Unfit(
+        raise InvalidValueError(
             f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
         )
     if points[0] != (0.0, 0.0):
         near = abs(points[0][0]) <= 0.05 * points[-1][0] and abs(points[0][1]) <= 0.05 * points[-1][1]
         falls = any(x >= after or force > rising for (x, force), (after, rising) in pairwise(points))
         remedy = "where it is noise, add fit: {segments: 5}" if near or falls else _START
-        raise Unfit(f"starts at {points[0][0]:g} {way}, {points[0][1]:g} {push} instead of zero", remedy, (*at, 0))
+        raise InvalidValueError(
+            f"starts at {points[0][0]:g} {way}, {points[0][1]:g} {push} instead of zero", remedy, (*at, 0)
+        )
     demand_rising(
         (x for x, _ in points), way, lambda k: (*at, k, 0),
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
@@ -252,9 +254,13 @@ def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("
     for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
         if following < force:
             remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
-            raise Unfit(f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*at, index, 1))
+            raise InvalidValueError(
+                f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*at, index, 1)
+            )
     if points[-1][1] == 0.0:
-        raise Unfit("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
+        raise InvalidValueError(
+            "has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1)
+        )
 
 
 ForceDeflection = Annotated[
@@ -356,11 +362,11 @@ class SnubberBase(Named):
     def _check_relaxing(self) -> None:
         if self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
-            raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
+            raise InvalidValueError(f"= {self.law} does not go with maxwell", remedy, ("law",))
 
     def _check_latch(self) -> None:
         if self.law == "no_tension":
-            raise Unfit(
+            raise InvalidValueError(
                 "does not go with law: no_tension", "leave one of the two out: a latch pulls as well", ("latch",)
             )
         remedy = "leave one of the two out: a latch is a spring that holds in both directions"
@@ -371,7 +377,7 @@ class SnubberBase(Named):
         if self.force_deflection is None:
             if self.stiffness is None:
                 example = f"give for example stiffness: {self.stiffness_example}, or {table}"
-                raise Unfit("is missing", example, ("stiffness",))
+                raise InvalidValueError("is missing", example, ("stiffness",))
             return
         self.exclude(table, "stiffness")
         if isinstance(self.force_deflection, tuple):
@@ -382,7 +388,7 @@ class SnubberBase(Named):
             self._check_hardening(self.hardening)
         if self.yields and self.damping is not None and self.law == "no_tension":
             remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
-            raise Unfit(f"does not go with law: no_tension and {self.memory}", remedy, ("damping",))
+            raise InvalidValueError(f"does not go with law: no_tension and {self.memory}", remedy, ("damping",))
         if self.unloading is not None:
             self._check_unloading(self.unloading)
 
@@ -391,7 +397,7 @@ class SnubberBase(Named):
         self.exclude("hardening", self.key_of("force_deflection"), "maxwell", remedy=remedy)
         unit, after = "/".join(reversed(self.units)), hardening.stiffness
         if self.stiffness is not None and after >= self.stiffness:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {after:g} {unit} is not below the snubber's stiffness, {self.stiffness:g} {unit}",
                 "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
             )  # fmt: skip
@@ -511,7 +517,7 @@ class FrictionCoefficients(Schema):
     def check(self) -> None:
         """Demand an order."""
         if self.sliding > self.static:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
                 ("sliding",),
             )  # fmt: skip
@@ -581,16 +587,16 @@ class FrictionBase(Named):
         if self.coefficients.stribeck_speed is not None and (self.pressed_by is not None or self.stiffness is not None):
             other = "the normal force of a snubber" if self.stiffness is None else "stiffness"
             remedy = "leave it out: the coefficient then falls at once"
-            raise Unfit(f"does not go with {other}", remedy, ("coefficient", "stribeck_speed"))
+            raise InvalidValueError(f"does not go with {other}", remedy, ("coefficient", "stribeck_speed"))
         if self.pressed_by is not None:
             if self.start != "unstressed":
-                raise Unfit(
+                raise InvalidValueError(
                     "does not go with the normal force of a snubber, which may be open at the start",
                     "leave start out", ("start",),
                 )  # fmt: skip
         elif abs(self.start_force) >= self.static_force:
             limit = "coefficient times normal_force"
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",
                 "give a smaller force, or unstressed", ("start",),
             )  # fmt: skip
@@ -667,7 +673,7 @@ class Joint(Named):
     def check(self) -> None:
         """Demand two different ends, at least one of them on a body."""
         if self.between[0] == self.between[1]:
-            raise Unfit("joins a point to itself", "name two different points", ("between",))
+            raise InvalidValueError("joins a point to itself", "name two different points", ("between",))
         refuse_unlike_directions(self.places)
 
     @property
@@ -812,7 +818,9 @@ class HingeFrictionMoments(Schema):
         """Demand an order."""
         if self.sliding is not None and self.sliding > self.moment:
             remedy = "exchange them, or give one moment"
-            raise Unfit(f"= {self.sliding:g} N m is above moment = {self.moment:g} N m", remedy, ("sliding",))
+            raise InvalidValueError(
+                f"= {self.sliding:g} N m is above moment = {self.moment:g} N m", remedy, ("sliding",)
+            )
 
 
 class HingeFriction(OfHinge, FrictionBase):
@@ -874,7 +882,7 @@ class HingeJoint(_Turning):
         super().check()
         if self.free_play and not self.rotational_stiffness:
             remedy = "give the rotational_stiffness that acts beyond the play"
-            raise Unfit("has no spring that it belongs to", remedy, ("free_play",))
+            raise InvalidValueError("has no spring that it belongs to", remedy, ("free_play",))
 
     @property
     def linear_rotation(self) -> float:
@@ -932,7 +940,9 @@ class SpringJoint(_Turning):
         """Demand something that acts."""
         super().check()
         if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
-            raise Unfit("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
+            raise InvalidValueError(
+                "has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out"
+            )
 
 
 AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]

@@ -8,7 +8,17 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, Tag
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, path_text, problem
+from beamsim.scenario.base import (
+    BY_FORM,
+    InvalidValueError,
+    Path,
+    Problems,
+    Schema,
+    Variants,
+    Whole,
+    path_text,
+    problem,
+)
 from beamsim.scenario.body import AtPlace, Body, PlacedForce, WrittenPosition, body_problems
 
 Row = Annotated[tuple[q.Coefficient, ...], Field(min_length=1)]
@@ -65,7 +75,9 @@ class LinearShape(Shape):
         """Demand two values in each direction."""
         rows = _rows(self.values)
         if any(len(row) != 2 for row in rows) or (_is_grid(self.values) and len(rows) != 2):
-            raise Unfit("must be two numbers, or two lists of two", "write [0, 1] or [[0, 0], [1, 1]]", ("values",))
+            raise InvalidValueError(
+                "must be two numbers, or two lists of two", "write [0, 1] or [[0, 0], [1, 1]]", ("values",)
+            )
 
 
 class PolynomialShape(Shape):
@@ -122,12 +134,12 @@ class TableShape(Shape):
     def check(self) -> None:
         """Demand a value at each position."""
         if _is_grid(self.values) is (self.y is None):
-            raise Unfit("do not fit the positions", "give y and a list for each x on a plate, x alone along a beam",
-                       ("values",))  # fmt: skip
+            remedy = "give y and a list for each x on a plate, x alone along a beam"
+            raise InvalidValueError("do not fit the positions", remedy, ("values",))
         rows = _rows(self.values)
         expected = len(self.x) if self.y is None else len(self.y)
         if any(len(row) != expected for row in rows) or (self.y is not None and len(rows) != len(self.x)):
-            raise Unfit("are not as many as the positions", "give a value at each position", ("values",))
+            raise InvalidValueError("are not as many as the positions", "give a value at each position", ("values",))
 
     def on_the_body(self, body: Body) -> Self:
         """The same with positions in m."""
@@ -182,7 +194,7 @@ class DistributedLoad(Schema):
         """Demand a shape of as many directions as the body has."""
         two = self.shape.two_dimensional
         if two is not None and two is not (self.acts_on == "plate"):
-            raise Unfit(
+            raise InvalidValueError(
                 f"is one for a {'plate' if two else 'beam'}",
                 "along a beam give one list or number, on a plate one for each direction",
                 ("shape",),

@@ -14,10 +14,10 @@ from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import (
     BY_FORM,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Variants,
     Whole,
     demand_rising,
@@ -179,20 +179,22 @@ class Driven(Input):
         for path, level in self.levels():
             if (of := q.meant(level)) not in (None, quantity):
                 message = f"is given in a unit of {spoken(of)}, where {_with_article(quantity)} is meant"
-                raise Unfit(message, "give the level in another unit, or set quantity", path)
+                raise InvalidValueError(message, "give the level in another unit, or set quantity", path)
         if quantity not in self.takes:
             why, remedy = not_taken(quantity, self.takes)
             of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
-            raise Unfit(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
+            raise InvalidValueError(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
         if self.direction is not None or self.about is not None:
             self._check_direction()
 
     def _check_direction(self) -> None:
         if self.direction is not None and not self.on_base:
-            raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
+            raise InvalidValueError("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip
         if self.about is not None and not self.rotates:
-            raise Unfit("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
+            raise InvalidValueError(
+                "belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",)
+            )
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A direction in which no body moves."""
@@ -251,7 +253,9 @@ class Span(Schema, Generic[Number]):
         low, high = sorted(map(float, self.ends))
         for k, value in enumerate(values):
             if not low <= value <= high:
-                raise Unfit(f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k))
+                raise InvalidValueError(
+                    f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k)
+                )
 
     changing: ClassVar[str] = "continuation"
     suitable: ClassVar[str] = "give a range"
@@ -263,9 +267,9 @@ class Span(Schema, Generic[Number]):
         super().check()
         first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {self.unit}".rstrip() for end in self.ends)
         if self.from_ == self.to:
-            raise Unfit(f"= {last} equals the start of the {self.changing}", self.suitable, ("to",))
+            raise InvalidValueError(f"= {last} equals the start of the {self.changing}", self.suitable, ("to",))
         if self.where_it_falls and self.ends[1] < self.ends[0]:
-            raise Unfit(f"= {last} lies below from = {first}", self.where_it_falls, ("to",))
+            raise InvalidValueError(f"= {last} lies below from = {first}", self.where_it_falls, ("to",))
 
 
 class FrequencyRange(Span[q.Frequency]):
@@ -300,9 +304,11 @@ class _LevelAt(Schema):
         """Refuse a negative level, and one in a unit of another quantity."""
         super().check()
         if self.level < 0:
-            raise Unfit("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
+            raise InvalidValueError(
+                "must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",)
+            )
         if self.quantity_ not in (None, q.meant(self.level) or self.quantity_):
-            raise Unfit(
+            raise InvalidValueError(
                 f"is given in a unit of {q.meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
                 ("level",),
             )  # fmt: skip
@@ -323,13 +329,15 @@ class Notch(_LevelAt, FrequencyRange):
 
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
-    """Reject a table that does not increase in frequency; raises `Unfit`."""
+    """Reject a table that does not increase in frequency; raises `InvalidValueError`."""
     if between != "held" and not points:
-        raise Unfit(f"= {between} lies between points of a profile, and there is none", "leave it out", ("between",))
+        raise InvalidValueError(
+            f"= {between} lies between points of a profile, and there is none", "leave it out", ("between",)
+        )
     demand_rising((point.frequency for point in points), "Hz", lambda k: ("profile", k, "frequency"))
     for index, point in enumerate(points):
         if between == "log_log" and point.level == 0:
-            raise Unfit(
+            raise InvalidValueError(
                 "= 0 has no logarithm",
                 "give a small level, or between: held",
                 ("profile", index, "level"),
@@ -508,7 +516,7 @@ class Shock(Driven):
             remedy = f"give it as acceleration (level: 20 g){smooth}"
             if self.kind == "step":
                 remedy = "give the time in which it is reached (rise: 5 ms), or an acceleration (level: 20 g)"
-            raise Unfit(
+            raise InvalidValueError(
                 f"is a {called} of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
                 remedy, ("level",),
             )  # fmt: skip
@@ -544,7 +552,7 @@ class Step(Shock):
         """Reject rise and fall longer than the pulse."""
         super().check()
         if self.rise is not None and self.duration is not None and 2.0 * self.rise > self.duration * (1 + 1e-12):
-            raise Unfit(f"= {self.rise:g} s, up and down, is longer than the pulse of {self.duration:g} s",
+            raise InvalidValueError(f"= {self.rise:g} s, up and down, is longer than the pulse of {self.duration:g} s",
                        "shorten it, or give a longer duration", ("rise",))  # fmt: skip
 
 
@@ -597,7 +605,7 @@ class Trapezoid(Shock):
         """Reject rise and fall longer than the pulse."""
         super().check()
         if self.rise + self.fall > self.duration * (1 + 1e-12):
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.rise:g} s and fall = {self.fall:g} s are longer than the pulse of {self.duration:g} s",
                 "shorten them, or give a longer duration",
                 ("rise",),
@@ -646,13 +654,13 @@ class SweptSineInput(Driven, FrequencyRange):
     def check(self) -> None:
         """Refuse an empty range, no level or two, and levels that cannot act there."""
         if (self.level is None) == (not self.profile):
-            raise Unfit("needs either level or profile", "give one of the two")
+            raise InvalidValueError("needs either level or profile", "give one of the two")
         super().check()
         check_profile(self.profile, self.between)
         for index, point in enumerate(self.profile):
             if point.quantity is not None and point.quantity not in self.takes:
                 why, remedy = not_taken(point.quantity, self.takes)
-                raise Unfit(f"is {why}", remedy, ("profile", index, "level"))
+                raise InvalidValueError(f"is {why}", remedy, ("profile", index, "level"))
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Steps of the level."""
@@ -715,12 +723,14 @@ class SampledInput(Driven, RecordPreparation):
         try:
             said = self._said_by_unit
         except UnitError as error:
-            raise Unfit(error.message, error.remedy, ("unit",)) from None
+            raise InvalidValueError(error.message, error.remedy, ("unit",)) from None
         if said is not None and self.quantity_ not in (None, said):
-            raise Unfit(f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",))
+            raise InvalidValueError(
+                f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",)
+            )
         super().check()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
-            raise Unfit(
+            raise InvalidValueError(
                 f"= linear of the base's {spoken(self.quantity)} has corners, where the acceleration is infinite",
                 "use interpolation: cubic, or give the acceleration",
                 ("interpolation",),
@@ -742,7 +752,9 @@ class PsdPoint(Schema):
         """Demand one of the two."""
         super().check()
         if (self.density is None) == (self.slope is None):
-            raise Unfit("needs either density or slope", "give one of the two, for example density: 0.01 g^2/Hz")
+            raise InvalidValueError(
+                "needs either density or slope", "give one of the two, for example density: 0.01 g^2/Hz"
+            )
 
 
 def _demand_rising_or_steps(frequency: Sequence[float], at: Callable[[int], Path]) -> None:
@@ -754,7 +766,7 @@ def _demand_rising_or_steps(frequency: Sequence[float], at: Callable[[int], Path
     for k, (before, here) in enumerate(pairwise(frequency), 1):
         again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
         if here < before or again:
-            raise Unfit(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, at(k))
+            raise InvalidValueError(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, at(k))
 
 
 def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]:
@@ -762,19 +774,23 @@ def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         If the frequencies fall, or are those of a point that follows from nothing, or a density is out of range.
     """
     frequency = [point.frequency for point in points]
     _demand_rising_or_steps(frequency, lambda k: (k, "frequency"))
     for k, (before, here) in enumerate(pairwise(frequency), 1):
         if here == before and points[k].slope is not None:
-            raise Unfit("is that of a line between two points at one frequency", "give the density", (k, "slope"))
+            raise InvalidValueError(
+                "is that of a line between two points at one frequency", "give the density", (k, "slope")
+            )
     first = points[0].density
     if first is None:
         known = points[1].density
         if known is None:
-            raise Unfit("is missing: the first two points have slopes alone", "give the density of one", (1, "density"))
+            raise InvalidValueError(
+                "is missing: the first two points have slopes alone", "give the density of one", (1, "density")
+            )
         first = known * _growth(points[0].slope, frequency[0] / frequency[1])
     densities = [first]
     for k, point in enumerate(points[1:], 1):
@@ -782,7 +798,7 @@ def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]
         densities.append(densities[-1] * growth if point.density is None else float(point.density))
     for k, density in enumerate(densities):
         if not 1e-60 < density < 1e60:
-            raise Unfit(f"leads to a density of {density:g}", "give a flatter one", (k, "slope"))
+            raise InvalidValueError(f"leads to a density of {density:g}", "give a flatter one", (k, "slope"))
     return tuple(zip(frequency, densities, strict=True))
 
 
@@ -821,14 +837,14 @@ class RandomInput(Driven):
         """Check the table."""
         super().check()
         if self.quantity != self.takes[0]:
-            raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+            raise InvalidValueError(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
         if isinstance(self.seed, str) and self.amplitudes != "random":
-            raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
+            raise InvalidValueError("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
         if isinstance(self.psd, CurveFile):
             density = self.psd.file
             with suppress(UnitError):
                 read_level(density, LEVEL_PSD)
-                raise Unfit(
+                raise InvalidValueError(
                     f"= {density} is one density, without its band",
                     f"give its ends, as [{{frequency: 20 Hz, density: {density}}}, {{frequency: 2 kHz, density: "
                     f"{density}}}], or the name of a file",
@@ -837,20 +853,25 @@ class RandomInput(Driven):
             return
         try:
             highest = density_table(self.psd)[-1][0]
-        except Unfit as fault:
-            raise Unfit(fault.message, fault.remedy, ("psd", *fault.at)) from None
+        except InvalidValueError as fault:
+            raise InvalidValueError(fault.message, fault.remedy, ("psd", *fault.at)) from None
         for k, point in enumerate(self.psd):
             of = q.meant(point.density)
             if of not in (None, self.quantity):
                 why, _ = not_taken(str(of), self.takes)
                 remedy = f"give a density such as {q.DENSITY_DIMENSIONS[self.quantity].example}, or change applied_to"
-                raise Unfit(f"is of {why}", remedy, ("psd", k, "density"))
+                raise InvalidValueError(f"is of {why}", remedy, ("psd", k, "density"))
         self.check_sample_rate(highest)
 
     def check_sample_rate(self, highest: float) -> None:
-        """Refuse a sample rate that does not resolve the highest frequency of the density, Hz; raises `Unfit`."""
+        """Refuse a sample rate that does not resolve the highest frequency of the density, Hz.
+
+        Raises
+        ------
+        InvalidValueError
+        """
         if self.sample_rate is not None and self.sample_rate < 4 * highest:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.sample_rate:g} Hz is too low for noise up to {highest:g} Hz",
                 f"use {20 * highest:g} Hz, or leave it out",
                 ("sample_rate",),
@@ -910,7 +931,7 @@ class MatchedInput(Driven):
         if not isinstance(self.srs, CurveFile):  # no record has a spectrum with a step
             demand_rising((f for f, _ in self.srs), "Hz", lambda k: ("srs", k, 0))
         if not self.on_base or self.rotates or self.quantity != "acceleration":
-            raise Unfit("is an acceleration of the base along a direction",
+            raise InvalidValueError("is an acceleration of the base along a direction",
                         "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
@@ -951,7 +972,7 @@ class Forces(Input):
         first, *more = [index for index, force in enumerate(self.forces) if force.on_base] or [0]
         if more:
             one, other = (self.forces[index].direction or "z" for index in (first, more[0]))
-            raise Unfit(
+            raise InvalidValueError(
                 f"is the base, which forces[{first}] moves already{f' along {one}' if one != other else ''}",
                 "list one motion of the base; several sines are one multi_tone" if one == other else
                 f"list one motion of the base, and the one along {other} as motions of the supports: "

@@ -12,11 +12,11 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     PAIR,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
     ShortFor,
-    Unfit,
     Variants,
     Whole,
     counted,
@@ -70,9 +70,11 @@ class PadData(Schema):
         given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
         if len(given) != 1:
             message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
-            raise Unfit(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
+            raise InvalidValueError(
+                message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]"
+            )
         if self.ramp is not None and self.dynamic is not None:
-            raise Unfit("goes with a relaxation test", "leave ramp out", ("ramp",))
+            raise InvalidValueError("goes with a relaxation test", "leave ramp out", ("ramp",))
         if given != ["file"]:
             check_data(getattr(self, given[0]), given[0], self.branches)
 
@@ -88,17 +90,17 @@ def check_data(points: Any, kind: str, branches: int | None) -> None:
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         where they are too few for so many branches, are not in order, or have no loss at all.
     """
     least = 2 if branches is None else branches + 1
     if len(points) < least:
         what = counted(len(points), "measurement")
-        raise Unfit(f"has {what}", f"measure at {least} or more", (kind,))
+        raise InvalidValueError(f"has {what}", f"measure at {least} or more", (kind,))
     unit = "Hz" if kind == "dynamic" else "s"
     demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
     if kind == "dynamic" and all(point[2] == 0.0 for point in points):
-        raise Unfit("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
+        raise InvalidValueError("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
 
 
 class Pad(Schema):
@@ -115,9 +117,11 @@ class Pad(Schema):
         """Demand the size, measurements, or both."""
         if (self.height is None) != (self.area is None):
             key = "height" if self.height is None else "area"
-            raise Unfit("is missing", "give both height and area", (key,))
+            raise InvalidValueError("is missing", "give both height and area", (key,))
         if self.height is None and self.data is None:
-            raise Unfit("is missing", "give height and area of the pad, or measurements on it in data", ("height",))
+            raise InvalidValueError(
+                "is missing", "give height and area of the pad, or measurements on it in data", ("height",)
+            )
 
 
 class MonteCarlo(Schema):
@@ -165,13 +169,15 @@ class MeasuredShapes(Schema):
         """Reject shapes of another length, or zero."""
         for index, shape in enumerate(self.shapes):
             if len(shape) != len(self.positions):
-                raise Unfit(
+                raise InvalidValueError(
                     f"has {len(shape)} values for {len(self.positions)} positions",
                     "give one deflection per position",
                     ("shapes", index),
                 )
             if not any(shape):
-                raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
+                raise InvalidValueError(
+                    "is zero everywhere", "leave out modes that were not measured", ("shapes", index)
+                )
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A snubber between two bodies, and positions that are not on the one body that it acts on."""
@@ -294,7 +300,7 @@ class MeasuredPeak(Schema):
     def check(self) -> None:
         """Demand one value."""
         if (self.absolute_acceleration is None) == (self.displacement is None):
-            raise Unfit("has no value, or two", "give absolute_acceleration or displacement")
+            raise InvalidValueError("has no value, or two", "give absolute_acceleration or displacement")
 
     @property
     def quantity(self) -> Literal["absolute_acceleration", "displacement"]:
@@ -340,9 +346,9 @@ class SweepTest(_AnyTest, FrequencyRange):
         """Demand a measured number, or a file with them."""
         super().check()
         if self.file is None and self.jump is None and not self.peaks:
-            raise Unfit("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
+            raise InvalidValueError("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
         if self.file is not None and (self.jump is not None or self.peaks):
-            raise Unfit("has a file, and also jump or peaks", "write all rows into the file", ("file",))
+            raise InvalidValueError("has a file, and also jump or peaks", "write all rows into the file", ("file",))
 
     @property
     def label(self) -> str:
@@ -401,7 +407,7 @@ class NonlinearFit(Schema):
     def check(self) -> None:
         """Demand a test that is used."""
         if not self.used:
-            raise Unfit("leaves no test", "keep one", ("leave_out",))
+            raise InvalidValueError("leaves no test", "keep one", ("leave_out",))
 
 
 class IdentifyStiffness(Schema):
@@ -464,7 +470,7 @@ class IdentifyStiffness(Schema):
         of_pad = self.pad is not None and self.pad.data is not None
         of_structure = self.update and self.measured_without
         if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
-            raise Unfit(
+            raise InvalidValueError(
                 "is missing, and there are no nonlinear tests",
                 "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
                 ("measured_with",),
@@ -477,14 +483,14 @@ class IdentifyStiffness(Schema):
     def _check_update(self) -> None:
         free = [item for item in self.update if item.prior is None]
         if len(free) < len(self.update) and self.uncertainty == 0.0:
-            raise Unfit(
+            raise InvalidValueError(
                 "is missing, and a prior of update is to be weighed against the measured frequencies",
                 "write for example uncertainty: 0.3 %",
                 ("uncertainty",),
             )
         if len(free) > len(self.measured_without):
             given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
-            raise Unfit(
+            raise InvalidValueError(
                 f"asks for {len(free)} unknowns without prior from {given}",
                 "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
                 ("update",),
@@ -502,15 +508,15 @@ class IdentifyStiffness(Schema):
         count = len(self.measured_with)
         for index, mode in enumerate(self.fit_to):
             if mode > count:
-                raise Unfit(
+                raise InvalidValueError(
                     f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
                     "list only modes that were measured",
                     ("fit_to", index),
                 )
             if mode in self.fit_to[:index]:
-                raise Unfit(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
+                raise InvalidValueError(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
         if self.method == "thesis" and len(self.fit_to) > 1:
-            raise Unfit(
+            raise InvalidValueError(
                 "= thesis fits one mode, but fit_to has several",
                 "keep one mode in fit_to, or use method: secular",
                 ("method",),
@@ -519,14 +525,14 @@ class IdentifyStiffness(Schema):
     def _uncertainties(self) -> None:
         given = self.uncertainty if isinstance(self.uncertainty, tuple) else (self.uncertainty,)
         if min(given) == 0.0 < max(given):
-            raise Unfit(
+            raise InvalidValueError(
                 "= 0 for one mode and not for another would give that mode all the weight",
                 "give every mode its uncertainty, or none",
                 ("uncertainty", given.index(0.0)),
             )
         for index, value in enumerate(given):
             if value > 0.2:
-                raise Unfit(
+                raise InvalidValueError(
                     f"= {value:g} means {100 * value:g} % of a frequency",
                     f"write {value:g} % if that was meant",
                     ("uncertainty", index) if isinstance(self.uncertainty, tuple) else ("uncertainty",),
@@ -537,7 +543,7 @@ def _numbers(scenario: Whole, path: str) -> list[Path]:
     """The places of a path, at which there must be numbers."""
     places = find_parameters(scenario, path, ("parameter",))
     if any(choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate) for place in places):
-        raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
+        raise InvalidValueError(f"= {path} is not a number", "name a number", ("parameter",))
     return places
 
 
@@ -556,19 +562,19 @@ def _sought(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path
     if choices and words and "supports" in places[0]:
         if item.bounds or item.prior is not None:
             among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
-            raise Unfit(among, "leave them out; every choice is tried", at)
+            raise InvalidValueError(among, "leave them out; every choice is tried", at)
         return places
     values = [value_at(scenario, place) for place in _numbers(scenario, path)]
     if words and not all(value > 0 for value in values):
         zero = f"= {path} is zero in this scenario, and is varied by a factor"
-        raise Unfit(zero, "give it a rough value to start from, or leave it out", at)
+        raise InvalidValueError(zero, "give it a rough value to start from, or leave it out", at)
     if not item.bounds:
         return places
     low, high = bounds_of(scenario, item)
     if not low < high:
-        raise Unfit(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
+        raise InvalidValueError(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
     if not low <= values[0] <= high:
-        raise Unfit(
+        raise InvalidValueError(
             f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
             "widen the bounds, change the value, or write the unit", ("bounds",),
         )  # fmt: skip
@@ -580,7 +586,7 @@ def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         Where the field would refuse one of them, or it lies beyond the body that the number is a position on.
     """
     if not sought.bounds:
@@ -591,5 +597,5 @@ def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
         for bound in (low, high):
             beyond = scenario.all_bodies[side.body].beyond(scenario.body_path(side.body), ("bounds",), bound, side.axis)
             for found in beyond:
-                raise Unfit(found.message, found.remedy, ("bounds",))
+                raise InvalidValueError(found.message, found.remedy, ("bounds",))
     return low, high

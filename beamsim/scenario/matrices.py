@@ -9,7 +9,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Unfit, Variants
+from beamsim.scenario.base import InvalidValueError, Path, Schema, Variants
 from beamsim.scenario.body import Body, ChainDamping, NodeDirection
 from beamsim.scenario.files import AnyTableFile
 from beamsim.scenario.quantities import Coefficient, Count, FileName, Frequency, Name, Text, UnitType
@@ -98,7 +98,7 @@ class RecoverySource(MatrixSource):
         """Names are unique."""
         for k, name in enumerate(self.rows):
             if name in self.rows[:k]:
-                raise Unfit(f"names {name} twice", "give each row a name of its own", ("rows", k))
+                raise InvalidValueError(f"names {name} twice", "give each row a name of its own", ("rows", k))
 
 
 class StructuralDamping(Schema):
@@ -137,7 +137,7 @@ class DisplacementSystem(Schema):
         _, b, c = (tuple(x - o for x, o in zip(point, self.points[0], strict=True)) for point in self.points)
         sizes = [sum(x * x for x in each) for each in (b, c)]
         if sizes[0] * sizes[1] - sum(x * y for x, y in zip(b, c, strict=True)) ** 2 <= 1e-12 * sizes[0] * sizes[1]:
-            raise Unfit("has three points on a line", "give a point off the z axis last", ("points",))
+            raise InvalidValueError("has three points on a line", "give a point off the z axis last", ("points",))
 
 
 class MatricesBody(Body):

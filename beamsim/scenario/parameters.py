@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 from beamsim.errors import ScenarioError
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import (
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Whole,
     path_parts,
     path_text,
@@ -49,17 +49,19 @@ def find_parameters(scenario: Whole, path: str, at: Path = ()) -> list[Path]:
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         where the path does not exist; to be located by the caller.
     """
     parts = path_parts(path)
     if not parts:
-        raise Unfit(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
+        raise InvalidValueError(
+            f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at
+        )
     try:
         return _walk(scenario, parts, ())
-    except Unfit as error:
+    except InvalidValueError as error:
         remedy = in_a_body(from_python(plain(scenario)), parts) or error.remedy
-        raise Unfit(f"= {path} {error.message}", remedy, at) from None
+        raise InvalidValueError(f"= {path} {error.message}", remedy, at) from None
 
 
 def value_at(scenario: Whole, place: Path) -> Any:
@@ -186,12 +188,14 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         Where the field would refuse it.
     """
     if choices := choices_at(scenario, place):
         if value not in choices:
-            raise Unfit(f"= {single_line(value)} is not one of {', '.join(choices)}", "choose one of these", at)
+            raise InvalidValueError(
+                f"= {single_line(value)} is not one of {', '.join(choices)}", "choose one of these", at
+            )
         return value
     field = field_type_at(scenario, place)
     try:
@@ -202,7 +206,7 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
         return float(value)
     except UnitError as error:
         as_place = f" (as {path_text(place)})" if field is not None and at not in ((), place) else ""
-        raise Unfit(f"= {single_line(value)} {error.message}{as_place}", error.remedy, at) from None
+        raise InvalidValueError(f"= {single_line(value)} {error.message}{as_place}", error.remedy, at) from None
 
 
 def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:
@@ -244,20 +248,22 @@ def _walk(value: Any, parts: list[str | int], walked: Path) -> list[Path]:
     if not parts:
         leaf = isinstance(value, int | float | str | Share | q.Rate) and not isinstance(value, bool)
         if walked != ("run", "sample_rate") and not leaf:
-            raise Unfit("is not a number", _keys_below(value))
+            raise InvalidValueError("is not a number", _keys_below(value))
         return [walked]
     part, rest, where = parts[0], parts[1:], path_text(walked) or "the scenario"
     if isinstance(value, tuple):
         return [place for k in indices(value, part, walked) for place in _walk(value[k], rest, (*walked, k))]
     if not isinstance(value, Schema | dict) or not isinstance(part, str) or part == "*":
-        raise Unfit(f"does not exist: {where} is not a list", "omit the rest of the path")
+        raise InvalidValueError(f"does not exist: {where} is not a list", "omit the rest of the path")
     keys = value if isinstance(value, dict) else type(value).attributes()
     if part not in keys:
         known = "the names are" if isinstance(value, dict) else "its keys are"
-        raise Unfit(f"does not exist: {where} has no {part}", suggestion(part, keys, known))
+        raise InvalidValueError(f"does not exist: {where} has no {part}", suggestion(part, keys, known))
     inner = _inside(value, part)
     if inner is None and (*walked, part) != ("run", "sample_rate"):
-        raise Unfit("has no value in this scenario", f"give {path_text((*walked, part))} a value to start from")
+        raise InvalidValueError(
+            "has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
+        )
     return _walk(inner, rest, (*walked, part))
 
 
@@ -327,7 +333,7 @@ def each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], It
     ----------
     items : as they are listed.
     section : path of the list.
-    places_of : the places of a number; raises `Unfit`.
+    places_of : the places of a number; raises `InvalidValueError`.
 
     Yields
     ------
@@ -337,7 +343,7 @@ def each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], It
     for index, item in enumerate(items):
         try:
             first = min((taken.setdefault(place, index) for place in places_of(item)), default=index)
-        except Unfit as error:
+        except InvalidValueError as error:
             yield error.problem((*section, index))
             continue
         if first != index:

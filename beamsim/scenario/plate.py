@@ -11,7 +11,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Problems, Schema, Unfit, Whole, path_text, problem
+from beamsim.scenario.base import InvalidValueError, Path, Problems, Schema, Whole, path_text, problem
 from beamsim.scenario.body import (
     AtPlace,
     Body,
@@ -96,7 +96,7 @@ class Rigidity(Schema):
     def check(self) -> None:
         """Reject stiffnesses without a positive energy."""
         if self.nu**2 * self.dy >= self.dx:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
                 f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to an extension along x",
                 ("nu",),
@@ -218,7 +218,7 @@ class PlateBody(Body):
         y = self.width if free["top"] else 0.0 if free["bottom"] else self.width / 2.0
         return "plate", AtPlace(position=(x, y))
 
-    def held(self, position: WrittenPosition) -> str:
+    def support_at(self, position: WrittenPosition) -> str:
         """The edge or point support at a point; empty where it can deflect."""
         if not isinstance(position, tuple):
             return ""
@@ -272,7 +272,7 @@ class PlateBody(Body):
         for at, places, owner in forces:
             for place in places:
                 body = scenario.all_bodies.get(place.body or owner or scenario.default_body)
-                if body is not self or not isinstance(place.position, tuple) or self.held(place.position):
+                if body is not self or not isinstance(place.position, tuple) or self.support_at(place.position):
                     continue
                 x, y = self.point(place.position)
                 if x not in (0.0, self.length) or y not in (0.0, self.width):
@@ -316,7 +316,7 @@ class Plate(PlateBody):
         """Reject a material without resistance to pressure."""
         super().check()
         if self.poissons_ratio > _INCOMPRESSIBLE:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.poissons_ratio:g} is above {_INCOMPRESSIBLE:g}, that of an incompressible material",
                 "write for example 0.33; of a sandwich or laminate give bending_stiffness: {dx, dy, nu, dxy}",
                 ("poissons_ratio",),

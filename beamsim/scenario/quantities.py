@@ -15,7 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Schema, within
+from beamsim.scenario.base import Schema, nested_annotations
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**9
@@ -217,7 +217,7 @@ METRES = ("m", "mm")
 @cache
 def usual_of(schema: type[Schema]) -> dict[str, Usual]:
     """The fields of a section whose numbers have a usual range, by name."""
-    metadata = {name: (*of.metadata, *within(of.annotation)) for name, of in schema.model_fields.items()}
+    metadata = {name: (*of.metadata, *nested_annotations(of.annotation)) for name, of in schema.model_fields.items()}
     return {name: each for name, of in metadata.items() for each in of if isinstance(each, Usual)}
 
 

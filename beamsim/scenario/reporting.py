@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, problem, unknown
+from beamsim.scenario.base import BY_FORM, InvalidValueError, Path, Problems, Schema, Variants, Whole, problem, unknown
 from beamsim.scenario.body import Body, MovedSupport, Sited, body_problems
 from beamsim.scenario.connections import HingeStop, base_problems
 from beamsim.scenario.excitation import (
@@ -67,7 +67,7 @@ class BendingOutput(Output, Sited):
         """A moment has no surface."""
         super().check()
         if self.kind == "bending_moment" and self.surface is not None:
-            raise Unfit("belongs to a stress or strain", "leave it out", ("surface",))
+            raise InvalidValueError("belongs to a stress or strain", "leave it out", ("surface",))
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A body that does not bend, a component of a beam, and an unknown distance of the fibre."""
@@ -290,7 +290,9 @@ class Limits(Schema):
     def check(self) -> None:
         """Reject a section that limits nothing, and curves that are none."""
         if not self.given:
-            raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
+            raise InvalidValueError(
+                "limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}"
+            )
         for name, place, points in self.given_curves():
             check_limit_curve(points, (name, place))
 

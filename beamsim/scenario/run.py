@@ -12,7 +12,18 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Problems, Schema, ShortFor, Unfit, Variants, Whole, path_text, problem, unknown
+from beamsim.scenario.base import (
+    InvalidValueError,
+    Path,
+    Problems,
+    Schema,
+    ShortFor,
+    Variants,
+    Whole,
+    path_text,
+    problem,
+    unknown,
+)
 from beamsim.scenario.body import Body, PlacedForce
 from beamsim.scenario.excitation import FrequencyRange
 from beamsim.scenario.reporting import INPUT, AnyOutput, Stress, stress_problems
@@ -95,7 +106,9 @@ class PolynomialStart(Schema):
     def check(self) -> None:
         """Reject an empty initial state."""
         if not self.displacement and not self.velocity:
-            raise Unfit("is an empty initial state", "give displacement, velocity or both, or write start: rest")
+            raise InvalidValueError(
+                "is an empty initial state", "give displacement, velocity or both, or write start: rest"
+            )
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Shapes that do not fit their body, and one shape for several bodies."""
@@ -219,7 +232,9 @@ class SpectrumSettings(Schema):
         """Reject two lengths, and a frequency given twice."""
         for index, frequency in enumerate(self.frequencies):
             if frequency in self.frequencies[:index]:
-                raise Unfit(f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index))
+                raise InvalidValueError(
+                    f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index)
+                )
         self.exclude("periods", "last")
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
@@ -313,7 +328,7 @@ class ShockSpectrumSettings(FrequencyRange):
         """Reject a range that falls, and too many oscillators."""
         super().check()
         if (oscillators := self.per_octave * log2(self.to / self.from_)) > MOST_OSCILLATORS:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {self.per_octave} makes {oscillators:.3g} oscillators (at most {MOST_OSCILLATORS})",
                 "give fewer per octave, 12 or 24 are usual, or a narrower range", ("per_octave",),
             )  # fmt: skip
@@ -499,7 +514,7 @@ class Run(Schema):
 
     def _check_periods(self, highest_hz: float, most: int, at: Path) -> None:
         if highest_hz * self.duration > most:
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
                 f"{self.duration:g} s (at most {most:.0e})",
                 "give a lower frequency, 2 kHz for example, or a shorter run", at,

@@ -26,18 +26,18 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Variants,
     named_twice,
+    nested_annotations,
     path_parts,
     path_text,
     plain,
     problem,
     walk,
-    within,
 )
 from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe
@@ -134,7 +134,7 @@ class DisplayUnits(Schema):
 
 
 DIMENSIONS: dict[str, Dimension] = {
-    name: next(each.of for each in within(field.annotation) if isinstance(each, q.UnitType))
+    name: next(each.of for each in nested_annotations(field.annotation) if isinstance(each, q.UnitType))
     for name, field in DisplayUnits.model_fields.items()
 }
 """By name of a chosen unit."""
@@ -157,7 +157,9 @@ def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
         for key, name in type(part).keys().items():
             if isinstance(value := part.__dict__.get(name), str):
                 field = type(part).model_fields[name]
-                if any(isinstance(each, q.FileType) for each in (*field.metadata, *within(field.annotation))):
+                if any(
+                    isinstance(each, q.FileType) for each in (*field.metadata, *nested_annotations(field.annotation))
+                ):
                     yield (*path, key), value
 
 
@@ -344,7 +346,7 @@ class Scenario(Schema):
         for path, part in walk(self):
             try:
                 part.check()
-            except Unfit as error:
+            except InvalidValueError as error:
                 raise ScenarioError(error.problem(path)) from None
         return self
 

@@ -16,10 +16,10 @@ from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
     PAIR,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
-    Unfit,
     Variants,
     Whole,
     counted,
@@ -270,7 +270,7 @@ class Tolerances(Schema):
             return
         try:
             varied = varied_parameters(scenario)
-        except Unfit:
+        except InvalidValueError:
             return  # reported where it is varied
         for k, asked in enumerate(self.parameters):
             number, place = resolve_parameter(scenario, asked), (*at, "parameters", k, "path")
@@ -292,7 +292,7 @@ class Tolerances(Schema):
         """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
         if self.quantile < 1.0 and math.ceil(self.quantile * self.samples) >= self.samples:
             enough = math.ceil(round(1.0 / (1.0 - self.quantile), 6))
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {100 * self.quantile:.10g} % of {self.samples + 1} realisations is the worst of them",
                 f"give samples: {enough} or more, or leave quantile out", ("quantile",),
             )  # fmt: skip
@@ -452,7 +452,7 @@ class Reliability(_ManyCases):
             message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
             yield problem((*at, "method"), message, "write monte_carlo")
         for k, parameter in enumerate(self.parameters):
-            with suppress(Unfit):  # is reported with the parameter
+            with suppress(InvalidValueError):  # is reported with the parameter
                 if resolve_parameter(scenario, parameter).whole:
                     message = f"= {parameter.path} is a whole number, which does not scatter"
                     yield problem((*at, "parameters", k, "path"), message, "leave it out")
@@ -489,7 +489,9 @@ class Optimise(_ManyCases):
         """Refuse more than two objectives."""
         count = sum(len(aim) if isinstance(aim, tuple) else bool(aim) for aim in (self.minimise, self.maximise))
         if count > 2:
-            raise Unfit(f"= {count} objectives, of which two are compared", "add some up: {peak_force: 40 N, ...}")
+            raise InvalidValueError(
+                f"= {count} objectives, of which two are compared", "add some up: {peak_force: 40 N, ...}"
+            )
 
 
 Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol | Reliability, BY_FORM]
@@ -560,7 +562,7 @@ def drawn_parameters(scenario: Whole, draws: Mapping[str, list[Any]]) -> tuple[V
             continue
         try:
             parameters.append(_drawn_parameter(scenario, path, values))
-        except Unfit as error:
+        except InvalidValueError as error:
             problems.append(problem((f"draws[{path!r}]",), error.message, error.remedy))
             continue
         others = (taken.setdefault(place, path) for place in parameters[-1].places)
@@ -629,7 +631,7 @@ def parameter_problems(scenario: Whole, parameters: Sequence[Any], at: Path) -> 
 
 
 def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
-    """Resolve a parameter; raises `Unfit`, ``at`` being relative to the parameter."""
+    """Resolve a parameter; raises `InvalidValueError`, ``at`` being relative to the parameter."""
     if isinstance(parameter, Catalogue):
         return _resolved_catalogue(scenario, parameter)
     places = _places(scenario, parameter.path, ("path",))
@@ -641,7 +643,9 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
     def read_end(value: Value, at: Path) -> float:
         end = _read(scenario, first, value, at)
         if isinstance(end, str):
-            raise Unfit(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
+            raise InvalidValueError(
+                f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at
+            )
         return float(end)
 
     if isinstance(parameter, ListedParameter):
@@ -651,13 +655,13 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         ]
         values = tuple(of_places[0] for of_places in read)
         if len(set(values)) < len(values):
-            raise Unfit("lists a value twice", "list every value once", ("values",))
+            raise InvalidValueError("lists a value twice", "list every value once", ("values",))
         return replace(number, values=values)
     if isinstance(parameter, Measured):
         data = () if isinstance(parameter.data, str) else parameter.data
         return replace(number, values=tuple(read_end(value, ("data", k)) for k, value in enumerate(data)))
     if choices_at(scenario, first) or isinstance(nominal, str):
-        raise Unfit(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
+        raise InvalidValueError(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
         low, high = (read_end(v, (key,)) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
@@ -665,7 +669,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         spacing = parameter.spacing
     else:
         if any(value_at(scenario, place) != nominal for place in places):
-            raise Unfit(
+            raise InvalidValueError(
                 "needs one nominal value, but these paths have different ones",
                 "vary them separately",
                 ("path",),
@@ -673,14 +677,16 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         key = "deviation" if isinstance(parameter, Scattered) else "tolerance"
         deviation = _deviation(scenario, first, getattr(parameter, key), float(nominal), key)
         if getattr(parameter, "distribution", "") == "lognormal" and not float(nominal) > 0.0:
-            raise Unfit(f"is about {nominal:g}, which is not positive", "write distribution: normal", ("distribution",))
+            raise InvalidValueError(
+                f"is about {nominal:g}, which is not positive", "write distribution: normal", ("distribution",)
+            )
         low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
     for end in (low, high):
         for place in places:
             if not isinstance(parameter, Scattered):  # which has no ends
                 _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
     if number.whole and points and abs(high - low) + 1 < points:
-        raise Unfit(
+        raise InvalidValueError(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
         )
     distribution = getattr(parameter, "distribution", "uniform")
@@ -690,12 +696,12 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
 def _check_range(parameter: RangedParameter | SampledRange, low: float, high: float) -> None:
     """Refuse a range that is empty, falls where it must not, or has no logarithm."""
     if low == high:
-        raise Unfit(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
+        raise InvalidValueError(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
     if isinstance(parameter, SampledRange) and low > high:
-        raise Unfit(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
+        raise InvalidValueError(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
     if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
         key = "from" if low <= 0.0 else "to"
-        raise Unfit(
+        raise InvalidValueError(
             "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
         )
 
@@ -718,37 +724,43 @@ def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParamete
         else:
             choices[name] = dict(_differences(as_it_is, chosen, ()))
             continue
-        raise Unfit(f"cannot be set: {message}", remedy, ("choices", name))
+        raise InvalidValueError(f"cannot be set: {message}", remedy, ("choices", name))
     if idle := {place[0] for changes in choices.values() for place in changes} & {*_SECTIONS}:
-        raise Unfit(f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",))
+        raise InvalidValueError(
+            f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",)
+        )
     nominal = next((name for name, changes in choices.items() if not changes), AS_IT_IS)
     return VariedParameter(catalogue.name, (), "1", nominal, tuple(choices), choices=choices)
 
 
-def _differences(one: Any, other: Any, place: Path) -> Iterator[tuple[Path, Any]]:
+def _differences(first: Any, second: Any, place: Path) -> Iterator[tuple[Path, Any]]:
     """Where two parts of scenarios differ, and what the second one has there."""
     keys: Iterable[tuple[Any, Any]] = ()
-    if isinstance(one, Schema) and type(one) is type(other):
-        one, other, keys = one.__dict__, other.__dict__, type(one).keys().items()
-    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        keys = zip(one, one, strict=True)
-    elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
-        keys = enumerate(range(len(one)))
-    elif one != other:
-        yield place, other
+    if isinstance(first, Schema) and type(first) is type(second):
+        first, second, keys = first.__dict__, second.__dict__, type(first).keys().items()
+    elif isinstance(first, dict) and isinstance(second, dict) and first.keys() == second.keys():
+        keys = zip(first, first, strict=True)
+    elif isinstance(first, tuple) and isinstance(second, tuple) and len(first) == len(second):
+        keys = enumerate(range(len(first)))
+    elif first != second:
+        yield place, second
     for key, name in keys:
-        yield from _differences(one[name], other[name], (*place, key))
+        yield from _differences(first[name], second[name], (*place, key))
 
 
 def _places(scenario: Whole, path: str, at: Path) -> list[Path]:
     places = find_parameters(scenario, path, at)
     for place in places:
         if place[0] in _SECTIONS:
-            raise Unfit(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
+            raise InvalidValueError(
+                f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at
+            )
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
         takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
         if place[-1] == "kind" or (free_text and not takes_words):
-            raise Unfit(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
+            raise InvalidValueError(
+                f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at
+            )
     return places
 
 
@@ -761,7 +773,9 @@ def _read(scenario: Whole, place: Path, value: Value, at: Path) -> Value:
         there, said = dimension_of_level(scenario, place, known), known.get(str(read.quantity))
         if said is not None and said != there:
             remedy = f"write for example {there.example}"
-            raise Unfit(f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at)
+            raise InvalidValueError(
+                f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at
+            )
         return float(read)
     return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case
 
@@ -776,10 +790,12 @@ def _deviation(scenario: Whole, place: Path, tolerance: Value, nominal: float, k
             of = dimension_at(scenario, place)
             deviation = read_quantity(tolerance, of if of is not None and of.unit else RATIO)
     except UnitError as error:
-        raise Unfit(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
+        raise InvalidValueError(
+            f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at
+        ) from None
     if not deviation > 0.0:
         remedy = "give it in the quantity's own unit" if nominal == 0.0 else "write for example 2 %"
-        raise Unfit(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
+        raise InvalidValueError(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
     return deviation
 
 

@@ -14,11 +14,11 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
+    InvalidValueError,
     Path,
     Problems,
     Schema,
     ShortFor,
-    Unfit,
     Variants,
     Whole,
     path_text,
@@ -182,7 +182,7 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
         located = self.changed(scenario)
         assert located is not None
         if (name := located.bodies[0]) not in scenario.all_bodies:
-            raise Unfit(f"is on {name}, an unknown body", "name another body there", ("snubber",))
+            raise InvalidValueError(f"is on {name}, an unknown body", "name another body there", ("snubber",))
         return located.item, scenario.all_bodies[name]
 
     def in_metres(self, scenario: Whole) -> Self:
@@ -275,9 +275,9 @@ def demand_cycles(cycles: float, rate: q.Rate, at: Path) -> None:
     """Refuse a sweep of too many or too few cycles; ``at`` is the path of its rate."""
     if cycles > MOST_CYCLES:
         message = f"= {rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})"
-        raise Unfit(message, "sweep faster or over fewer frequencies", at)
+        raise InvalidValueError(message, "sweep faster or over fewer frequencies", at)
     if cycles < 2.0:
-        raise Unfit(f"= {rate} covers the range in {cycles:.2g} cycles", "sweep more slowly", at)
+        raise InvalidValueError(f"= {rate} covers the range in {cycles:.2g} cycles", "sweep more slowly", at)
 
 
 class SweptOverlay(Schema):
@@ -359,27 +359,29 @@ class Continuation(OfSines):
         self._demand_one_range()
         parameter = self.parameter
         if parameter.kind == "level" and self.levels:
-            raise Unfit("cannot be given if the level is the parameter", "leave levels out", ("levels",))
+            raise InvalidValueError("cannot be given if the level is the parameter", "leave levels out", ("levels",))
         by_balance = isinstance(self.method, HarmonicBalance)
         if by_balance and parameter.kind not in ("frequency", "level"):
-            raise Unfit(
+            raise InvalidValueError(
                 f"= harmonic_balance follows the frequency or the level, not the {parameter.kind}",
                 "use method: shooting",
                 ("method",),
             )
         for name in ("follow_folds_in", "overlay"):
             if getattr(self, name) is not None and parameter.kind != "frequency":
-                raise Unfit(
+                raise InvalidValueError(
                     f"applies to a curve in frequency, but this one is in {parameter.kind}",
                     "leave it out, or give from and to as frequencies",
                     (name,),
                 )
         if self.follow_folds_in is not None and by_balance:
-            raise Unfit("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
+            raise InvalidValueError("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
         if isinstance(self.follow_folds_in, LevelPath) and len(self.levels) > 1:
-            raise Unfit("has several values, and the folds' level changes", "give one level", ("levels",))
+            raise InvalidValueError("has several values, and the folds' level changes", "give one level", ("levels",))
         if self.follow_folds_in is not None and self.follow_folds_in.points_at:
-            raise Unfit("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
+            raise InvalidValueError(
+                "belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at")
+            )
         if self.overlay is not None and isinstance(parameter, FrequencyPath):
             low, high = sorted((parameter.from_, parameter.to))
             cycles = swept_cycles(low, high, self.overlay.rate, self.overlay.direction)
@@ -414,7 +416,7 @@ class Continuation(OfSines):
             second = second.in_metres(scenario)
             second.check()
             present = second.value_in(scenario, self.levels)
-        except Unfit as error:
+        except InvalidValueError as error:
             yield error.problem(section)
             return
         low, high = sorted((float(second.from_), float(second.to)))
@@ -433,7 +435,7 @@ class Continuation(OfSines):
             return
         for name, value in (("from", self.from_), ("to", self.to)):
             if value is None:
-                raise Unfit(
+                raise InvalidValueError(
                     "is missing",
                     "give from and to as frequencies, or continue_in: {kind: level, from: 0.5 g, to: 5 g}",
                     (name,),
@@ -477,7 +479,7 @@ class _UpAndDown(OfSines, FrequencyRange):
         super().check()
         for index, order in enumerate(self.orders):
             if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
-                raise Unfit(
+                raise InvalidValueError(
                     f"= {order:g} is not an order that repeats within 12 cycles",
                     f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
                     ("orders", index),
@@ -546,7 +548,7 @@ class SweptSine(_UpAndDown):
             self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
             if (said := q.meant(level)) is not None:
-                raise Unfit(
+                raise InvalidValueError(
                     f"is given in a unit of {said}, but multiplies the levels of the profile",
                     "give plain numbers: levels: [0.5, 1, 2]",
                     ("levels", index),
@@ -577,9 +579,11 @@ class SweptSine(_UpAndDown):
     def _check_notches(self, limits: Mapping[str, float]) -> None:
         """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
         if not limits:
-            raise Unfit("limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",))
+            raise InvalidValueError(
+                "limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",)
+            )
         if self.direction == "both":
-            raise Unfit(
+            raise InvalidValueError(
                 "needs one direction: the level that keeps the limits is another one on the way down",
                 "make two sweeps, direction: up and direction: down",
                 ("notch_to",),
@@ -587,14 +591,18 @@ class SweptSine(_UpAndDown):
         if not self.accelerations and any(
             of is not None and of.quantity == "acceleration" for of in map(limited_quantity, limits)
         ):
-            raise Unfit("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
+            raise InvalidValueError(
+                "limits an acceleration, and accelerations = false", "leave that out", ("notch_to",)
+            )
         for at, points in (("profile", self.profile), ("notches", self.notches)):
             for index, point in enumerate(points):
                 if point.level == 0:
-                    raise Unfit("= 0 leaves nothing to lower", "give a small level", (at, index, "level"))
+                    raise InvalidValueError("= 0 leaves nothing to lower", "give a small level", (at, index, "level"))
         for index, level in enumerate(self.levels):
             if level <= 0:
-                raise Unfit(f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index))
+                raise InvalidValueError(
+                    f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index)
+                )
 
 
 def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Problems:
@@ -681,7 +689,7 @@ class BoxCoordinate(Schema):
     def check(self) -> None:
         """Demand a range."""
         if not any(high - low for low, high in (self.displacement, self.velocity)):
-            raise Unfit("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
+            raise InvalidValueError("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A probe that there is not."""
@@ -812,12 +820,12 @@ class Coexisting(OfSines):
         """Demand frequencies, given one way, and refuse more starts than are computed."""
         self.exclude("at", "from", "to", "points", remedy="give a list, or a range with points")
         if not (self.at or (self.from_ and self.to and self.points)):
-            raise Unfit("has no frequencies", "give at: [65 Hz, 78 Hz], or from, to and points")
+            raise InvalidValueError("has no frequencies", "give at: [65 Hz, 78 Hz], or from, to and points")
         frequencies = self.points or len(self.at)
         if (starts := self.starts.number * frequencies) > MOST_STARTS:
             at, number = ("starts", "number"), self.starts.number
             message = f"= {number} at {frequencies} frequencies makes {starts:.3g} starts (at most {MOST_STARTS})"
-            raise Unfit(message, "take fewer starts, or fewer frequencies", at)
+            raise InvalidValueError(message, "take fewer starts, or fewer frequencies", at)
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -1011,28 +1019,30 @@ class NonlinearMode(Schema):
         """Refuse an energy where it is what changes, and methods that follow the factor only."""
         going, kind = self.continue_in, self.method.kind
         if kind in _IN_FACTOR and not isinstance(going, StiffnessFactorContinuation):
-            raise Unfit(
+            raise InvalidValueError(
                 f"= {kind} {_IN_FACTOR[kind]} the stiffness factor, not in the {going.kind}",
                 "use continue_in: {kind: stiffness_factor}, or method: shooting",
                 ("method",),
             )
         if kind == "full_period" and isinstance(going, FrequencyContinuation):
-            raise Unfit(
+            raise InvalidValueError(
                 "= full_period continues in the stiffness factor or the energy, not in the frequency",
                 "use continue_in: {kind: energy, ...}, or method: shooting",
                 ("method",),
             )
         if self.energies and isinstance(going, StiffnessFactorContinuation):
-            raise Unfit(
+            raise InvalidValueError(
                 "differ from the energy that the path in the stiffness factor holds constant",
                 "use continue_in: {kind: energy, ...}, or leave them out",
                 ("energies",),
             )
         if (self.energies or self.frequencies) and kind in _IN_FACTOR:
-            raise Unfit(f"= {kind} computes no points on request", "use method: shooting", ("method",))
+            raise InvalidValueError(f"= {kind} computes no points on request", "use method: shooting", ("method",))
         if isinstance(going, EnergyContinuation):
             going.demand_inside(self.energies, ("energies",))
         if isinstance(going, FrequencyContinuation):
             going.demand_inside(self.frequencies, ("frequencies",))
         if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
-            raise Unfit(f"cannot be held constant if the parameter is the {going.kind}", "leave it out", ("energy",))
+            raise InvalidValueError(
+                f"cannot be held constant if the parameter is the {going.kind}", "leave it out", ("energy",)
+            )

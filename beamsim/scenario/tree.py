@@ -30,9 +30,9 @@ from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import protect, read_input
 from beamsim.scenario.base import (
     NOWHERE,
+    InvalidValueError,
     Mark,
     Path,
-    Unfit,
     counted,
     path_parts,
     path_text,
@@ -563,10 +563,12 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
                 for depth, part in enumerate(place[:-1], 1):
                     within = within.setdefault(part, _Inside({})) if isinstance(within, dict) else within[part]
                     if within is None:
-                        raise Unfit(f"contradicts {path_text(place[:depth])} = null", "leave one of the two out")
+                        raise InvalidValueError(
+                            f"contradicts {path_text(place[:depth])} = null", "leave one of the two out"
+                        )
                 within[place[-1]] = copy.deepcopy(value)
             changed = merge(root, said)
-        except Unfit as error:
+        except InvalidValueError as error:
             remedy = in_a_body(root, path_parts(path)) or error.remedy
             problems.append(problem((path,), error.message, remedy))
     if problems:
@@ -623,7 +625,7 @@ def _places(root: WrittenMapping, path: str) -> list[Path]:
     """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
     parts = path_parts(path)
     if not parts:
-        raise Unfit("is not a path of an override", _EXAMPLE)
+        raise InvalidValueError("is not a path of an override", _EXAMPLE)
     places: list[tuple[Path, Any]] = [((), root)]
     for part in parts:
         places = [place for walked, items in places for place in _step(walked, items, part)]
@@ -636,14 +638,14 @@ def _step(walked: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any
     if isinstance(items, list):
         yield from (((*walked, k), items[k]) for k in indices(items, part, walked))
     elif items is None and (isinstance(part, int) or (walked and walked[-1] in DEFAULT_NAMES)):
-        raise Unfit(f"does not exist: there is no {where}", f"give {where} as a whole list")
+        raise InvalidValueError(f"does not exist: there is no {where}", f"give {where} as a whole list")
     elif isinstance(part, int) or part == "*":
-        raise Unfit(f"does not exist: {where} is not a list", _EXAMPLE)
+        raise InvalidValueError(f"does not exist: {where} is not a list", _EXAMPLE)
     elif items is None or isinstance(items, dict) or walked[-1] in REPLACED_WHOLE:
         yield (*walked, part), items.get(part) if isinstance(items, dict) else None
     else:
         message = f"does not exist: {where} is {single_line(items)}, without keys"
-        raise Unfit(message, f"replace {where} whole")
+        raise InvalidValueError(message, f"replace {where} whole")
 
 
 def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int]:
@@ -657,7 +659,7 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
 
     Raises
     ------
-    Unfit
+    InvalidValueError
         Where there is no such item.
     """
     where = path_text(walked)
@@ -667,7 +669,7 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
         if part < len(items):
             return [part]
         last = f"the last one is {where}[{len(items) - 1}]" if items else "give the whole list"
-        raise Unfit(f"does not exist: {where} has {counted(len(items), 'item')}", last)
+        raise InvalidValueError(f"does not exist: {where} has {counted(len(items), 'item')}", last)
     prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
     names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
     for k, item in enumerate(items):
@@ -678,8 +680,10 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
     known = [name for name in names if name]
     if not known or any(part in item for item in items if isinstance(item, dict)):
         example = f"name the item, for example {where}[0].{part}" if items else f"give {where} as a whole list"
-        raise Unfit(f"does not exist: {where} is {'a list' if items else 'empty'}", example)
-    raise Unfit(f"does not exist: {where} has no item called {part}", suggestion(part, known, "the names are"))
+        raise InvalidValueError(f"does not exist: {where} is {'a list' if items else 'empty'}", example)
+    raise InvalidValueError(
+        f"does not exist: {where} has no item called {part}", suggestion(part, known, "the names are")
+    )
 
 
 def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
@@ -690,7 +694,7 @@ def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
     for where, body in bodies.items():
         items = body.get(parts[0]) if isinstance(body, dict) and len(parts) > 1 else None
         if isinstance(items, list) and isinstance(parts[1], str):
-            with suppress(Unfit):
+            with suppress(InvalidValueError):
                 indices(items, parts[1], (parts[0],))
                 return f"did you mean {path_text((*where, *parts))}?"
     return ""

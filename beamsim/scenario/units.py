@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
-from beamsim.scenario.base import Unfit
+from beamsim.scenario.base import InvalidValueError
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ _SPELLINGS = {
 """What is probably meant, whatever its capitals."""
 
 
-class UnitError(Unfit):
+class UnitError(InvalidValueError):
     """A value cannot be read as what is wanted; a message shows it as it was written."""
 
 
@@ -358,10 +358,10 @@ def is_in_gravities(unit: str) -> bool:
 
 
 def demand_in_range(value: float, of: Dimension, remedy: str) -> None:
-    """Refuse what follows from numbers and is outside the range of its dimension; raises `Unfit`."""
+    """Refuse what follows from numbers and is outside the range of its dimension; raises `InvalidValueError`."""
     if not of.smallest <= value <= of.largest:
         comes_to = f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}"
-        raise Unfit(comes_to, remedy)
+        raise InvalidValueError(comes_to, remedy)
 
 
 def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> float:

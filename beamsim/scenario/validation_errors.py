@@ -18,11 +18,11 @@ from beamsim.scenario.base import (
     counted,
     descriptions,
     kinds_of,
+    nested_annotations,
     problem,
     single_line,
     suggestion,
     tag_of,
-    within,
     words_of,
 )
 from beamsim.scenario.quantities import FieldType, Quantity, example_of
@@ -73,7 +73,9 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
                 schema, choices = next(iter(choices.values())), {}
             field = schema.model_fields.get(schema.keys().get(part, part))
             choices = {} if field is None else members(field.annotation)
-            within_mapping = field is not None and any(get_origin(each) is dict for each in within(field.annotation))
+            within_mapping = field is not None and any(
+                get_origin(each) is dict for each in nested_annotations(field.annotation)
+            )
     return schema, field
 
 
@@ -137,7 +139,7 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
 def _with_usual_example(remedy: str, path: Path, field: FieldInfo | None) -> str:
     """A remedy that gives the example of a dimension, with that which suits the key."""
     key = next((part for part in reversed(path) if isinstance(part, str)), "")
-    for item in (*field.metadata, *within(field.annotation)) if field is not None else ():
+    for item in (*field.metadata, *nested_annotations(field.annotation)) if field is not None else ():
         if isinstance(item, Quantity) and remedy == f"write for example {item.dimension.example}":
             return f"write for example {example_of(key, item.dimension.unit) or item.dimension.example}"
     return remedy

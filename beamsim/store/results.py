@@ -105,7 +105,7 @@ ROOT = {
     "title": "title of the scenario",
     "status": "how the computation ended: complete, or why it stopped early and what to try",
     "outcome": "code of how it ended",
-    "outcome_numbers": "its kind, sentence, remedy, place, numbers and parts, JSON object",
+    "outcome_numbers": "its kind, sentence, remedy, place, numbers and sub-outcomes, JSON object",
     "warnings": "warnings, JSON list",
     "wall_time_s": "wall time, s",
     "command_processor_time_s": "processor time, s, of the command that wrote the file, with its workers on the same "

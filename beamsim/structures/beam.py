@@ -41,14 +41,14 @@ from beamsim.structures.structure import (
 from beamsim.typing import Floats, Ints
 
 
-def _largest_at(model: BeamStructure, x: Floats, of_stretches: Sequence[float | None]) -> Floats | None:
-    """(nx,) a value of the stretches of a beam at stations, the larger one where two meet; None if one is unknown."""
-    known = [value for value in of_stretches if value is not None]
-    if len(known) < len(of_stretches):
+def _largest_at(model: BeamStructure, x: Floats, of_segments: Sequence[float | None]) -> Floats | None:
+    """(nx,) a value of the segments of a beam at stations, the larger one where two meet; None if one is unknown."""
+    known = [value for value in of_segments if value is not None]
+    if len(known) < len(of_segments):
         return None
     right, inside = model.mesh.locate(x)
     left = np.where(inside < 1e-9, np.maximum(right - 1, 0), right)
-    values = np.array(known)[model.stretch_of]
+    values = np.array(known)[model.segment_of]
     return np.asarray(np.maximum(values[left], values[right]))
 
 
@@ -197,7 +197,7 @@ class BeamStructure(MeshedBody):
 
     section: BeamBody
     mesh: Mesh
-    stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
+    segment_of: Ints  # (elements,) which of the beam's segments each element belongs to
     bending: Floats  # (elements,) bending stiffness, in the largest of the beam
     line_mass: Floats  # (elements,) mass per length, in the mean of the beam
     sides: ClassVar[tuple[str, ...]] = ("length",)
@@ -221,7 +221,7 @@ class BeamStructure(MeshedBody):
         at_sites = (place.coordinate / length for place in sites)
         x = np.unique(np.append(x, [each for each in at_sites if np.min(np.abs(x - each)) > 1e-9]))
         moment = moment_rows(member, basis, x)
-        remainder, sections = np.zeros(x.size), [stretch.bending for stretch in beam.stretches]
+        remainder, sections = np.zeros(x.size), [segment.bending for segment in beam.uniform_segments]
         if base is not None:
             inertia = member.whole.base_load(base)[0]
             _, exact = _static_moments(member, x, [LoadPattern(inertia, base)])
@@ -251,7 +251,7 @@ class BeamStructure(MeshedBody):
         # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
         beam, squared = self.section, (omega * self.frequency_scale) ** 2
         mass, stiffness, length = np.array(
-            [(stretch.mass_per_length, stretch.bending_stiffness, stretch.length) for stretch in beam.stretches]
+            [(segment.mass_per_length, segment.bending_stiffness, segment.length) for segment in beam.uniform_segments]
         ).T
         apart, alike = (
             int(np.sum(np.ceil((squared * per_length / bending) ** 0.25 / np.pi * long) + 2))
@@ -375,17 +375,17 @@ def assemble_beam(
     BeamStructure
         Scaled, without the dofs that supports hold.
     """
-    length, stretches = beam.length, beam.stretches
-    bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
+    length, segments = beam.length, beam.uniform_segments
+    bounds = np.array([0.0, *(segment.start / length for segment in segments[1:]), 1.0])
     if mesh is None:
         hard = [*beam.mass_points, *map(beam.metres, beam.nodes), *nodes]
         mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
     mass_scale = beam.bending.mass_per_length * length
     stiffness_scale = beam.bending.bending_stiffness / length**3
-    stretch_of = np.searchsorted(bounds, mesh.nodes[:-1] + mesh.lengths / 2) - 1
-    sections = [(stretch.bending_stiffness, stretch.mass_per_length) for stretch in stretches]
+    segment_of = np.searchsorted(bounds, mesh.nodes[:-1] + mesh.lengths / 2) - 1
+    sections = [(segment.bending_stiffness, segment.mass_per_length) for segment in segments]
     largest = beam.bending.bending_stiffness, beam.bending.mass_per_length
-    bending, line_mass = (np.array(sections) / largest)[stretch_of].T
+    bending, line_mass = (np.array(sections) / largest)[segment_of].T
 
     factor = mesh.square_rows(2, 2) * np.repeat(np.sqrt(bending), 2)[:, None]
     deflected, drag = mesh.square_rows(0, 4), None
@@ -396,23 +396,24 @@ def assemble_beam(
 
     if beam.damping is not None and beam.damping.kind == "viscous":  # of which point masses are left out
         drag = beam.damping.coefficient * length * (deflected.T @ deflected)
-    stretch = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
+    extension = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
     springs = _end_springs(beam, name) if beam.elastic_supports else ()
     if springs:
-        factor, drag, stretch = _with_end_springs(springs, length, mesh, (factor, drag), stiffness_scale)
+        factor, drag, extension = _with_end_springs(springs, length, mesh, (factor, drag), stiffness_scale)
     ends = zip((0, mesh.elements), beam.supports.kinds, strict=True)
     held = np.array([2 * node + dof for node, kind in ends for dof in HELD[kind]], dtype=np.int64)
     return BeamStructure(
         name=name, section=beam, stated_damping=beam.damping, mass_scale=mass_scale, stiffness_scale=stiffness_scale,
-        stretch_of=stretch_of, bending=bending, line_mass=line_mass, end_springs=springs,
-        **on_supports(mesh, (moving.T @ moving, factor, drag), held, stretch),
+        segment_of=segment_of, bending=bending, line_mass=line_mass, end_springs=springs,
+        **on_supports(mesh, (moving.T @ moving, factor, drag), held, extension),
     )  # fmt: skip
 
 
 def _with_end_springs(
     springs: Sequence[Coupling], length: float, mesh: Mesh, matrices: tuple[Any, Any], unit: float
 ) -> tuple[Any, Any, Floats]:
-    """Factor and damping with springs and dashpots at the ends, and (k, 2) the springs' stretch in rigid-body motions.
+    """Factor and damping with springs and dashpots at the ends, and (k, 2) the springs' extension in rigid-body
+    motions.
 
     Parameters
     ----------

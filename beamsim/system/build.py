@@ -378,7 +378,7 @@ def _pushing_with_springs(parts: Parts, tables: Mapping[str, TableOfStop], stops
     nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
     springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
     pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
-    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
+    contacts = replace(stops.first_with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     if any(parts.scenario.listed("friction")):
         _check_rigid_friction(parts, springs, stops)
     cubic = cubic_springs(springs)

@@ -18,7 +18,7 @@ from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import axis_kind
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import Path, Unfit, counted, path_text, problem
+from beamsim.scenario.base import InvalidValueError, Path, counted, path_text, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
@@ -81,7 +81,7 @@ def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfSto
         changed = 0 if file is None else _last_change(file)
         as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
         measured = _table(as_given, file, changed)  # is fitted once for all factors
-    except Unfit as error:
+    except InvalidValueError as error:
         where = at if file is not None else (*at, *error.at)
         raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
     except InputFileError as fault:

@@ -28,7 +28,7 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import ALLOWED_ERROR, Result
-from beamsim.results.values import limited, limits, read_first
+from beamsim.results.values import limits, parse_limit, read_first
 from beamsim.scenario import Scenario
 from beamsim.summaries import figure_in_words
 from beamsim.typing import Floats, Ints, not_none
@@ -386,7 +386,7 @@ def _range(
     of_result : the summary, in which curves have their own values by name, and the values by entry and place.
     errors : by entry and place; a place that the finer model does not have makes the range unknown.
     """
-    (summary, values), (value, of) = of_result, limited(limit)
+    (summary, values), (value, of) = of_result, parse_limit(limit)
     if "statistic" in item:  # of the largest value of a test: it has the error of that of the motion
         of_place = dict(places(errors.get(value.entry, {})))
         error_of = of_place.get("" if value.single else of or item["at"], math.nan if of_place else 0.0)
@@ -420,7 +420,7 @@ def _grown(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict
     if not growing:
         return item
     entry = next(entry for entry, _, place in keys if limits(limit, entry, place))
-    errors, scale = dict(places(summary["convergence"].get(entry, {}))), limited(limit)[0].scale
+    errors, scale = dict(places(summary["convergence"].get(entry, {}))), parse_limit(limit)[0].scale
     others = [
         scale * number * (1.0 - errors.get(place, 0.0))
         for place, number in places(compared({entry: summary[entry]})[entry])

@@ -37,7 +37,7 @@ from beamsim.labelled import Dataset, LabelledArray
 from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, tell
 from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
-from beamsim.results.values import BY_NAME, limited
+from beamsim.results.values import BY_NAME, parse_limit
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import SensitiveParameter
@@ -277,7 +277,7 @@ def _with_runs(result: StudyResult) -> StudyResult:
         summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
     parts = _doubts_about(best, said["doubtful"], said["after_parting"])
-    return checked.ended(result.outcome.but(*(replace(part, within="the best design") for part in parts)))
+    return checked.ended(result.outcome.but(*(replace(part, context="the best design") for part in parts)))
 
 
 def _doubts_about(
@@ -328,5 +328,5 @@ def _hit_hardest(forces: Mapping[str, LabelledArray]) -> tuple[str, LabelledArra
 def _concerning(result: StudyResult, doubts: Iterable[str]) -> list[str]:
     """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
     asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
-    asked |= {limited(name)[0].entry for name in result["cases"].labels("limit")}
+    asked |= {parse_limit(name)[0].entry for name in result["cases"].labels("limit")}
     return [key for key in doubts if key.partition(".")[0] in asked]

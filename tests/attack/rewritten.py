@@ -64,7 +64,7 @@ class Rewriting:
     compared: int = 0  # histories and values
 
 
-class Unfit(Exception):
+class InvalidValueError(Exception):
     """Why a scenario cannot be written in these words."""
 
 
@@ -102,7 +102,7 @@ def scenario_of(seed, folder):
         with contextlib.suppress(ScenarioError):
             tree = plain(beamsim.load_scenario(tree))
             return source, with_sweep(tree, PERIODS / longest, rng) if seed % SWEPT == SWEPT - 1 else tree
-    raise Unfit("a record of no length")
+    raise InvalidValueError("a record of no length")
 
 
 def with_sweep(tree, lowest, rng):
@@ -260,7 +260,7 @@ def body_beside(tree, path):
 def shares(tree, rng):
     found = list(positions(tree))
     if not found:
-        raise Unfit("no places")
+        raise InvalidValueError("no places")
     for path, side, _ in found:
         put(tree, path, f"{100 * get(tree, path) / side!r} %")
     return tree
@@ -297,7 +297,7 @@ def absolute(tree, rng):
     if isinstance(tree.get("gravity"), float) and all("length" in body for _, body in bodies_of(tree).values()):
         tree["gravity"], changed = [0.0, 0.0, -tree["gravity"]], True
     if not changed:
-        raise Unfit("nothing relative")
+        raise InvalidValueError("nothing relative")
     return tree
 
 
@@ -400,9 +400,9 @@ def renamed(tree, rng):
 
 def mirrored(tree, rng):
     if tree.get("excitation", {}).get("direction") or "mode" in str(tree["run"].get("start")):
-        raise Unfit("an axis, or a mode whose sign is none")
+        raise InvalidValueError("an axis, or a mode whose sign is none")
     if any(key in ("support", "joint") for path, _ in leaves(tree.get("excitation", {})) for key in path):
-        raise Unfit("a support that moves")
+        raise InvalidValueError("a support that moves")
     for path, side, axis in list(positions(tree)):
         if axis == 0:
             put(tree, path, max(side - get(tree, path), 0.0))  # round-off may put an end beyond the end
@@ -494,7 +494,7 @@ def mirror_load(load):
                 load[key] = [[last[0], first[1]], [first[0], last[1]]]
     shape = load.get("shape", {})
     if shape.get("kind") == "mode" or (shape.get("kind") == "sine" and shape.get("half_waves", [1])[0] % 2 == 0):
-        raise Unfit("a shape that changes its sign")
+        raise InvalidValueError("a shape that changes its sign")
     if shape.get("kind") == "linear":
         shape["values"].reverse()
     elif shape.get("kind") == "table":
@@ -530,7 +530,7 @@ def upside_down(tree, rng):
     spec = tree.get("excitation", {})
     recorded = any(part.get("kind") in ("random", "sampled") for part in (spec, *spec.get("forces", ())))
     if recorded or "profile" in spec or spec.get("notches"):
-        raise Unfit("an input whose sign cannot be changed")
+        raise InvalidValueError("an input whose sign cannot be changed")
     for _, snubber in items(tree, "snubbers"):
         if "between" in snubber:
             snubber["between"] = turned_ends(snubber["between"])
@@ -572,7 +572,7 @@ def turned_ends(ends):
 def turned(tree, rng):
     """A mirror in the diagonal: displacements stay, rotations are about the other axis."""
     if not all(is_plate(body) for _, body in bodies_of(tree).values()):
-        raise Unfit("no plate")
+        raise InvalidValueError("no plate")
     edges = {"left": "bottom", "right": "top", "bottom": "left", "top": "right"}
     for _, body in bodies_of(tree).values():
         body |= {"length": body["width"], "width": body["length"], "elements": body["elements"][::-1]}
@@ -596,7 +596,7 @@ def turned(tree, rng):
         if output.get("support") in edges:
             output["support"] = edges[output["support"]]
     if tree.get("excitation", {}).get("direction") or "support" in str(tree.get("excitation")):
-        raise Unfit("a base that turns, or a support that moves")
+        raise InvalidValueError("a base that turns, or a support that moves")
     return tree
 
 
@@ -611,7 +611,7 @@ def points(tree, path=()):
 
 def turn_shape(shape):
     if shape.get("kind") == "mode":
-        raise Unfit("a shape that changes its sign")
+        raise InvalidValueError("a shape that changes its sign")
     for key in ("values", "coefficients"):
         if key in shape:
             shape[key] = np.transpose(shape[key]).tolist()
@@ -736,7 +736,7 @@ def rewrite(seed, folder, words=SAME):
     try:
         source, tree = scenario_of(seed, Path(folder))
         first = told(tree)
-    except (Unfit, ScenarioError):
+    except (InvalidValueError, ScenarioError):
         return [Rewriting(seed, "drawn", "not written", "is refused or does not move")]
     if first is None:  # a tenth of it has fewer contacts
         run = tree["run"]
@@ -757,7 +757,7 @@ def rewrite(seed, folder, words=SAME):
                 other = stored(tree, Path(folder)) if name == "stored" else told(WORDS[name](copy.deepcopy(tree), rng))
                 turned = name == "upside_down" and other is not None
                 _compare(finding, first, side_names(other) if turned else other, noise)
-        except Unfit as unfit:
+        except InvalidValueError as unfit:
             finding.outcome = str(unfit)
         except ScenarioError as error:
             finding.outcome, finding.differences = "differs", [f"refused: {error}"]
@@ -814,7 +814,7 @@ def varied(tree, rng):
     numbers = [path for path, value in leaves(tree) if isinstance(value, float) and value > 0]
     candidates = [path for path in numbers if path[0] != "run" and path[-1] in known and "segments" not in path]
     if not candidates:
-        raise Unfit("nothing to vary")
+        raise InvalidValueError("nothing to vary")
     path = candidates[int(rng.integers(len(candidates)))]
     scenario, value = beamsim.load_scenario(copy.deepcopy(tree)), get(tree, path)
     edited = copy.deepcopy(tree)
@@ -822,10 +822,10 @@ def varied(tree, rng):
     try:
         changed = beamsim.load_scenario(edited)
     except ScenarioError as error:
-        raise Unfit("the edited scenario is none") from error
+        raise InvalidValueError("the edited scenario is none") from error
     table = beamsim.ensemble(scenario, {path_text(path): [value, 1.05 * value]}, workers=1)
     if not (edited_run := beamsim.run(changed)).complete:
-        raise Unfit("more contacts than are compared")
+        raise InvalidValueError("more contacts than are compared")
     first = responses(edited_run.summary)
     noise = [responses(beamsim.run(beamsim.load_scenario(perturbed(edited, rng))).summary) for _ in range(2)]
     return first, {name: np.asarray(table.responses[name].values)[1:2] for name in first}, noise

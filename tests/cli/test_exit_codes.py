@@ -11,7 +11,7 @@ from beamsim.cli.conclusion import conclude
 from beamsim.cli.session import Given, Interruption
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS
-from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
+from beamsim.outcomes import EXIT_RULES, Outcome, OutcomeKind, Verdict, exit_code, on_limit
 from beamsim.results.values import judged, margins_of
 from beamsim.scenario.reporting import Limits
 from tests.helpers.commands import invoke
@@ -47,7 +47,7 @@ def ended(result, **more):
 def test_an_outcome_has_its_code_and_its_first_line(kind, fabricated_run):
     outcome = of_kind(kind)
     result = fabricated_run(outcome=outcome)
-    assert exit_code(outcome) == STANDINGS[kind].exit_code == CODES[kind]
+    assert exit_code(outcome) == EXIT_RULES[kind].exit_code == CODES[kind]
     assert ended(result) == CODES[kind]
     assert outcome.usable == (CODES[kind] == 0)
     assert outcome.complete == (kind not in FIRST_LINES)  # what is marked NOT CONVERGED was called complete
@@ -83,11 +83,11 @@ def test_a_limit_is_judged_by_what_was_computed_reliably(kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "verdicts"), [*product(OutcomeKind, [(), (OnLimit.MET,), (OnLimit.NOT_RELIABLE,), tuple(OnLimit)])]
+    ("kind", "verdicts"), [*product(OutcomeKind, [(), (Verdict.MET,), (Verdict.NOT_RELIABLE,), tuple(Verdict)])]
 )
 def test_limits_that_are_checked_have_their_codes(kind, verdicts):
     """Exceeded 4, else not reliable 3; an interruption stays one."""
-    of_limits = 4 if OnLimit.EXCEEDED in verdicts else 3 if {*verdicts} - {OnLimit.MET} else 0
+    of_limits = 4 if Verdict.EXCEEDED in verdicts else 3 if {*verdicts} - {Verdict.MET} else 0
     interrupted = kind is OutcomeKind.INTERRUPTED
     assert exit_code(of_kind(kind), verdicts) == (130 if interrupted else max(CODES[kind], of_limits))
     assert exit_code(of_kind(kind), verdicts, signal=15) == 143

@@ -12,7 +12,7 @@ import yaml
 from shipped import PATHS, config_path, shipped
 
 from beamsim.scenario import Scenario, load_scenario, units
-from beamsim.scenario.base import Schema, plain, walk, within
+from beamsim.scenario.base import Schema, nested_annotations, plain, walk
 from beamsim.scenario.quantities import Bounded, FieldType, RateType, Whole
 
 REFUSALS = Path(__file__).parents[1] / "data" / "refusals.yaml"
@@ -115,7 +115,7 @@ def fields_of(section: type[Schema]) -> Iterator[Field]:
     """The fields of a section that take numbers, whether or not they may be left out."""
     for key, name in section.keys().items():
         field = section.model_fields[name]
-        parts = [*field.metadata, *within(field.annotation)]
+        parts = [*field.metadata, *nested_annotations(field.annotation)]
         numeric = [each for each in parts if isinstance(each, (Bounded, Whole, RateType))]
         if numeric and not any(isinstance(each, type) and issubclass(each, Schema) for each in parts):
             yield Field(section, key, numeric[0], any(each is tuple or "tuple" in str(each)[:5] for each in parts))
@@ -132,7 +132,7 @@ def sections() -> tuple[type[Schema], ...]:
             continue
         found[section] = None
         for field in section.model_fields.values():
-            parts = within(field.annotation)
+            parts = nested_annotations(field.annotation)
             open_ += [each for each in parts if isinstance(each, type) and issubclass(each, Schema)]
     return tuple(found)
 

@@ -143,7 +143,7 @@ def gravest(facts: ResultFacts) -> str:
 
     def kinds(outcome: dict[str, Any]) -> Iterator[str]:
         yield outcome["kind"]
-        for part in outcome.get("parts", ()):
+        for part in outcome.get("sub_outcomes", ()):
             yield from kinds(part)
 
     return max(kinds(json.loads(facts.attributes["outcome_numbers"])), key=GRAVEST.index)

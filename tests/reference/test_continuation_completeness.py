@@ -189,7 +189,7 @@ def test_branches_end_at_the_ends_of_the_range():
 def test_bands_without_a_stable_motion_are_listed():
     result = curve(config_path("continuation_60_120hz"), sweep_of(60, 70, "seek_at: 0"))
     assert result.outcome.kind is OutcomeKind.COMPLETE
-    (note,) = result.outcome.parts
+    (note,) = result.outcome.sub_outcomes
     assert note.code == "no_stable_motion"
     first, _ = note.place.value
     assert first == pytest.approx((60.0, 62.977585), abs=0.05)  # a Neimark–Sacker point

@@ -57,11 +57,11 @@ def test_continuations_and_outcomes_use_them():
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
-    within = missing.but(within=Where(4.903325, "m/s^2", "level"))
+    within = missing.but(context=Where(4.903325, "m/s^2", "level"))
     assert within.displayed(scale_for).text == "level 0.5 g: no stable motion from 1 to 2 g"
     with shown_in(chosen(**CHOSEN)):
         assert missing.displayed(scale_for).message == "no stable motion from 9.80665 to 19.6133 m/s^2"
-    assert reached_end(65.5).shown(float, "Hz").displayed(scale_for).text.endswith("65.5 Hz")
+    assert reached_end(65.5).in_unit(float, "Hz").displayed(scale_for).text.endswith("65.5 Hz")
 
 
 def test_g_is_gravity_in_an_acceleration_and_gram_in_a_mass():

@@ -88,7 +88,7 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     limit, balance = too_many_events(1.0, 7), EnergyBalance()
     balance.add(times, EnergyHistory(0 * times, 0 * times, times), 0.0)
     kept = balance.checked(limit)
-    assert (kept.code, kept.parts) == ("energy_not_balanced", (limit,))
+    assert (kept.code, kept.sub_outcomes) == ("energy_not_balanced", (limit,))
 
 
 def test_a_sweep_that_is_not_finite_has_an_outcome():

@@ -11,8 +11,8 @@ from beamsim.outcomes import (
     Where,
     both_directions,
     combined,
+    first_with_others,
     listed,
-    together,
 )
 
 pytestmark = pytest.mark.quick
@@ -56,11 +56,11 @@ def test_what_each_kind_says_and_means(kind, text):
 
 
 def test_the_parameter_of_a_branch_is_converted_once():
-    shown = STOPPED.shown(lambda omega: omega / (2 * np.pi), "Hz")
+    shown = STOPPED.in_unit(lambda omega: omega / (2 * np.pi), "Hz")
     assert shown.place.value == pytest.approx(20.0)
     assert shown.text == "stopped at 20 Hz: no solution; try a smaller step"
-    assert shown.shown(lambda x: 100 * x, "m") == shown
-    assert MISSING.shown(lambda omega: omega / (2 * np.pi), "Hz").parts == (shown,)
+    assert shown.in_unit(lambda x: 100 * x, "m") == shown
+    assert MISSING.in_unit(lambda omega: omega / (2 * np.pi), "Hz").sub_outcomes == (shown,)
 
 
 def test_places_in_words():
@@ -75,8 +75,8 @@ def test_combined():
     assert combined([REACHED, STOPPED, COMPLETE]) is STOPPED
     assert combined([REACHED]) is COMPLETE
     assert combined([]) is COMPLETE
-    assert together([]) is COMPLETE
-    assert together([STOPPED, REACHED]).parts == (REACHED,)
+    assert first_with_others([]) is COMPLETE
+    assert first_with_others([STOPPED, REACHED]).sub_outcomes == (REACHED,)
 
 
 def test_both_directions():
@@ -93,7 +93,7 @@ def test_both_directions():
 
 @pytest.mark.parametrize("kind", [OutcomeKind.DOUBTFUL, OutcomeKind.UNTRUSTED, OutcomeKind.STOPPED])
 def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
-    part = Outcome.of(kind, "code", "values change", within="the best design")
+    part = Outcome.of(kind, "code", "values change", context="the best design")
     for whole in (COMPLETE.but(part), REACHED.but(part), COMPLETE.but(COMPLETE.but(part))):
         assert not whole.complete
         assert "complete" not in whole.text
@@ -103,7 +103,7 @@ def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
 
 def test_a_part_that_is_complete_is_not_called_so_beside_one_that_is_not():
     """Levels of a sweep, branches, cases: the reader of INCOMPLETE would read it of the whole."""
-    fine = COMPLETE.but(within=Where(1.0, "g", "level"))
+    fine = COMPLETE.but(context=Where(1.0, "g", "level"))
     for whole in (MISSING.but(fine), MISSING.but(REACHED), MISSING.but(COMPLETE), COMPLETE.but(MISSING, fine)):
         assert "complete" not in whole.text
         assert not any("complete" in text for text in whole.statements)
@@ -126,7 +126,7 @@ def test_what_a_part_means_for_the_whole():
     [
         COMPLETE,
         STOPPED,
-        MISSING.but(within=Where(9.81, "m/s^2", "level")),
+        MISSING.but(context=Where(9.81, "m/s^2", "level")),
         Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", "2 of 3", done=np.int64(2), shares=np.array([[1.0, 2.0]])),
     ],
 )

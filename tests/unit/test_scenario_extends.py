@@ -6,7 +6,7 @@ import pytest
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.base import Unfit
+from beamsim.scenario.base import InvalidValueError
 from beamsim.scenario.body import RayleighDamping
 from beamsim.scenario.connections import SnubberViscousDamping
 from beamsim.scenario.excitation import NoExcitation, Step
@@ -237,7 +237,7 @@ def test_paths_to_what_a_body_lists_are_named_whole(short, whole, several):
     assert f"{short} does not exist: there is no {short.split('.')[0]}; did you mean {whole}?" in problems(
         load_scenario, text, [f"{short}=2"]
     )
-    with pytest.raises(Unfit) as caught:
+    with pytest.raises(InvalidValueError) as caught:
         find_parameters(load_scenario(text), short)
     assert caught.value.problem(()).remedy == f"did you mean {whole}?"
     # with another of the kind beside the body, and the twin that nothing is called so

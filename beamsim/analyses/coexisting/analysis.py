@@ -29,7 +29,16 @@ from beamsim.orbits.continuation import solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity_weights
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, together
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    asked_to_stop,
+    first_with_others,
+    interruption,
+)
 from beamsim.parallel import Cluster, Computation, working
 from beamsim.responses.branches import MeasuredBranch, largest_values, response, response_datasets
 from beamsim.responses.orbit_energies import balanced
@@ -352,7 +361,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
         of = "1 start or disturbance" if len(failed) == 1 else f"{len(failed)} starts or disturbances"
         sentence = f"{of} could not be computed; the first: {failed[0].outcome.text}"
         remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
-    outcome = together(remarks)
+    outcome = first_with_others(remarks)
     if asked_to_stop():
         waiting = int(np.sum(result["starts"]["cycles"].values == 0))
         outcome = interruption(f"with {waiting} starts left", *outcome.unless_complete)

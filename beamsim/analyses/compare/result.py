@@ -496,5 +496,7 @@ def outcome_of_comparison(result: Result) -> Outcome:
         sentence = f"what is compared was {outcome.text}"
         return Outcome.of(OutcomeKind.INCOMPLETE, "result_interrupted", sentence, remedy="compute the whole of it")
     return (
-        COMPLETE if outcome.kind is OutcomeKind.COMPLETE and outcome.complete else replace(outcome, within="the result")
+        COMPLETE
+        if outcome.kind is OutcomeKind.COMPLETE and outcome.complete
+        else replace(outcome, context="the result")
     )

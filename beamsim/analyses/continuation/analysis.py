@@ -124,7 +124,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
 
 def _cut_short(outcome: Outcome, missing: Sequence[str]) -> Outcome:
     """The outcome of what was interrupted, with what is missing."""
-    parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
+    parts = outcome.sub_outcomes if outcome.code == COMPLETE.code else (outcome,)
     return interruption(f"before {', '.join(missing)}" if missing else "", *parts)
 
 
@@ -239,7 +239,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         )
         parts.append(uncovered)
     failed = [f.shown(part) for t in traced for part in t.outcome.all_of(SEARCH_FAILED)]
-    parts += [part for part in failed if not any(part in known.parts for known in parts)]
+    parts += [part for part in failed if not any(part in known.sub_outcomes for known in parts)]
     exceeded = budget.exceeded(incomplete=bool(gaps) or model.settings.side_branches == "required")
     if exceeded is not None:
         parts.append(exceeded)
@@ -252,7 +252,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     ]
     if bands := gaps_between([*stable, *gaps], min(first, last), max(first, last)):
         parts.append(Outcome.of(OutcomeKind.NOTED, NO_STABLE_MOTION, "no stable motion was found", at=ranges(bands)))
-    return [part.but(within=within) for part in parts]
+    return [part.but(context=within) for part in parts]
 
 
 def _left_out(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
@@ -315,7 +315,7 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
             )
         ],
         "without_stable_motion": [
-            {"band": list(band), "level": part.within.value if isinstance(part.within, Where) else level[0]}
+            {"band": list(band), "level": part.context.value if isinstance(part.context, Where) else level[0]}
             for part in result.outcome.all_of(NO_STABLE_MOTION)
             if part.place is not None
             for band in part.place.value

@@ -15,7 +15,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import Progress, Stop, asked_by, never, together
+from beamsim.outcomes import Progress, Stop, asked_by, first_with_others, never
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
@@ -98,7 +98,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
         datasets.append(_profiles(scenario, profiles, section.coverage))
     result = IdentificationResult(
         scenario=scenario,
-        outcome=together([part.outcome for part in parts.values() if not part.outcome.complete]),
+        outcome=first_with_others([part.outcome for part in parts.values() if not part.outcome.complete]),
         datasets={each.name: each for each in datasets},
         warnings=tuple(text for part in parts.values() for text in part.warnings),
         wall_time_s=clock.perf_counter() - begin,

@@ -16,7 +16,7 @@ from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import Unfit, path_text
+from beamsim.scenario.base import InvalidValueError, path_text
 from beamsim.scenario.identification import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
 
@@ -158,7 +158,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     try:
         kind, rows = _read(file, data, per_modulus)
         check_data(rows.tolist(), kind, data.branches)
-    except Unfit as error:
+    except InvalidValueError as error:
         row = next((f", row {part + 1} of the numbers" for part in error.at if isinstance(part, int)), "")
         raise ScenarioError.at(path_text(at), f"= {file.name}{row} {error.message}", error.remedy) from None
     except InputFileError as fault:

@@ -20,7 +20,7 @@ from beamsim.analyses.identify.fit import (
 from beamsim.analyses.identify.layouts import BEFORE, UPDATE
 from beamsim.analyses.identify.result import ComparedModes, Findings
 from beamsim.errors import Problem, ScenarioError
-from beamsim.outcomes import together
+from beamsim.outcomes import first_with_others
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text
 from beamsim.scenario.identification import IdentifyStiffness
@@ -106,7 +106,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     }
     predicted = free_frequencies(scenario, section.snubber, len(section.measured_without))
     before = ComparedModes.of(predicted, section.measured_without, int(np.sum(predicted == 0)))
-    outcome = together(at_bounds(scenario, parameters))
+    outcome = first_with_others(at_bounds(scenario, parameters))
     return Findings([dataset], summary, warnings, profiles, {BEFORE: before}, outcome), updated
 
 

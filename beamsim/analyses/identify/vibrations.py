@@ -63,9 +63,9 @@ from beamsim.outcomes import (
     asked_to_stop,
     check_stop,
     finishing,
+    first_with_others,
     interruption,
     tell,
-    together,
 )
 from beamsim.responses.loads import periodic_forcing
 from beamsim.scenario import Scenario
@@ -249,7 +249,7 @@ def _outcome(
                 remedy="start from other values, or leave out tests with irregular motion",
             )
         )  # fmt: skip
-    return together(outcomes)
+    return first_with_others(outcomes)
 
 
 NO_LINE = 1e-6  # amplitude over the fundamental of a line that a motion does not have

@@ -242,7 +242,9 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
                 f"points at {plural} were asked for that no branch passes:", at=Where(missed, unit),
                 remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
-            outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.parts else ()))
+            outcome = (
+                outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.sub_outcomes else ()))
+            )
     backbone = replace(branches[0], outcome=outcome)
     return replace(followed, backbone=backbone, tongues=tuple(branches[1:])), requested
 
@@ -354,4 +356,4 @@ def _outcome(work: _MethodResults, resonance: HeldMode | None) -> Outcome:
         ends.append(interruption(f"before {', '.join(work.left_out)}"))
     outcome = combined(ends)
     backbone = work.followed.backbone.outcome
-    return backbone if outcome is COMPLETE and backbone.parts else outcome
+    return backbone if outcome is COMPLETE and backbone.sub_outcomes else outcome

@@ -238,7 +238,7 @@ class ModePath:
         """How a path ended, after its last point where that is told; its parameter is as people read it."""
         if last is not None and outcome.code == INTERRUPTED.code:
             outcome = outcome.but(place=Where(last.parameter))
-        return outcome.shown(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
+        return outcome.in_unit(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
 
 
 def _at_frequency(

@@ -38,9 +38,9 @@ from beamsim.outcomes import (
     Progress,
     Where,
     asked_to_stop,
+    first_with_others,
     interruption,
     tell,
-    together,
 )
 from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
@@ -414,7 +414,7 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
         if np.any(bad):
             lost = unbalanced(float(errors.max()), int(bad.sum()), Where(m.level, unit, "level"))
             parts.insert(0, lost)
-    return together(parts) if parts else outcome
+    return first_with_others(parts) if parts else outcome
 
 
 def _predicted(held: _Levels, levels: list[float]) -> PredictedLevels:
@@ -541,7 +541,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     for start in (first, first.reversed()):
         branch = Branch(problem, start, low, high, Settings(most_points=600))
         points = list(branch)
-        halves.append(OrbitBranch(problem, points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz")))
+        halves.append(OrbitBranch(problem, points, branch.outcome.in_unit(lambda omega: omega / (2 * np.pi), "Hz")))
         if branch.outcome.code == CLOSED_CURVE:
             break
     followed = joined(*halves)

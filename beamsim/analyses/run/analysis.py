@@ -37,7 +37,7 @@ from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.shock_response import matched_spectrum, shock_response
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
-from beamsim.analyses.run.summary import figures_of_parts, summary_of_run, values_of_motion
+from beamsim.analyses.run.summary import summary_entries, summary_of_run, values_of_motion
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import is_as_written, reading
 from beamsim.hdf5 import open_hdf5
@@ -176,7 +176,7 @@ def solved(
     if evaluation.left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
-    result = result.with_summary(**summary, dashpots=dashpots_of(system.modes), **figures_of_parts(result, summary))
+    result = result.with_summary(**summary, dashpots=dashpots_of(system.modes), **summary_entries(result, summary))
     return Solution(motion, replace(result, wall_time_s=clock.perf_counter() - begin))
 
 

@@ -18,7 +18,7 @@ from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
-from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, largest, of_angles
+from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
 from beamsim.scenario.connections import OfHinge
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats
@@ -206,7 +206,7 @@ def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
             variable = f"friction_{quantity}"
             return histories[variable].sel(friction=name).item() if variable in histories else None
 
-        called = of_angles if histories["friction_displacement"].sel(friction=name).unit == "rad" else str
+        called = hinge_key if histories["friction_displacement"].sel(friction=name).unit == "rad" else str
         known = {entry: value(entry) for entry in _SLIDING_UNITS}
         numbers: dict[str, Any] = {
             called(f"{entry}_{unit}"): None if known[entry] is None or np.isnan(known[entry]) else known[entry]

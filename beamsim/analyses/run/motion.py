@@ -41,8 +41,8 @@ from beamsim.results.values import (
     Extremes,
     by_magnitude,
     extreme_times,
-    limited,
-    outer,
+    merge_extremes,
+    parse_limit,
     searched,
 )
 from beamsim.scenario import Scenario
@@ -108,7 +108,7 @@ class Needed:
         settings, stationary = not_none(scenario.run), scenario.excitation.stationary
         limits = {} if scenario.limits is None else scenario.limits.given
         over_curves = {"srs_over_limit", "psd_over_limit"}  # which only limits have
-        needed = (frozenset(entries) - over_curves) | {limited(name)[0].entry for name in limits}
+        needed = (frozenset(entries) - over_curves) | {parse_limit(name)[0].entry for name in limits}
         if settings.fatigue is not None:
             needed |= set(STRESS_ENTRIES)
         of_records = needed & {*ROOT_MEAN_SQUARES, "psd_over_limit"}
@@ -552,7 +552,7 @@ class ChunkValues:
     ) -> None:  # fmt: skip
         """Include the next chunk with its values, and look up its states where it has new extremes."""
         self.balance.add(*energies)
-        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
+        self.extremes = {name: merge_extremes(self.extremes.get(name), each) for name, each in found.items()}
         self.low_passed = low
         if low is not None and low.extremes is not None:
             self.extremes[ACCELERATION] = low.extremes

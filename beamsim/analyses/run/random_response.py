@@ -54,7 +54,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
-from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, judged, largest, limited, margin_of
+from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, judged, largest, margin_of, parse_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
@@ -267,11 +267,15 @@ def _responses(result: RunResult, motion: RunMotion) -> Iterator[StationarySigna
         quantity = histories["output_quantity"].sel(output=name).item()
         yield StationarySignal("outputs", name, quantity, output.unit, output.values)
     limits = {} if result.scenario.limits is None else result.scenario.limits.given
-    if any(limited(name)[0].key == OPENING for name in limits) and motion.histories is not None:
+    if any(parse_limit(name)[0].key == OPENING for name in limits) and motion.histories is not None:
         for snubber, opening in zip(motion.system.snubbers, motion.histories.of(OPENING).T, strict=False):
             yield StationarySignal(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit, opening)
     trajectory = motion.trajectory
-    if any(limited(name)[0].key == STRESS for name in limits) and trajectory is not None and trajectory.time[0] == 0.0:
+    if (
+        any(parse_limit(name)[0].key == STRESS for name in limits)
+        and trajectory is not None
+        and trajectory.time[0] == 0.0
+    ):
         worst = int(largest(motion.extremes[STRESS]).argmax())
         row = outputs_of(trajectory.flow, motion.system.channels.of_keys(STRESS).linear[[worst]])
         at = np.minimum(histories["time"].values, trajectory.end)
@@ -528,7 +532,7 @@ def _reached(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
 
 def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
     """Whether a limit, by its name, is on the peaks of a signal."""
-    value, place = limited(limit)
+    value, place = parse_limit(limit)
     return value.on_peak_of(signal) and place in ("", signal["name"])
 
 
@@ -551,7 +555,7 @@ def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | Non
     run, found = not_none(scenario.run), dict(compared)
     signals = [] if random is None else random.rows("signal")[1:]
     for name, item in compared.items():
-        if limited(name)[0].of is None:  # root mean squares and densities
+        if parse_limit(name)[0].of is None:  # root mean squares and densities
             continue
         if run.test_duration is None:
             found[name] = item | {"statistic": REACHED}

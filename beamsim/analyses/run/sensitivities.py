@@ -35,7 +35,7 @@ from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
 from beamsim.labelled import Dataset
 from beamsim.results.competition import NEGLIGIBLE, Competition
-from beamsim.results.values import ACCELERATION, VALUES, Value, limited, searched
+from beamsim.results.values import ACCELERATION, VALUES, Value, parse_limit, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter
@@ -123,7 +123,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     plain = with_values(scenario, {("run", "sensitivities"): ()})
     pairs = [_varied(plain, system, along, chosen, number) for number in numbers]
     varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
-    everywhere = [of for of, place in map(limited, scenario.limits.given if scenario.limits else ()) if not place]
+    everywhere = [of for of, place in map(parse_limit, scenario.limits.given if scenario.limits else ()) if not place]
     contests, misses = along.contests(chosen, everywhere), along.misses()
     ends, order = along.ends(), lambda peak: (peak.segment, peak.time, peak.later)
     peaks = sorted({*misses, *ends, *(peak for of in contests for peak in of.peaks)}, key=order)

@@ -38,13 +38,13 @@ from beamsim.results.values import (
     STRESS,
     Extreme,
     Extremes,
+    by_hinge_key,
     by_magnitude,
-    by_units,
+    hinge_key,
     largest,
     largest_at,
-    limited,
     margins,
-    of_angles,
+    parse_limit,
     values_of,
 )
 from beamsim.scenario.excitation import RandomInput, Shock
@@ -96,8 +96,8 @@ def values_of_part(
         **values_of(system.channels, settled),
         "contact_share": dict(zip(snubbers, contact_share[:count].tolist(), strict=True)),
         "contacts": dict(zip(snubbers, closings[:count].tolist(), strict=True)),
-        **by_units("static_force_n", system.snubbers, lambda s: s.preload),
-        **by_units("gap_m", system.snubbers, lambda s: s.gap),
+        **by_hinge_key("static_force_n", system.snubbers, lambda s: s.preload),
+        **by_hinge_key("gap_m", system.snubbers, lambda s: s.gap),
         "open_frequencies_hz": system.open_frequencies_hz.tolist(),
         "closed_frequencies_hz": system.closed_frequencies_hz.tolist(),
     }
@@ -167,7 +167,7 @@ def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
 
 def _called(statistics: Dataset, snubber: str) -> Callable[[str], str]:
     """What entries are called for a snubber: a stop of a hinge has moments."""
-    return of_angles if statistics["peak_force_n"].sel(snubber=snubber).unit == "N m" else str
+    return hinge_key if statistics["peak_force_n"].sel(snubber=snubber).unit == "N m" else str
 
 
 def impact_total(statistics: Dataset) -> dict[str, float]:
@@ -221,7 +221,7 @@ def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
     }
 
 
-def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
+def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     bodies = result.datasets.get("bodies")
     von_mises = None if bodies is None else bodies.get("peak_von_mises_stress")
@@ -267,7 +267,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
     known = {entry: of for entry, of in ratios.items() if of}
     compared = margins(result.scenario.limits, {**summary, **rms, **known})
     for name, item in compared.items():
-        value, place = limited(name)
+        value, place = parse_limit(name)
         if place in over.get(value.entry, {}):
             item["frequency_hz"] = over[value.entry][place][1]
             item["at"] = f"{place}, {item['frequency_hz']:.4g} Hz"
@@ -313,7 +313,7 @@ def summary_of_run(
         "contact_states": motion.work.states,
         "processor_time_s": motion.work.processor_time_s,
         **motion.memory,
-        **by_units("blocked_force_n", system.snubbers, lambda s: s.blocked_force),
+        **by_hinge_key("blocked_force_n", system.snubbers, lambda s: s.blocked_force),
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }
     summary["peak_times_s"] = peak_times(system, motion.extremes, summary)

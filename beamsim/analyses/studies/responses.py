@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_in, limited
+from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_in, parse_limit
 from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]
@@ -45,7 +45,7 @@ def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
     """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
     limits = {} if scenario.limits is None else scenario.limits.given
     quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
-    quantities |= {limited(name)[0].name for name in limits}
+    quantities |= {parse_limit(name)[0].name for name in limits}
     if not scenario.excitation.stationary:  # whose responses have no root mean square
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {
@@ -73,7 +73,7 @@ def limited_response(limit: str) -> str:
     >>> limited_response("gap"), limited_response("outputs.clamp")
     ('largest_gap', 'outputs/clamp/peak_output')
     """
-    value, place = limited(limit)
+    value, place = parse_limit(limit)
     return f"{value.section}/{place}/{value.name}" if place else value.name
 
 

@@ -15,7 +15,7 @@ from beamsim.files import reading
 from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.tables import read_csv
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import Unfit, path_text
+from beamsim.scenario.base import InvalidValueError, path_text
 from beamsim.scenario.parameters import read_as
 from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered, VariedParameter
 from beamsim.typing import Floats
@@ -97,6 +97,6 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
         return [float(read_as(scenario, varied.places[0], text, at)) for text in texts]
     except InputFileError as fault:
         found = Problem(path_text(at), f"= {asked.data} {fault.message}", fault.remedy)
-    except Unfit as fault:
+    except InvalidValueError as fault:
         found = fault.problem(())
     raise scenario.located(ScenarioError(found))

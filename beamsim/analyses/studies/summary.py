@@ -32,7 +32,7 @@ from beamsim.analyses.studies.table import (
 from beamsim.analyses.studies.worst import SAMPLED, SEARCHED, UNFINISHED, Judge, judges_of
 from beamsim.cases import CaseOutcome, probability
 from beamsim.labelled import Dataset
-from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
+from beamsim.outcomes import Outcome, OutcomeKind, Verdict, first_with_others
 from beamsim.results.values import limit_unit, margins_of
 from beamsim.scenario.parameters import value_at
 from beamsim.scenario.quantities import ASKS
@@ -328,17 +328,17 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
     table, name, of : of the limit.
     """
     verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
-    graver = OnLimit.EXCEEDED, OnLimit.NOT_RELIABLE, OnLimit.UNDECIDED
+    graver = Verdict.EXCEEDED, Verdict.NOT_RELIABLE, Verdict.UNDECIDED
     exceeding, unsure, undecided = with_verdict = [known & (verdict == each) for each in graver]
-    judged = next((each for each, cases in zip(graver, with_verdict, strict=True) if cases.any()), OnLimit.MET)
-    if judged is OnLimit.MET and not known.all():  # what is missing may exceed it
-        judged = OnLimit.NOT_RELIABLE
+    judged = next((each for each, cases in zip(graver, with_verdict, strict=True) if cases.any()), Verdict.MET)
+    if judged is Verdict.MET and not known.all():  # what is missing may exceed it
+        judged = Verdict.NOT_RELIABLE
     counts: dict[str, Any] = {"cases_exceeding": int(exceeding.sum()), "cases_not_reliable": int(unsure.sum())}
     if undecided.any():
         counts["cases_undecided"] = int(undecided.sum())
     if table.drawn.any():
-        counts["probability"] = probability((verdict == OnLimit.MET)[table.drawn])
-    about = {"verdict": judged.value, "exceeded": judged is OnLimit.EXCEEDED, **counts}
+        counts["probability"] = probability((verdict == Verdict.MET)[table.drawn])
+    about = {"verdict": judged.value, "exceeded": judged is Verdict.EXCEEDED, **counts}
     among = next((each for each in with_verdict if each.any()), known)
     computed = of.of_cases(table.holds(lambda outcome: not outcome.failed))
     shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
@@ -559,7 +559,7 @@ def _outcome(table: StudyTable) -> Outcome:
             case, first = these[0]
             sentence = f"{len(these)} of {total} cases {what}; the first is case {case + 1}: {first.outcome.text}"
             parts.append(Outcome.of(kind, code, sentence, count=len(these), cases=total, case=case + 1))
-    return together(parts)
+    return first_with_others(parts)
 
 
 _KINDS_OF_CASES: tuple[tuple[OutcomeKind, str, str, Callable[[CaseOutcome], bool]], ...] = (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.studies.objectives import Objective, deciding, judged, objectives, of_realisation
 from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.cases import CaseOutcome
-from beamsim.outcomes import OnLimit, OutcomeKind
+from beamsim.outcomes import OutcomeKind, Verdict
 from beamsim.results.values import margin_of
 from beamsim.typing import Bools, Floats, Ints
 
@@ -22,7 +22,7 @@ SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have st
 MOST_BEST = 10
 WIDE = 0.08  # of the length of a front: a wider gap between neighbours is searched and named
 NEAREST = 1  # histories of a study of reliability that are compared, by limit
-UNKNOWN = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": OnLimit.NOT_RELIABLE.value}
+UNKNOWN = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": Verdict.NOT_RELIABLE.value}
 """The margin of a case that is missing or has none."""
 
 
@@ -212,13 +212,13 @@ class StudyTable:
     @cached_property
     def meets(self) -> Bools:
         """Whether every limit is surely met, with the change of its value by a finer model."""
-        met = [of.verdict == OnLimit.MET for of in self.limits.values()]
+        met = [of.verdict == Verdict.MET for of in self.limits.values()]
         return np.asarray(np.all([np.ones(self.shape, dtype=bool), *met], axis=0))
 
     @cached_property
     def passing(self) -> Bools:
         """(cases,) which are reliable and meet every limit."""
-        met = [of.of_cases(of.verdict) == OnLimit.MET for of in self.limits.values()]
+        met = [of.of_cases(of.verdict) == Verdict.MET for of in self.limits.values()]
         return np.asarray(np.all([self.usable, *met], axis=0))
 
     @cached_property

@@ -41,8 +41,8 @@ from beamsim.results.values import (
     ROTATIONAL,
     VALUES,
     Margins,
+    hinge_key,
     margins_along,
-    of_angles,
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
@@ -380,7 +380,7 @@ def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:
     }  # fmt: skip
     found: dict[str, dict[str, float]] = {}
     for name, rate in curve.cycles.by_label("impact_penetration_rate").items():
-        called = of_angles if rate.unit == "rad/s" else str
+        called = hinge_key if rate.unit == "rad/s" else str
         values = {entry: curve[variable].sel(snubber=name).values for entry, variable in entries.items()}
         found[name] = {called(entry): float(np.nanmax(of, initial=0.0)) for entry, of in values.items()}
     return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
-from beamsim.outcomes import Outcome, OutcomeKind, Where, together
+from beamsim.outcomes import Outcome, OutcomeKind, Where, first_with_others
 from beamsim.responses.energies import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.responses.jumps import contact_jumps
 from beamsim.system.equations import RowsOf
@@ -329,4 +329,4 @@ def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
                 error=float(error.max()), frequency=first,
             )  # fmt: skip
             parts.append(part)
-    return together([*parts, *outcome.unless_complete]) if parts else outcome
+    return first_with_others([*parts, *outcome.unless_complete]) if parts else outcome

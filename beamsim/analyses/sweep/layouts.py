@@ -261,7 +261,7 @@ LEVELS = Layout(
         "status": Variable(_LEVEL, "", "how the computation of the level ended", str),
         "outcome": Variable(_LEVEL, "", "code of how it ended", str),
         "outcome_numbers": Variable(
-            _LEVEL, "", "its kind, sentence, remedy, place, numbers and parts, JSON object", str
+            _LEVEL, "", "its kind, sentence, remedy, place, numbers and sub-outcomes, JSON object", str
         ),
         "truncation": Variable(
             _LEVEL, "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"

@@ -26,7 +26,7 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, combined, part_of
 from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
 from beamsim.results.values import Margins, judged
-from beamsim.results.values import limited as limited_value
+from beamsim.results.values import parse_limit as limited_value
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
@@ -401,9 +401,9 @@ def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
     for each, at in rest:
         percent, frequency = _number(each, "percent"), _number(each, "frequency")
         sentence = f"{each.numbers['limit']} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz"
-        parts.append(each.but(sentence=sentence, place=None, remedy="", within=at))
+        parts.append(each.but(sentence=sentence, place=None, remedy="", context=at))
     others = combined([each for each in outcomes if each.code != NOTCH_NOT_HELD])
-    return largest.but(*parts, *others.unless_complete, within=name)
+    return largest.but(*parts, *others.unless_complete, context=name)
 
 
 def _number(outcome: Outcome, name: str) -> float:

@@ -1,0 +1,93 @@
+"""Names of definitions: those that were replaced by terms of the field do not come back."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytestmark = pytest.mark.quick
+
+ROOT = Path(__file__).parents[2]
+WORDS = ROOT / "tests" / "data" / "words.yaml"
+
+
+def definitions(tree, place):
+    """Name and place of every function, class, argument and field of a module, nested ones included.
+
+    The place of what a module defines is the path of its file, that of a member or an argument
+    ``path:Class.function``.
+    """
+    for node in ast.iter_child_nodes(tree):
+        below = place
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name, place
+            below = f"{place}{'.' if ':' in place else ':'}{node.name}"
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
+            yield from ((each.arg, below) for each in every if each is not None)
+        if isinstance(node, ast.ClassDef):
+            for statement in node.body:
+                targets = [statement.target] if isinstance(statement, ast.AnnAssign) else []
+                targets = statement.targets if isinstance(statement, ast.Assign) else targets
+                yield from ((target.id, below) for target in targets if isinstance(target, ast.Name))
+        yield from definitions(node, below)
+
+
+@cache
+def all_definitions():
+    """The same of the package, with the modules themselves, whose place is their folder."""
+    found = []
+    for path in sorted((ROOT / "beamsim").rglob("*.py")):
+        place = path.relative_to(ROOT).as_posix()
+        found.append((path.stem, path.parent.relative_to(ROOT).as_posix()))
+        found += definitions(ast.parse(path.read_text(encoding="utf-8")), place)
+    return found
+
+
+def replaced():
+    """(name, place, term) of each name that must not be defined at or below a place."""
+    return [
+        (entry["name"], entry["in"], entry["use"])
+        for entry in yaml.safe_load(WORDS.read_text(encoding="utf-8"))["names"]
+    ]
+
+
+def breaches(found, entries):
+    """A line for each definition that has a name which was replaced at its place."""
+    for name, place in found:
+        for word, within, term in entries:
+            if word == name.lstrip("_") and (place == within or place.startswith(tuple(f"{within}{c}" for c in "/:."))):
+                yield f"{place}: {name} is called {term}"
+
+
+def test_no_definition_has_a_name_that_was_replaced():
+    assert list(breaches(all_definitions(), replaced())) == []
+
+
+def test_the_places_of_replaced_names_exist():
+    """A renamed file or class would take its entries out of force."""
+    places = {place for _, place in all_definitions()} | {f"{place}" for _, place in all_definitions()}
+    known = {"beamsim"} | places | {"/".join(place.split("/")[:2]) for place in places}
+    assert [place for _, place, _ in replaced() if place not in known] == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "def of_angles(entry): ...",
+        "class A:\n    of_angles: float",
+        "def f(*, of_angles): ...",
+        "def _of_angles(): ...",
+    ],
+)
+def test_a_name_that_comes_back_is_found(source):
+    found = definitions(ast.parse(source), "beamsim/results/values.py")
+    (line,) = breaches(found, [("of_angles", "beamsim", "hinge_key")])
+    assert line.endswith("of_angles is called hinge_key")
+
+
+def test_a_common_word_is_refused_where_it_named_something_else_alone():
+    found = list(definitions(ast.parse("class Law:\n    parts: int\nclass Kit:\n    parts: int"), "beamsim/a.py"))
+    assert len(list(breaches(found, [("parts", "beamsim/a.py:Law", "one_sided_springs")]))) == 1
