@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from beamsim.store.export import export_result
     from beamsim.store.results import load, write_result
     from beamsim.store.studies import ensemble
-    from beamsim.trust.checked import coexisting, continuation, nnm, sweep
     from beamsim.trust.runs import run
     from beamsim.trust.studies import design_study
+    from beamsim.trust.with_finer_model import coexisting, continuation, nnm, sweep
 
 _NAMES = {
     "beamsim.analyses.studies.plan": ("plan_designs",),

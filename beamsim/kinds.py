@@ -34,7 +34,7 @@ KINDS = {
     ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
-        analysis="beamsim.trust.checked:sweep",
+        analysis="beamsim.trust.with_finer_model:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
         screen="beamsim.cli.motions:sweep_screen",
         figures="beamsim.plots.sweep:sweep_figures",
@@ -42,7 +42,7 @@ KINDS = {
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
-        analysis="beamsim.trust.checked:continuation",
+        analysis="beamsim.trust.with_finer_model:continuation",
         result="beamsim.analyses.continuation.result:ContinuationResult",
         screen="beamsim.cli.branches:continuation_screen",
         figures="beamsim.plots.continuation:continuation_figures",
@@ -50,7 +50,7 @@ KINDS = {
     ),
     "coexisting": Kind(
         "sweep", "coexisting motions by `beamsim sweep`",
-        analysis="beamsim.trust.checked:coexisting",
+        analysis="beamsim.trust.with_finer_model:coexisting",
         result="beamsim.analyses.coexisting.result:CoexistingResult",
         screen="beamsim.cli.branches:coexisting_screen",
         figures="beamsim.plots.coexisting:coexisting_figures",
@@ -74,7 +74,7 @@ KINDS = {
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
-        analysis="beamsim.trust.checked:nnm",
+        analysis="beamsim.trust.with_finer_model:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
         screen="beamsim.cli.branches:nnm_screen",
         figures="beamsim.plots.nnm:nnm_figures",

@@ -21,7 +21,7 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.studies.plan import check_cases, plan_designs
-from beamsim.trust import checked
+from beamsim.trust import with_finer_model
 from beamsim.trust.studies import design_study
 from benchmarks.measure import spent
 
@@ -66,7 +66,7 @@ def coexisting() -> Callable[[int], Solved]:
     scenario = beamsim.load_scenario(CONFIGS["coexisting_motions"], {"sweep.unstable": False})
 
     def solve(workers: int) -> Solved:
-        result = checked.coexisting(scenario, workers=workers)
+        result = with_finer_model.coexisting(scenario, workers=workers)
         found = {name: result["starts"][name].values for name in ("destination", "cycles")}
         return found["cycles"].size, found
 

@@ -97,7 +97,7 @@ def pytest_collection() -> Generator[None, object, object]:
 def no_processor_time_on_screens() -> Iterator[None]:
     """Many commands run in the process of the tests, whose processor time is not theirs."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("beamsim.cli.conclusion.WORTH_STATING_S", np.inf)
+        patch.setattr("beamsim.cli.command.WORTH_STATING_S", np.inf)
         yield
 
 

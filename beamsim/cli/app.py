@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from beamsim.cli.session import Given, with_exit_code
+from beamsim.cli.session import CommandOptions, with_exit_code
 from beamsim.errors import MOST_HOURS, allowing_hours
 from beamsim.files import protecting
 from beamsim.kinds import TemplateKind
@@ -118,7 +118,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     ),
     "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
 }  # fmt: skip
-"""By name of a field of `Given`, and ``debug``: what Typer reads, and the default."""
+"""By name of a field of `CommandOptions`, and ``debug``: what Typer reads, and the default."""
 
 app = typer.Typer(
     name="beamsim",
@@ -131,11 +131,11 @@ app = typer.Typer(
 
 
 def command(function: Callable[..., None], *, file: Any, options: Sequence[str]) -> Callable[..., None]:
-    """Make a command of a function, which is given its file and the options that commands share as one `Given`.
+    """Make a command of a function that takes its file and the shared options of commands as one `CommandOptions`.
 
     Parameters
     ----------
-    function : of a `Given`, and of arguments and options of its own.
+    function : of a `CommandOptions`, and of arguments and options of its own.
     file : the argument that names the file of the command; None without one.
     options : names of `OPTIONS` that it has besides ``--debug``.
 
@@ -152,7 +152,7 @@ def command(function: Callable[..., None], *, file: Any, options: Sequence[str])
         parameters.append(Parameter(name, keyword, default=default, annotation=annotation))
 
     def called(debug: bool, **values: Any) -> None:
-        given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
+        given = CommandOptions(**{name: values.pop(name) for name in CommandOptions._fields if name in values})
         read = [given.case]
         for name, value in values.items():
             if name != "file":  # which is written
@@ -191,9 +191,9 @@ class ComparedMethod(StrEnum):
 
 
 @partial(command, file=Case, options=(*COMPUTING, "check"))
-def run(given: Given, against: AgainstOption = None) -> None:
+def run(given: CommandOptions, against: AgainstOption = None) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli.conclusion import analysed
+    from beamsim.cli.command import analysed
 
     if against is None:
         analysed("run", given, "simulating")
@@ -206,7 +206,7 @@ def run(given: Given, against: AgainstOption = None) -> None:
 
 @partial(command, file=Case, options=(*COMPUTING, "check", "resume"))
 def sweep(
-    given: Given,
+    given: CommandOptions,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -247,21 +247,21 @@ def sweep(
 
 @partial(command, file=Case, options=COMPUTING)
 def nnm(
-    given: Given,
+    given: CommandOptions,
     compare_with: Annotated[
         list[ComparedMethod] | None,
         typer.Option("--compare", help="Compare another method with the exact mode; repeatable."),
     ] = None,
 ) -> None:
     """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
-    from beamsim.cli.conclusion import analysed
+    from beamsim.cli.command import analysed
 
     methods = [method.value for method in compare_with or ()]
     analysed("nnm", given, "following the mode of", compare=methods)
 
 
 @partial(command, file=Case, options=COMPUTING)
-def identify_stiffness(given: Given) -> None:
+def identify_stiffness(given: CommandOptions) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.identification import identify
 
@@ -270,7 +270,7 @@ def identify_stiffness(given: Given) -> None:
 
 @partial(command, file=Stored, options=COMPUTING[1:])
 def compare(
-    given: Given,
+    given: CommandOptions,
     measured: Annotated[
         Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc or .mat.")
     ],
@@ -342,7 +342,7 @@ def compare(
 
 @partial(command, file=Case, options=COMPUTING)
 def compare_modes(
-    given: Given,
+    given: CommandOptions,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
     decimal: DecimalOption = None,
     closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
@@ -373,7 +373,7 @@ def compare_modes(
 
 
 @partial(command, file=Stored, options=("json",))
-def info(given: Given) -> None:
+def info(given: CommandOptions) -> None:
     """Print the contents of a result file."""
     from beamsim.cli import stored
 
@@ -382,7 +382,7 @@ def info(given: Given) -> None:
 
 @partial(command, file=Stored, options=ABOUT_A_RESULT)
 def plot(
-    given: Given,
+    given: CommandOptions,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
 ) -> None:
     """Plot a result file again without recomputing it."""
@@ -393,7 +393,7 @@ def plot(
 
 @partial(command, file=Stored, options=ABOUT_A_RESULT)
 def export(
-    given: Given,
+    given: CommandOptions,
     form: Annotated[
         Literal["csv", "uff", "mat"] | None,
         typer.Option("--format", help="csv (mostly a folder of tables), uff or mat; default: by the name after -o."),
@@ -407,7 +407,7 @@ def export(
 
 @partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def report(
-    given: Given,
+    given: CommandOptions,
 ) -> None:
     """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
     from beamsim.cli import html_report
@@ -417,7 +417,7 @@ def report(
 
 @partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def animate(
-    given: Given,
+    given: CommandOptions,
 ) -> None:
     """Write the motion of a result as a GIF and as HTML. Slow around contact; -o NAME.mp4 writes a video (ffmpeg)."""
     from beamsim.cli import html_report
@@ -427,7 +427,7 @@ def animate(
 
 @partial(command, file=Case, options=("overrides", "output", "json"))
 def validate(
-    given: Given,
+    given: CommandOptions,
     sketch: Annotated[
         bool, typer.Option("--sketch", help="Draw the model: bodies, supports, masses, springs and stops.")
     ] = False,
@@ -439,7 +439,7 @@ def validate(
 
 
 @partial(command, file=None, options=("output", "json"))
-def schema(given: Given) -> None:
+def schema(given: CommandOptions) -> None:
     """Print the JSON Schema of scenario files. Editors complete and check them by it."""
     from beamsim.cli import cases
 
@@ -448,7 +448,7 @@ def schema(given: Given) -> None:
 
 @partial(command, file=None, options=("json",))
 def new(
-    given: Given,
+    given: CommandOptions,
     file: Annotated[Path, typer.Argument(metavar="CASE.YAML", help="File to write.")] = Path("case.yaml"),
     kind: Annotated[TemplateKind, typer.Option("--kind", help="What to simulate.")] = TemplateKind.beam,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
@@ -460,7 +460,7 @@ def new(
 
 
 @partial(command, file=Case, options=("overrides", "json"))
-def check(given: Given) -> None:
+def check(given: CommandOptions) -> None:
     """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
     from beamsim.cli import structures
 
@@ -469,7 +469,7 @@ def check(given: Given) -> None:
 
 @partial(command, file=Case, options=("overrides", "output", "json"))
 def export_structure(
-    given: Given,
+    given: CommandOptions,
     body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
     modes: Annotated[
         int | None,
@@ -491,7 +491,7 @@ def export_structure(
 
 
 @partial(command, file=None, options=("quiet", "json"))
-def warmup(given: Given) -> None:
+def warmup(given: CommandOptions) -> None:
     """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
     from beamsim.cli.warmup import compile_kernels
 
@@ -503,7 +503,7 @@ _of_pad = partial(typer.Option, metavar="QUANTITY")
 
 @partial(command, file=None, options=("json",))
 def pad(
-    given: Given,
+    given: CommandOptions,
     modulus: Annotated[str | None, _of_pad("--modulus", help="Young's modulus of the pad, e.g. '5 MPa'.")] = None,
     area: Annotated[str | None, _of_pad("--area", help="Loaded area, e.g. '4 cm^2'.")] = None,
     height: Annotated[str | None, _of_pad("--height", help="Height, e.g. '6 mm'.")] = None,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from beamsim.cli.screens import WIDTH
-from beamsim.cli.session import Given, print_json, say, scenario_given, show
+from beamsim.cli.session import CommandOptions, print_json, say, scenario_given, show
 from beamsim.errors import ScenarioError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind
@@ -24,7 +24,7 @@ from beamsim.system.structural import StructuralSystem
 SCHEMA = "beamsim.schema.json"
 
 
-def validate(given: Given, *, sketch: bool) -> None:
+def validate(given: CommandOptions, *, sketch: bool) -> None:
     """Check a case, and draw its model if asked for.
 
     Parameters

@@ -13,8 +13,8 @@ from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_chann
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
-from beamsim.cli.conclusion import concluded
-from beamsim.cli.session import Given, scenario_given
+from beamsim.cli.command import concluded
+from beamsim.cli.session import CommandOptions, scenario_given
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.measurements.channels import history_named
@@ -26,7 +26,7 @@ from beamsim.store.results import kind_of, stored_result
 
 
 def compare_signals(
-    given: Given, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
+    given: CommandOptions, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
     of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Compare the result of a run or of a sweep with measured signals.
@@ -101,7 +101,7 @@ def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
 
 
 def compare_shapes(
-    given: Given,
+    given: CommandOptions,
     measured: Path,
     contacts: Literal["open", "closed"],
     limits: Mapping[str, float | None],

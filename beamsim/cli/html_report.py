@@ -12,7 +12,7 @@ from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.animation import frames_of_sweep
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.screens import margins
-from beamsim.cli.session import Given, print_files, progress_of, say
+from beamsim.cli.session import CommandOptions, print_files, progress_of, say
 from beamsim.cli.tables import table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import output_file, output_folder, replacing
@@ -61,7 +61,7 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
         return save_figures({"sketch": model_figure(_sketch_of(scenario, system))}, folder, stem)
 
 
-def report(given: Given) -> None:
+def report(given: CommandOptions) -> None:
     """Write one HTML file about a result.
 
     Raises
@@ -88,7 +88,7 @@ def report(given: Given) -> None:
     print_files([target], json=given.json)
 
 
-def animate(given: Given) -> None:
+def animate(given: CommandOptions) -> None:
     """Write the motion of a result as a GIF and as HTML, or as the one file that is named, also as a video.
 
     Raises

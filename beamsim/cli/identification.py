@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.cli.conclusion import concluded, prepared
-from beamsim.cli.session import Given
+from beamsim.cli.command import concluded, prepared
+from beamsim.cli.session import CommandOptions
 from beamsim.measurements.channels import read_tests
 
 
-def identify(given: Given) -> None:
+def identify(given: CommandOptions) -> None:
     """Find stiffness and damping of stops from tests."""
     scenario, target = prepared("identify-stiffness", given)
     settings = scenario.identify_stiffness

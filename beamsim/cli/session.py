@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 
-class Given(NamedTuple):
+class CommandOptions(NamedTuple):
     """What commands are given alike: a file, numbers to replace in it, where to write, and what to print."""
 
     case: Path = Path()  # scenario or result
@@ -53,7 +53,7 @@ RESULTS = (".h5", ".hdf5")
 """Endings of result files."""
 
 
-def scenario_given(given: Given, command: str = "") -> Scenario:
+def scenario_given(given: CommandOptions, command: str = "") -> Scenario:
     """The scenario of a command: that of a YAML file, or of a result file, with what is replaced in it.
 
     The files that the case of a result names are looked for beside it and where they were, and must be unchanged.
@@ -84,7 +84,7 @@ def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> S
     return scenario.with_source(file.stem)
 
 
-def stem_given(given: Given) -> str:
+def stem_given(given: CommandOptions) -> str:
     """The stem of what a command writes: that of its case, which where it is a result is not written over."""
     return f"{given.case.stem}_again" if given.case.suffix.lower() in RESULTS else given.case.stem
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from beamsim.cli.screens import understood_of
-from beamsim.cli.session import Given, print_files, print_json, progress_of, say
+from beamsim.cli.session import CommandOptions, print_files, print_json, progress_of, say
 from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
@@ -17,7 +17,7 @@ from beamsim.store.export import FORMATS, export_result, export_target, remark_o
 from beamsim.store.results import kind_of, stored_result
 
 
-def info(given: Given) -> None:
+def info(given: CommandOptions) -> None:
     """Print the contents of a result file of any kind: its table or summary, with who wrote it.
 
     Raises
@@ -40,7 +40,7 @@ def info(given: Given) -> None:
         print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *all_rows(kind, result), *warnings])
 
 
-def plot(given: Given, form: str) -> None:
+def plot(given: CommandOptions, form: str) -> None:
     """Plot a result file of any kind, as png, pdf or svg.
 
     Raises
@@ -57,7 +57,7 @@ def plot(given: Given, form: str) -> None:
     print_files(files, json=given.json, quiet=given.quiet)
 
 
-def export(given: Given, form: str | None) -> None:
+def export(given: CommandOptions, form: str | None) -> None:
     """Write a result file of any kind in another format.
 
     CSV is a folder of tables: ``-o tables.csv`` names the folder ``tables_csv``.

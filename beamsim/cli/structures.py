@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.cli.session import Given, print_json, progress_of, scenario_given, show
+from beamsim.cli.session import CommandOptions, print_json, progress_of, scenario_given, show
 from beamsim.cli.tables import print_table
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file, replacing
@@ -21,7 +21,7 @@ from beamsim.structures.exported import boundary_rows, craig_bampton, named_stru
 from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
 
 
-def check(given: Given) -> None:
+def check(given: CommandOptions) -> None:
     """Check the matrices of each body.
 
     Raises
@@ -49,7 +49,7 @@ def check(given: Given) -> None:
         raise VerdictError(outcome.text, exit_code(outcome))
 
 
-def export(given: Given, body: str | None, modes: int | None, units: str, *, binary: bool) -> None:
+def export(given: CommandOptions, body: str | None, modes: int | None, units: str, *, binary: bool) -> None:
     """Write the matrices of the structure.
 
     Parameters

@@ -16,8 +16,8 @@ from beamsim.analyses.studies.plan import check_cases, design, fingerprint_of, p
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.conclusion import conclude, concluded, prepared
-from beamsim.cli.session import Given, Interruption, Progress, interruptible, progress_of, say, stem_given
+from beamsim.cli.command import conclude, concluded, prepared
+from beamsim.cli.session import CommandOptions, Interruption, Progress, interruptible, progress_of, say, stem_given
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
@@ -35,7 +35,7 @@ from beamsim.store.results import (
     write_result,
 )
 from beamsim.store.studies import Journal, journal_path, opened_journal, stored_study
-from beamsim.trust import checked
+from beamsim.trust import with_finer_model
 from beamsim.version import __version__
 
 _NEEDS_VARY = "leave out the option, or add vary"
@@ -56,7 +56,7 @@ _OPTIONS = {
 }
 
 
-def swept(given: Given, options: Mapping[str, Any]) -> None:
+def swept(given: CommandOptions, options: Mapping[str, Any]) -> None:
     """Sweep the frequency, follow the response or compute many cases, whichever the scenario asks for.
 
     Parameters
@@ -97,7 +97,7 @@ def _kind(scenario: Scenario) -> str:
     return kind if kind in KINDS else "sweep"
 
 
-def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
+def _sweep_sine(scenario: Scenario, target: Path, given: CommandOptions) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
     def save(part: SweepResult) -> None:
@@ -110,7 +110,7 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
 
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
-            result = checked.sweep(scenario, progress, stop=stop, save=save, resume=earlier)
+            result = with_finer_model.sweep(scenario, progress, stop=stop, save=save, resume=earlier)
         if not result.curves:  # it was interrupted before its first cycle
             raise KeyboardInterrupt
         return result
@@ -151,7 +151,7 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
 
 
 def continue_motions(
-    scenario: Scenario, target: Path, given: Given, overlay: Sequence[Path], *, expansion: bool
+    scenario: Scenario, target: Path, given: CommandOptions, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
     """Follow periodic motions, add the requested overlays, save and print.
 
@@ -170,7 +170,7 @@ def continue_motions(
     stored = [(path, load(path, "sweep", whole=True)) for path in overlay]
 
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
-        result = checked.continuation(scenario, progress, stop)
+        result = with_finer_model.continuation(scenario, progress, stop)
         for path, sweep in stored:
             with refusing_damage(path):
                 result = with_overlay(result, sweep, path.name)
@@ -180,7 +180,7 @@ def continue_motions(
     concluded("continuation", target, given, followed, "following periodic motions")
 
 
-def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any) -> None:
+def sweep_designs(scenario: Scenario, target: Path, given: CommandOptions, **options: Any) -> None:
     """Compute all cases (or the missing ones), save and print.
 
     Parameters
@@ -258,7 +258,7 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
         raise
 
 
-def _finished(kind: str, target: Path, given: Given, same: Callable[[Any], bool]) -> bool:
+def _finished(kind: str, target: Path, given: CommandOptions, same: Callable[[Any], bool]) -> bool:
     """Whether the file has everything that was asked for: a result that is the same; it is then printed."""
     if journal_path(target).exists() or not holds(target, kind):
         return False
@@ -274,7 +274,7 @@ def _finished(kind: str, target: Path, given: Given, same: Callable[[Any], bool]
     return True
 
 
-def _say_known(journal: Journal, cases: str, target: Path, given: Given) -> None:
+def _say_known(journal: Journal, cases: str, target: Path, given: CommandOptions) -> None:
     """What of the cases an earlier call has computed."""
     if not journal.outcomes:
         _say_begins(target, given)
@@ -282,7 +282,7 @@ def _say_known(journal: Journal, cases: str, target: Path, given: Given) -> None
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
 
 
-def _say_begins(target: Path, given: Given) -> None:
+def _say_begins(target: Path, given: CommandOptions) -> None:
     """Say where ``--resume`` finds nothing; what a case of a result file gives is written to another file."""
     if not given.resume or given.quiet:
         return
@@ -291,7 +291,7 @@ def _say_begins(target: Path, given: Given) -> None:
     say(f"beamsim: there is nothing to resume in {target}; the computation begins anew{remedy}")
 
 
-def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> None:
+def _coexist(scenario: Scenario, target: Path, given: CommandOptions, **workers: Any) -> None:
     """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
     if given.resume and _finished("coexisting", target, given, lambda stored: stored.scenario == scenario):
         return
@@ -305,7 +305,7 @@ def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> 
             scenario.locating(),
         ):
             by = _workers(progress, **workers)
-            result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
+            result = with_finer_model.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
         result = replace(result, command_processor_time_s=used_processor_time())
         written = keep_result(result, target, resumed=given.resume)
         if result.outcome.cut_short:

@@ -43,10 +43,10 @@ from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import SensitiveParameter
 from beamsim.scenario.studies import Value, tolerances_of
 from beamsim.system.parts import SharedBuilds
-from beamsim.trust.checked import continuation, sweep
 from beamsim.trust.convergence import COMPARISON, doubt_about
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
+from beamsim.trust.with_finer_model import continuation, sweep
 from beamsim.typing import not_none
 
 

@@ -12,7 +12,7 @@ from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import exit_code
 from beamsim.scenario import load_scenario
-from beamsim.signals.assurance import assurance
+from beamsim.signals.mac import assurance
 from tests.helpers.tables import estimates, modes, profiles, variables
 
 BASE = {

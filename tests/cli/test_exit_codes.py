@@ -7,8 +7,8 @@ from pkgutil import resolve_name
 
 import pytest
 
-from beamsim.cli.conclusion import conclude
-from beamsim.cli.session import Given, Interruption
+from beamsim.cli.command import conclude
+from beamsim.cli.session import CommandOptions, Interruption
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS
 from beamsim.outcomes import EXIT_RULES, Outcome, OutcomeKind, Verdict, exit_code, on_limit
@@ -37,7 +37,7 @@ def of_kind(kind):
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
-        conclude("run", result, Path("case.h5"), Given(no_plots=True, quiet=True, **more), Interruption())
+        conclude("run", result, Path("case.h5"), CommandOptions(no_plots=True, quiet=True, **more), Interruption())
     except VerdictError as error:
         return error.exit_code
     return 0
@@ -105,7 +105,7 @@ def test_a_limit_counts_only_where_it_is_checked(value, change, code, fabricated
     assert ended(result) == 0
     verdict = result.summary["margins"]["peak_force"]["verdict"]
     assert {0: "ok", 3: "not reliable", 4: "exceeded"}[code] == verdict
-    conclude("run", result, Path("case.h5"), Given(no_plots=True), Interruption())
+    conclude("run", result, Path("case.h5"), CommandOptions(no_plots=True), Interruption())
     assert f"peak force {verdict if verdict == 'ok' else verdict.upper()}" in capsys.readouterr().out
 
 

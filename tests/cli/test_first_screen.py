@@ -63,7 +63,7 @@ def test_a_run_shows_places_limits_and_how_sure_it_is(printed):
 
 
 def test_a_long_command_states_its_processor_time(printed, monkeypatch):
-    monkeypatch.setattr("beamsim.cli.conclusion.WORTH_STATING_S", 0.0)
+    monkeypatch.setattr("beamsim.cli.command.WORTH_STATING_S", 0.0)
     assert printed()[-1].startswith("processor time of the command ")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from beamsim.cli import conclusion
+from beamsim.cli import command
 from beamsim.cli import session as module
 from beamsim.cli.session import Progress, duration, progress_of
 from beamsim.errors import TooLongError, allowing_hours
@@ -85,7 +85,7 @@ def test_a_swept_sine_has_its_cycles_in_the_label(monkeypatch, tmp_path):
         labels.append(label)
         yield shares.append
 
-    monkeypatch.setattr(conclusion, "progress_of", recorded)
+    monkeypatch.setattr(command, "progress_of", recorded)
     (tmp_path / "case.yaml").write_text(SWEPT)
     done = invoke("run", tmp_path / "case.yaml", "--no-plots", "-o", tmp_path / "case.h5")
     assert done.exit_code == 0, done.output

@@ -47,7 +47,7 @@ def test_importing_costs_nothing(what):
 def test_a_run_needs_few_modules_of_the_package():
     """Those of a case with a beam, with writing, printing and plotting; fourteen of them read files of measurements."""
     code = (
-        "import sys, beamsim.cli.app, beamsim.cli.conclusion, beamsim.structures.beam;"
+        "import sys, beamsim.cli.app, beamsim.cli.command, beamsim.structures.beam;"
         "from beamsim.kinds import KINDS; from pkgutil import resolve_name;"
         "[resolve_name(place) for place in KINDS['run'] if place.startswith('beamsim.')];"
         "print(sum(name.partition('.')[0] == 'beamsim' for name in sys.modules))"

@@ -14,8 +14,8 @@ from beamsim.measurements.functions import BY_NUMBER
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
-from beamsim.signals.assurance import assurance
-from beamsim.signals.quality import peaks_of
+from beamsim.signals.mac import assurance
+from beamsim.signals.resonance_peaks import peaks_of
 from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
 from tests.helpers.universal_files import function

@@ -30,8 +30,8 @@ from beamsim.measurements.channels import demand_amplitudes, unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
-from beamsim.signals.assurance import assurance
-from beamsim.signals.quality import peaks_of
+from beamsim.signals.mac import assurance
+from beamsim.signals.resonance_peaks import peaks_of
 from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]

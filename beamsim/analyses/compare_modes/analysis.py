@@ -32,7 +32,7 @@ from beamsim.scenario import Scenario, Source, scenario_of, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
-from beamsim.signals.assurance import assurance
+from beamsim.signals.mac import assurance
 from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
 from beamsim.summaries import Entry, Number, list_of, record

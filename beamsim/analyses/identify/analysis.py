@@ -20,7 +20,7 @@ from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
 from beamsim.scenario.parameters import unit_of, with_values
-from beamsim.signals.assurance import assurance
+from beamsim.signals.mac import assurance
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
 from beamsim.labelled import Dataset
 from beamsim.results.values import ALWAYS
-from beamsim.signals.quality import LEAST_PROMINENCE
+from beamsim.signals.resonance_peaks import LEAST_PROMINENCE
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response

@@ -35,7 +35,7 @@ from beamsim.results.result import (
 from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, Value, largest_in
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
-from beamsim.signals.quality import QualityPeak, peaks_of
+from beamsim.signals.resonance_peaks import QualityPeak, peaks_of
 from beamsim.summaries import ByName, Entry, Number, Plain, Text, by_name, list_of, record
 from beamsim.system.structural import MODES
 from beamsim.typing import Complexes, Floats

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from beamsim.cli.screens import understood_of
 from beamsim.cli.session import (
     RESULTS,
-    Given,
+    CommandOptions,
     Interruption,
     Progress,
     interruptible,
@@ -40,7 +40,7 @@ Compute = Callable[[Progress, Interruption], _Result]
 """Computes a result; is given what to call with the fraction done, and what says whether to end."""
 
 
-def prepared(command: str, given: Given) -> tuple[Scenario, Path]:
+def prepared(command: str, given: CommandOptions) -> tuple[Scenario, Path]:
     """The scenario of a case for a command, whose section it must have, and the path of its result file.
 
     Raises
@@ -59,7 +59,7 @@ def prepared(command: str, given: Given) -> tuple[Scenario, Path]:
 
 
 def concluded(
-    kind: str, target: Path, given: Given, compute: Compute[_Result], label: str, afterwards: str = ""
+    kind: str, target: Path, given: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
     """Compute a result, write, plot and print it, all under signals.
 
@@ -94,7 +94,12 @@ def concluded(
 
 
 def conclude(
-    kind: str, result: Result, target: Path, given: Given, interrupted: Interruption, others: Iterable[Path] = ()
+    kind: str,
+    result: Result,
+    target: Path,
+    given: CommandOptions,
+    interrupted: Interruption,
+    others: Iterable[Path] = (),
 ) -> None:
     """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
@@ -134,7 +139,7 @@ def conclude(
             raise VerdictError("; ".join([*_ended(result, target, interrupted=bool(signal)), *unmet]), code)
 
 
-def _print_all(kind: str, result: Result, files: Sequence[Path], given: Given) -> None:
+def _print_all(kind: str, result: Result, files: Sequence[Path], given: CommandOptions) -> None:
     """Print the warnings of a result, and its summary as JSON or as a table, or neither."""
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
@@ -160,7 +165,8 @@ def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
 
 
 def analysed(
-    kind: str, given: Given, doing: str, then: Callable[[Any, Interruption], Result] = lambda result, _: result,
+    kind: str, given: CommandOptions, doing: str,
+    then: Callable[[Any, Interruption], Result] = lambda result, _: result,
     **options: Any,
 ) -> None:  # fmt: skip
     """Compute the result of a kind whose command has the same name.
