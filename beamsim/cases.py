@@ -86,7 +86,7 @@ class Evaluator:
         self._known = {(outcome.index, outcome.compared): outcome for outcome in known}
         self._each, self._count, self._solving, self._open = each, realisations, solving, ExitStack()
         self._compared, self._most_further = compared, most_further
-        self.further: list[Case] = []  # further realisations of cases, in the order in which they were asked for
+        self.further: dict[int, Case] = {}  # further realisations of cases, by number
 
     def __enter__(self) -> Self:
         return self
@@ -137,16 +137,16 @@ class Evaluator:
         deviations : of each realisation, as shares of the tolerances; no more than there is `room` for.
         """
         first, values = self.most * self._count + len(self.further), self.rows[case]
-        new = [Case(first + k, values, 0, self._compared, case, each) for k, each in enumerate(deviations)]
-        self.further += new
-        if not self._solve(new):
+        new = {first + k: Case(first + k, values, 0, self._compared, case, each) for k, each in enumerate(deviations)}
+        self.further |= new
+        if not self._solve(list(new.values())):
             self.ended = "interrupted"
             raise Ended
-        return [self.outcomes[each.number] for each in new]
+        return [self.outcomes[number] for number in new]
 
     def _case(self, index: int, compared: bool) -> Case:
-        if index >= self.most * self._count:
-            return replace(self.further[index - self.most * self._count], compared=compared)
+        if index in self.further:
+            return replace(self.further[index], compared=compared)
         return Case(index, self.rows[index // self._count], index % self._count, compared)
 
     def _solve(self, cases: Sequence[Case]) -> bool:

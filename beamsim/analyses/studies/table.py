@@ -337,7 +337,8 @@ def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable
     if not plan.searches:
         return StudyTable(plan, outcomes)
     count = plan.study.realisations.count
-    number = next(k for k in range(len(outcomes) + 1) if any(k * count + r not in outcomes for r in range(count)))
+    sampled = {index for index, outcome in outcomes.items() if not outcome.deviations}
+    number = next(k for k in range(len(sampled) + 1) if any(k * count + r not in sampled for r in range(count)))
     kept = {k: outcomes[k] for k in range(number * count)}
     further = {k: outcome for k, outcome in outcomes.items() if outcome.deviations and outcome.within < number}
     return StudyTable(plan.of([kept[k * count].given for k in range(number)]), kept | further)
