@@ -19,10 +19,12 @@ from beamsim.typing import Bools, Floats, Ints
 
 FAILED = -1.0  # of the limit state: a history without result counts as one that exceeds the limits
 MOST_EXPLORING = 512  # samples at increased scatter
+EXPLORING = 100  # for each variable, at least: a region that several of them lead to together is a small part
 RARER, HIT = 1e-2, 1.645  # regions of this share of the probability are to be hit by one in twenty of them
 UNKNOWN_DISTANCE = 4.5  # of regions, where a subset simulation does not say it
 AGREES, MOST_CHECKS = 2.5, 4  # standard deviations of a difference by chance; subset simulations that decide it
 MOST_IN_BATCH = 250  # samples between two fits of the density that they are drawn from
+MOST_RESTARTS = 3  # with new regions; a limit that bends has ever more of them, and later samples count more
 NEW = 0.3  # share of the probability of a new region, from which samples that were drawn without it are forgotten
 MISSED = 0.1  # share of the probability of a region that no sample of a subset simulation may leave out
 OTHER_METHOD = "write method: importance_sampling"
@@ -76,6 +78,7 @@ class Estimator:
         self.cross_check = math.nan  # probability of the subset simulations that check another method
         self.critical: sampling.Points | None = None  # the design point
         self.regions = Regions(self, self.generator)
+        self.restarts = 0
         self._batches: list[Failures] = []
         self._state, self._report = state, report
         sampling.library().RandomGenerator.SetSeed(seed)
@@ -141,13 +144,15 @@ class Estimator:
 
         distance = UNKNOWN_DISTANCE if math.isnan(probability) else -float(ndtri(RARER * probability))
         self.scale = max(1.5, distance / HIT)
-        count, size = min(self.samples, MOST_EXPLORING), self.origin.u.shape[1]
+        size = self.origin.u.shape[1]
+        count = min(max(self.samples, EXPLORING * size), MOST_EXPLORING)
         u = increased_scatter(count, size, self.scale, self.seed)
         return u[self(sampling.points_at(u)) <= 0.0]
 
     def restart(self) -> None:
         """Forget the samples that were drawn without a region that is known now."""
         self._batches.clear()
+        self.restarts += 1
 
     def _locate(self) -> None:
         """The design point: the nearest one, or with random processes that which is nearest to the limit."""
@@ -276,7 +281,8 @@ def _sampled(of: Estimator, u: Floats) -> bool:
         u, weights = failures.points.u, failures.weights
         sure = of.note(_combined(means, of._shares(len(means))))
         stray = weight[beyond] @ ~of.regions.beyond(drawn[beyond])
-        if of.regions.look(drawn[beyond]) and stray > NEW * (weight @ beyond):
+        new = of.regions.look(drawn[beyond])
+        if new and stray > NEW * (weight @ beyond) and of.restarts < MOST_RESTARTS:
             return False
         if sure:
             return True

@@ -15,12 +15,15 @@ from beamsim.analyses.studies.sampling import LimitState, Points, library, neare
 from beamsim.typing import Bools, Floats, Ints
 
 MOST_REGIONS = 12  # located; what lies between them is covered by the widest density
+MORE_THAN_FACES = 4  # of many variables: a limit on the magnitude of each has two faces
+IN_VAIN = 3  # searches one after the other that lead to known regions, after which the other samples are left
 NEGLIGIBLE = 1e-4  # of the largest probability beyond a tangent plane
 APART = 0.5  # standard deviations between nearest points of two regions
 WIDTH = 1.1  # standard deviation about nearest points, where the limit state may curve
 DEFENSIVE = 0.1  # share of samples at increased scatter, which find what is not known yet
 LEAST_SHARE = 0.05  # of the other samples about each region
 STEPS, TRIED = 3, 8  # of the search without gradients, and samples of each
+STEPS_ALONE = 10  # more of them where gradients do not lead to the region
 
 
 class Region(NamedTuple):
@@ -76,30 +79,44 @@ class Regions:
 
     def look(self, u: Floats) -> bool:
         """Locate the regions of points beyond the limit (n, d); whether a new one that matters was found."""
-        new, tries = False, 0
+        new, in_vain, most = False, 0, max(MOST_REGIONS, 2 * u.shape[1] + MORE_THAN_FACES)
         left = u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]
-        while len(left := left[~self.beyond(left)]) and len(self.found) < MOST_REGIONS and tries < MOST_REGIONS:
-            tries += 1
-            region = self._located(left[0])
+        while len(left := left[~self.beyond(left)]) and len(self.found) < most and in_vain < IN_VAIN:
+            near = self._nearer(left[0])
             left = left[1:]
-            if all(np.linalg.norm(region.point - other.point) > APART for other in self.found):
+            in_vain += 1
+            region = self._by_gradients(near)
+            if region is None or not self._apart(region):
+                # gradients lead to the limit that is nearest to being exceeded, which is not that of the sample
+                region = Region(self._nearer(near, STEPS_ALONE), False)
+            if self._apart(region):
                 self.found.append(region)
-                new = new or self.matters()[-1]
+                new, in_vain = new or self.matters()[-1], 0
         return new
 
-    def _located(self, start: Floats) -> Region:
-        """The region of a point beyond the limit: by gradients, else by samples that come ever nearer."""
-        point = start
-        for _ in range(STEPS):
-            shrunk = point * self._generator.uniform(0.4, 1.0, (TRIED, 1))
-            tried = shrunk * (self._generator.random(shrunk.shape) < 0.8)
+    def _apart(self, region: Region) -> bool:
+        return all(np.linalg.norm(region.point - other.point) > APART for other in self.found)
+
+    def _nearer(self, start: Floats, steps: int = STEPS) -> Floats:
+        """A point beyond the limit that is nearer to the origin than another one, by samples."""
+        point, draw = start, self._generator
+        for _ in range(steps):
+            some = draw.random((TRIED, start.size)) < 0.4  # numbers that come nearer each by itself
+            some[::2] = False
+            each = np.where(some, draw.uniform(0.2, 1.0, some.shape), 1.0)
+            whole = draw.uniform(0.4, 1.0, (TRIED, 1)) * (draw.random(some.shape) < 0.8)
+            whole[1::2] = 1.0
+            tried = point * each * whole
             fails = tried[self._state(points_at(tried)) <= 0.0]
             if len(fails):
                 point = fails[np.argmin(np.linalg.norm(fails, axis=1))]
-        found, on_limit = nearest_point(self._state, point)
-        if on_limit and np.linalg.norm(found) <= np.linalg.norm(point) + APART:
-            return Region(found, True)
-        return Region(point, False)
+        return point
+
+    def _by_gradients(self, start: Floats) -> Region | None:
+        """The region whose nearest point a search leads to; none where that is no point of the limit, or far away."""
+        found, on_limit = nearest_point(self._state, start)
+        near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + APART
+        return Region(found, True) if near else None
 
     def expected(self) -> Floats:
         """(regions,) probability beyond the tangent plane of each."""
