@@ -191,7 +191,7 @@ class Sited(PointOfBody):
         """That it sits where its body is held, and so does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
-        if body is not None and place.position is not None and body.held(place.position):
+        if body is not None and place.position is not None and body.support_at(place.position):
             yield f"{path_text(at)} sits on a support, which cannot deflect"
 
 
