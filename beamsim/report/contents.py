@@ -16,7 +16,7 @@ from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.plots.understood import excitation_text
 from beamsim.report.interactive import interactive
-from beamsim.report.page import NOTE, Cells, Headline, Page, captioned, labelled, listing, picture, table
+from beamsim.report.page import NOTE, Cells, FirstLine, Page, captioned, labelled, listing, picture, table
 from beamsim.results.result import MARGINS, Result
 from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
@@ -119,30 +119,30 @@ def page_of(
     return page
 
 
-def verdict_of(result: Result) -> Headline:
+def verdict_of(result: Result) -> FirstLine:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
     standing = EXIT_RULES[result.outcome.gravest]
     reasons = [str(result.outcome.displayed(scale_for))] if standing.first_line else []
     on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in Verdict}
     if on[Verdict.EXCEEDED]:
-        return Headline("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
+        return FirstLine("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
     if standing.exit_code:
-        return Headline("bad", standing.first_line.capitalize(), reasons)
+        return FirstLine("bad", standing.first_line.capitalize(), reasons)
     if on[Verdict.NOT_RELIABLE]:
-        return Headline("doubt", f"Neither kept nor exceeded: {', '.join(on[Verdict.NOT_RELIABLE])}", reasons)
+        return FirstLine("doubt", f"Neither kept nor exceeded: {', '.join(on[Verdict.NOT_RELIABLE])}", reasons)
     if on[Verdict.UNDECIDED]:
         reasons += limits_not_met(result.scenario, {n: i for n, i in margins.items() if i["verdict"] != Verdict.MET})
-        return Headline("doubt", f"Undecided by a run of this length: {', '.join(on[Verdict.UNDECIDED])}", reasons)
+        return FirstLine("doubt", f"Undecided by a run of this length: {', '.join(on[Verdict.UNDECIDED])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""
-        return Headline("doubt", f"To be read with care.{within}", reasons)
+        return FirstLine("doubt", f"To be read with care.{within}", reasons)
     if margins:
-        return Headline("good", "All limits are kept")
+        return FirstLine("good", "All limits are kept")
     if MARGINS in type(result).SUMMARY:
         limit = "peak_force: 50 N" if result.scenario.all_snubbers else "peak_displacement: 2 mm"
-        return Headline("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
-    return Headline("", "Complete")
+        return FirstLine("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
+    return FirstLine("", "Complete")
 
 
 def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:

@@ -27,7 +27,7 @@ from beamsim.plots.drawing import Picture, write
 
 
 @dataclass(frozen=True)
-class Headline:
+class FirstLine:
     """What a reader is to know first."""
 
     kind: str  # good, bad, doubt, or empty where nothing is judged
@@ -59,7 +59,7 @@ class Page:
 
     title: str
     about: str
-    verdict: Headline
+    verdict: FirstLine
     sections: list[tuple[str, str]] = field(default_factory=list)  # heading and HTML
     plots: list[dict[str, Any]] = field(default_factory=list)
     animation: dict[str, Any] | None = None
