@@ -43,6 +43,17 @@ RANDOM = {
     "run": {"duration": "20 s", "test_duration": "2 min", "sample_rate": "1 kHz"},
     "limits": {"peak_displacement": "9 mm"},
 }  # fmt: skip
+SHAPED = NOTCHED | {
+    "sweep": {"kind": "swept_sine", "from": "20 Hz", "to": "35 Hz", "rate": "30 oct/min", "levels": [0.5, 1.0],
+              "profile": [{"frequency": "20 Hz", "level": "0.5 g"}, {"frequency": "30 Hz", "level": "0.1 g"}]},
+    "limits": {"peak_displacement": "1 mm"},
+}  # fmt: skip
+WORN = CASE | {
+    "beam": {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0,
+             "damping": {"kind": "modal", "ratio": 0.05}},
+    "run": {"duration": 0.1, "convergence": "off",
+            "fatigue": {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}},
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +65,8 @@ def screen_of(tmp_path_factory):
         "one mode": ("run", CASE | ONE_MODE),
         "notched": ("sweep", NOTCHED),
         "random": ("run", RANDOM),
+        "shaped": ("sweep", SHAPED),
+        "worn": ("run", WORN),
     }
 
     def computed(name):
@@ -75,9 +88,9 @@ def screen_of(tmp_path_factory):
     return computed
 
 
-NAMES = ("beam", "one mode", "notched", "random", "coexisting", "continuation", "folds", "nnm", "designs",
-         "designs_zip", "identify_nonlinear", "identify_snubber", "identify_update", "run_chain", "run_random",
-         "run_springs", "stepped", "sweep")  # fmt: skip
+NAMES = ("beam", "one mode", "notched", "random", "shaped", "worn", "coexisting", "continuation", "folds", "nnm",
+         "designs", "designs_zip", "identify_nonlinear", "identify_snubber", "identify_update", "run_chain",
+         "run_random", "run_springs", "stepped", "sweep")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -109,6 +122,12 @@ PLANTED = {
     "a first mode that is another": ("beam", "21.7 Hz open", "81.6 Hz open"),
     "a level that is not the case's": ("beam", "harmonic, 2 g", "harmonic, 3 g"),
     "another kind of excitation": ("beam", "harmonic, ", "random, "),
+    "a jump of another size": ("shaped", " (-14.0 dB)", " (-13.8 dB)"),
+    "a jump elsewhere": ("shaped", "jumps at 30 Hz", "jumps at 31 Hz"),
+    "sweeps beyond a limit that are off by one": ("shaped", "in 2 of 2 sweeps", "in 1 of 2 sweeps"),
+    "a life that is not the damage's": ("worn", ", life ", ", life 1"),
+    "damage in another time": ("worn", " in 100 ms, life", " in 200 ms, life"),
+    "damage elsewhere": ("worn", ", at x = 0\n", ", at x = 10 mm\n"),
     "an order that does not hold": ("random", "largest in 2 min", "largest in 2 s"),
     "a statistic that is another": ("random", "upper end of the 95 % interval", "median"),
     "all stable where some are not": ("folds", "62 of 123 points", "all"),

@@ -1091,12 +1091,28 @@ def _matched(facts, found):
             yield f"{key} is {of[key]:.4g}"
 
 
-@rule("line", r"damage of (\S+) (.*)")
+_DAMAGE = r"([\d.e+-]+)(?: \(([\d.e+-]+) to ([\d.e+-]+), 95 %\))? in (.*?)"
+
+
+@rule("line", rf"damage of (\S+) {_DAMAGE}(?:, {_DAMAGE} of test)?(?:, life (.*?))?, at (.*)")
 def _damage(facts, found):
-    body = facts.summary["fatigue"][found[1]]
-    number = re.match(r"[\d.e+-]+", found[2])
-    if number is None or not any(isinstance(x, float) and rounds_to(number[0], x, 2) for x in body.values()):
-        yield f"the file says {body}"
+    body, run = facts.summary["fatigue"][found[1]], facts.scenario["run"]
+    times = {5: float(facts.data["histories/time"][-1]), 9: run.get("test_duration") or math.nan}
+    for last, duration in times.items():
+        if found[last] is None:
+            continue
+        yield from differs(facts, found[last], duration, "s")
+        sizes = [body[name] for name in ("damage", "damage_low", "damage_high") if name in body]
+        for text, size in zip(found.groups()[last - 4 : last - 1], sizes, strict=False):
+            if text is None or not rounds_to(text, size * duration / times[5], 2):
+                yield f"the damage in {duration:g} s is {size * duration / times[5]:.3g}"
+    if (found[9] is None) != ("test_duration" not in run):
+        yield "damage of the test goes with run.test_duration"
+    if found[10]:
+        yield from differs(facts, found[10], body["life_s"], "s")
+        yield from differs(facts, found[10], times[5] / body["damage"], "s")
+    if (place := re.fullmatch(r"x = (.*)", found[11])) is not None:
+        yield from differs(facts, "0 m" if place[1] == "0" else place[1], body["position"], "m")
 
 
 @rule("line", r"(peak (?:[a-z ]|of \S+)*): (\S+ \+.*)")
@@ -1174,9 +1190,18 @@ def _notch_range(facts, found):
         yield "the lowest level is outside its range"
 
 
-@rule("line", r"(?:sweep|excitation)\.\S+ .*")
+@rule(
+    "line",
+    r"(sweep|excitation)\S*: the level of the profile jumps at <N> Hz from <Q> to <Q> \(([-+]\d+\.\d) dB\); let the"
+    r" levels meet(?: \(they meet at <N> Hz\))?",
+)
 def _jump(facts, found):
-    yield from ()
+    points = facts.scenario[found[1]]["profile"]
+    if not any(rounds_to(found[2], float(point["frequency"]), 4) for point in points):
+        yield "no point of the profile has this frequency"
+    before, after = (float(text.split()[0]) * unit_of(text.partition(" ")[2])[1] for text in found.groups()[2:4])
+    if abs(20 * math.log10(after / before) - float(found[5])) > 0.06:
+        yield f"it is {20 * math.log10(after / before):+.2f} dB"
 
 
 @rule("line", r"\d+ more levels and periods in the file")
