@@ -97,11 +97,11 @@ def test_a_plate_by_its_nodes_and_as_a_craig_bampton_model(tmp_path, modes, unit
 def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):
     """Written by ``export-structure plate_panel.yaml --modes 40``, nodes 68, 127, 135, 136 renamed."""
     written = exported(load_scenario(config_path("plate_panel")), tmp_path / "it.op4", modes=40)[0]
-    one, other = ({m.name: m.values for m in read_op4(file)} for file in (written[0], CONFIGS / "matrices/panel.op4"))
+    one, other = ({m.name: m.values for m in read_op4(file)} for file in (written[0], CONFIGS / "panel.op4"))
     for now, shipped in (("mass", "mxx"), ("stiff", "kxx")):
         difference = abs(abs(one[now]) - abs(other[shipped]))  # signs of modes are free
         assert difference.max() <= 1e-8 * abs(other[shipped]).max()
-    tables = [read_dof_table(file) for file in (written[1], CONFIGS / "matrices/panel_dofs.csv")]
+    tables = [read_dof_table(file) for file in (written[1], CONFIGS / "panel_dofs.csv")]
     np.testing.assert_array_equal(tables[0].coordinates, tables[1].coordinates)
     assert tables[1].dofs[-4:] == ((12, "z"), (24, "z"), (32, "z"), (3, "z"))
 

@@ -52,11 +52,11 @@ def test_what_is_exported_is_read_and_checks_alike(tmp_path, case, ending):
 
 
 def test_nastran_files_without_the_package_for_them_end_with_2_and_say_what_to_install(tmp_path, case, monkeypatch):
-    for folder in ("structures", "matrices"):
-        shutil.copytree(CONFIGS / folder, tmp_path / folder)
+    for name in ("matrices_op4.yaml", "panel.op4", "panel_dofs.csv"):
+        shutil.copy(CONFIGS / name, tmp_path)
     monkeypatch.setitem(sys.modules, "pyyeti", None)
     monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
-    outcome = invoke("validate", tmp_path / "structures" / "matrices_op4.yaml")
+    outcome = invoke("validate", tmp_path / "matrices_op4.yaml")
     assert outcome.exit_code == 2
     message = " ".join(outcome.output.split())
     assert "matrices_op4.yaml:8: bodies.panel.mass.file is one of Nastran" in message
