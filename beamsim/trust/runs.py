@@ -528,7 +528,7 @@ class DerivedValues:
         span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
         highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
         if "decaying" not in spectra["window"].values:  # which tells a line by an octave on either side
-            part_s, line_hz = (span[1] - span[0]) / parts, float(spectra["line_frequency_hz"].values.max())
+            part_s, line_hz = (span[1] - span[0]) / parts, float(spectra["line_frequency_hz"].values.max(initial=0.0))
             around = 2 * LOBE + bins_around(part_s, spectra["excitation_hz"].item())
             highest = min(highest, HIGHER * line_hz + around / part_s)
         records = records_of(system, motion, channels, span, highest)
