@@ -173,7 +173,7 @@ def test_stress_where_segments_meet_is_that_of_the_weaker_one():
 )
 def test_sections(section, area, second_moment, fibre):
     scenario = load_scenario(beam(section=section, youngs_modulus=2e9, density=1500.0))
-    (stretch,) = scenario.beam.stretches
+    (stretch,) = scenario.beam.uniform_segments
     assert stretch.bending_stiffness == pytest.approx(2e9 * second_moment, rel=1e-13)
     assert stretch.mass_per_length == pytest.approx(1500 * area, rel=1e-13)
     assert stretch.bending.stress_per_moment == pytest.approx(fibre / second_moment, rel=1e-13)
@@ -184,7 +184,7 @@ def test_sandwich_section():
     core = {"thickness": 19e-3, "youngs_modulus": 1e8, "density": 50.0}
     section = {"kind": "sandwich", "width": 0.4, "faces": faces, "core": core}
     scenario = load_scenario(beam(section=section))
-    (stretch,) = scenario.beam.stretches
+    (stretch,) = scenario.beam.uniform_segments
     steiner = 0.4 * 70e9 * (2 * 0.5e-3 * 9.75e-3**2 + 0.5e-3**3 / 6)
     stiffness = steiner + 0.4 * 1e8 * 19e-3**3 / 12
     assert stretch.bending_stiffness == pytest.approx(stiffness, rel=1e-13)
