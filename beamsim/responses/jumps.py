@@ -3,7 +3,8 @@
 A jump F makes an acceleration of F times the sum of the products of the shapes at its point and at the place. At the
 point itself the sum grows with every mode, up to 1 / m with a point mass m. Elsewhere the modes come one after the
 other, as a wave in which about sqrt(n) of the modes near number n are in phase; damping leaves those up to
-1 / (pi ratio). See docs/theory.md, section 7.
+1 / (pi ratio). With a point mass the limit of the acceleration at the point, just after the jump, follows from
+any model. See docs/theory.md, section 7.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from beamsim.flow.channels import channel_values
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal, StreamedSignal
 from beamsim.results.values import ACCELERATION, OUTPUT
@@ -83,16 +85,48 @@ def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
     return signal.start[begun], size[begun]
 
 
-def jumps_of_motion(system: StructuralSystem, motion: Trajectory) -> Iterator[ForceJumps]:
-    """Those of the forces of a system that may jump where it has little mass."""
+def jumps_of_motion(
+    system: StructuralSystem, motion: Trajectory, forces: Sequence[JumpingForce]
+) -> Iterator[ForceJumps]:
+    """Those of forces of a system that may jump."""
     time, of_contacts = contact_jumps(motion)
-    for force in system.jumping_forces:
+    for force in forces:
         if force.signal >= 0:
             at, size = signal_jumps(system.forcing.signal[force.signal], motion.end)
         else:
             at, size = time, of_contacts[:, force.contact]
         if size.any():
             yield ForceJumps(force, at, size, size**2)
+
+
+def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[tuple[Channel, float]]:
+    """Accelerations of points with a mass of their own just after a force jumps there, whatever the model.
+
+    A jump F changes the acceleration by F / m, of which the modes of a model make F times the sum of their squared
+    shapes. What the acceleration is beside that does not depend on the model.
+
+    Parameters
+    ----------
+    system : whose forces jump.
+    motion : of it.
+
+    Yields
+    ------
+    channel, peak : an acceleration, and the largest magnitude of its limits just after the jumps of a force, m/s^2.
+    """
+    forces = [force for force in system.forces_that_jump if math.isfinite(force.inverse_mass)]
+    found = accelerations(system) if forces else []
+    for of in jumps_of_motion(system, motion, forces) if found else ():
+        missing = (of.force.inverse_mass - float(of.force.shape @ of.force.shape)) * of.largest
+        before = of.time - JUST_BEFORE * motion.length[np.maximum(motion.segments_at(of.time) - 1, 0)]
+        for channel in found:
+            if at_force(system, channel, of.force):
+                alone = system.channels.of_keys(channel.key)
+                column = [c.name for c in alone.channels].index(channel.name)
+                after = channel_values(motion, alone, of.time)[:, column]
+                change = after - channel_values(motion, alone, np.maximum(before, 0.0))[:, column]
+                way = np.sign(np.where(of.time > 0.0, change, after))  # everything rests before the beginning
+                yield channel, float(np.abs(after + way * missing).max())
 
 
 def accelerations(system: StructuralSystem) -> list[Channel]:

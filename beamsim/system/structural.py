@@ -114,10 +114,11 @@ class SnubberInfo(SnubberNumbers):
 
 
 class JumpingForce(NamedTuple):
-    """A force that may jump at a point of a body with a mesh, which has little or no mass of its own there."""
+    """A force that may jump at a point of a structure."""
 
     cause: str  # for people
     shape: Floats  # (n,) deflection of the point for a unit of each coordinate, 1/sqrt(kg)
+    inverse_mass: float  # 1/kg, sum of the squared shapes of all modes: infinite where there is no point mass
     contact: int = -1  # its number, of the force of a contact
     signal: int = -1  # number of the signal, of a force of the excitation
 
@@ -269,9 +270,18 @@ class StructuralSystem:
 
         Those at a point mass m are left out whose 1 / m a model of `LIGHT` times the modes reaches.
         """
+        return tuple(
+            force for force in self.forces_that_jump if force.inverse_mass > LIGHT * float(force.shape @ force.shape)
+        )
+
+    @cached_property
+    def forces_that_jump(self) -> tuple[JumpingForce, ...]:
+        """Forces of dashpots, dry friction and the excitation that may jump, whatever mass there is."""
         scenario = self.scenario
         found = [
-            (JumpingForce(f"the force of the dashpot of {snubber.name}", snubber.shape, contact=j), located)
+            JumpingForce(
+                f"the force of the dashpot of {snubber.name}", snubber.shape, scenario.inverse_mass(located), contact=j
+            )
             for j, (snubber, located) in enumerate(zip(self.snubbers, scenario.located_snubbers, strict=True))
             if snubber.dashpot > 0.0
         ]
@@ -279,26 +289,24 @@ class StructuralSystem:
             found += self._jumping_friction()
         if self.parts.acting.forces:
             found += self._jumping_loads()
-        return tuple(
-            force
-            for force, located in found
-            if scenario.inverse_mass(located) > LIGHT * float(force.shape @ force.shape)
-        )
+        return tuple(found)
 
-    def _jumping_friction(self) -> Iterator[tuple[JumpingForce, Located]]:
+    def _jumping_friction(self) -> Iterator[JumpingForce]:
         contacts, listed = self.dynamics.contacts, self.scenario.listed("friction")
         springs = [spring for spring in self.springs if spring.kind == FRICTION]
         for j, spring, located in zip(self.friction_contacts.tolist(), springs, listed, strict=True):
             if drops(contacts.laws[j]) or contacts.laws[j].needs_pressing:
-                yield JumpingForce(f"the friction force of {spring.name}", contacts.shape[j], contact=j), located
+                cause, inverse_mass = f"the friction force of {spring.name}", self.scenario.inverse_mass(located)
+                yield JumpingForce(cause, contacts.shape[j], inverse_mass, contact=j)
 
-    def _jumping_loads(self) -> Iterator[tuple[JumpingForce, Located]]:
+    def _jumping_loads(self) -> Iterator[JumpingForce]:
         scenario, acting = self.scenario, self.parts.acting
         for path, force in acting.forces:
             if getattr(force.applied_to, "places", ()):
                 number = acting.signals[path, "force"]
                 where = Located(path, scenario.default_body, force.applied_to, scenario.all_bodies)
-                yield JumpingForce("the force of the excitation", self.forcing.load[number], signal=number), where
+                cause, inverse_mass = "the force of the excitation", scenario.inverse_mass(where)
+                yield JumpingForce(cause, self.forcing.load[number], inverse_mass, signal=number)
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""

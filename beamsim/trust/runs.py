@@ -49,6 +49,7 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, never, part_of, tell
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.responses.histories import Histories
+from beamsim.responses.jumps import peaks_after_jumps
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
@@ -281,6 +282,8 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
     scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
     complete = keeps_all(first.motion.system.modes, kept)  # what else is known of the modes of the second takes long
     errors, lines = _with_lines(derived, errors_of(changes, scenario, complete))
+    if not complete:
+        _demand_least(errors, first)
     for entry, quantity, _ in RMS_OF_PROBES:
         if isinstance(of_probes := errors.get(entry), dict):
             errors[entry] = {
@@ -296,6 +299,20 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         times,
         lines=lines,
     )
+
+
+def _demand_least(errors: Errors, model: Model) -> None:
+    """Raise the errors of peak accelerations to what these lack of their limits just after a force jumps."""
+    motion = model.motion.trajectory
+    if motion is None:
+        return
+    for channel, limit in peaks_after_jumps(model.motion.system, motion):
+        of_probe = channel.key == ACCELERATION
+        entry, unit = ("peak_acceleration_g", STANDARD_GRAVITY) if of_probe else ("peak_output", 1.0)
+        of_entry = errors.get(entry)
+        if isinstance(of_entry, dict) and channel.name in of_entry and not (of_probe and model.settings.low_pass):
+            value = unit * of_kind(dict, model.values[entry])[channel.name]
+            of_entry[channel.name] = max(of_entry[channel.name], 1.0 - value / max(limit, value))
 
 
 def _compared_after_divergence(

@@ -354,7 +354,7 @@ def _without_limit(motion: RunMotion, figures: Mapping[str, Any]) -> list[Withou
     of_probes = {} if filtered else figures["peak_acceleration_g"]
     peaks = {("probes", name): peak * STANDARD_GRAVITY for name, peak in of_probes.items()}
     peaks |= {("outputs", name): peak for name, peak in figures.get("peak_output", {}).items()}
-    return [*without_limit(system, [*jumps_of_motion(system, motion.trajectory)], peaks)]
+    return [*without_limit(system, [*jumps_of_motion(system, motion.trajectory, system.jumping_forces)], peaks)]
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice
