@@ -435,6 +435,40 @@ def test_signals_that_follow_while_a_command_loads_or_ends_keep_its_exit_code(nu
     assert (done.returncode, done.stderr) == (code, b"")
 
 
+EARLY = """
+import signal, sys
+from importlib.abc import MetaPathFinder
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background is started without
+
+class Arriving(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "{module}":
+            signal.raise_signal({number})
+
+from beamsim.__main__ import main
+
+sys.meta_path.insert(0, Arriving())
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("module", ["beamsim.cli", "beamsim.errors", "beamsim.cli.app", "typer"])
+def test_a_signal_while_the_command_line_is_loaded_ends_it_silently(module, number, code):
+    early = EARLY.format(number=int(number), module=module)
+    done = subprocess.run([sys.executable, "-c", early, "--version"], check=False, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (code, b"", b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_a_signal_that_the_process_was_started_to_ignore_stays_ignored_while_it_is_loaded():
+    early = EARLY.format(number=int(signal.SIGINT), module="beamsim.errors").replace("default_int_handler", "SIG_IGN")
+    done = subprocess.run([sys.executable, "-c", early, "--version"], check=False, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 DROPPED = """
 import signal, sys, types
 

@@ -150,6 +150,27 @@ def test_degrees_of_freedom_of_gaussian_noise():
     assert rms_interval(np.zeros(100)) == {}
 
 
+def test_the_interval_of_a_long_record_takes_transforms_without_large_prime_factors(monkeypatch):
+    """100,003 is prime: a transform of four times as many samples took seven times as long, and not four times.
+
+    The degrees of freedom are those of the whole record: 4 P^2 / sum p^2 - 2 of its lines p with the sum P.
+    """
+    lengths, transform = [], np.fft.rfft
+    for count in (100_003, 400_012):
+        x = np.random.default_rng(5).standard_normal(count)
+        power = np.abs(transform(x - x.mean()))[1:] ** 2
+        exact = 4.0 * power.sum() ** 2 / (power @ power) - 2.0
+        with monkeypatch.context() as patched:
+            patched.setattr(np.fft, "rfft", lambda given: lengths.append(given.size) or transform(given))
+            assert rms_interval(x)["degrees_of_freedom"] == pytest.approx(exact, rel=0.01)
+    for length, count in zip(lengths, (100_003, 400_012), strict=True):
+        assert 0.98 * count < length < count
+        for factor in (2, 3, 5):
+            while length % factor == 0:
+                length //= factor
+        assert length == 1
+
+
 def test_errors_of_what_few_peaks_decide_are_the_scatter_between_records():
     """Of Gaussian noise in a narrow and a wide band: 95 % of records lie within, and not all by far."""
     names = "crest_factor", "kurtosis", "peaks_over_2_sigma", "peaks_over_3_sigma"

@@ -358,7 +358,7 @@ def crossing_rates(x: Floats, rate: float) -> Floats:
     return np.asarray((crossed - passed)[:-1] * (rate / (x.size - 1)), dtype=float)
 
 
-_LONG_RECORD = 2**20  # samples
+_LONG_RECORD = 2**16  # samples
 
 
 def rms_interval(x: Floats) -> dict[str, float]:
@@ -367,7 +367,7 @@ def rms_interval(x: Floats) -> dict[str, float]:
     from scipy.special import chdtri
 
     y = x - x.mean()
-    # a transform of millions of samples takes ten times as long where their number has large prime factors
+    # a transform takes up to ten times as long where the number of samples has large prime factors
     of_spectrum = y if y.size < _LONG_RECORD else y[: prev_fast_len(y.size, real=True)]
     lines = np.fft.rfft(of_spectrum)[1:]
     power = lines.real**2 + lines.imag**2
