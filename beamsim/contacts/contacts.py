@@ -144,7 +144,7 @@ class Contacts:
         """Whether every law is a sum of one-sided springs: no internal states, and no phase that ends at zero force."""
         return all(law.one_sided_springs is not None for law in self.laws)
 
-    def one_sided_parts(self) -> Contacts:
+    def one_sided_springs(self) -> Contacts:
         """The same forces by one-sided springs alone; each contact is replaced by its parts.
 
         Raises ValueError if a law is not such a sum (see `one_sided`).
@@ -160,7 +160,7 @@ class Contacts:
         """
         if all(law.rebuild is not None for law in self.laws):
             return self
-        owner, direction = self.owners_of_parts
+        owner, direction = self.owners_of_springs
         parts = [part for parts in self._parts for part in parts]
         laws = tuple(
             self.laws[j] if part is None else kelvin_voigt(part.stiffness, part.dashpot)
@@ -183,7 +183,7 @@ class Contacts:
         ]
 
     @property
-    def owners_of_parts(self) -> tuple[Ints, Floats]:
+    def owners_of_springs(self) -> tuple[Ints, Floats]:
         """Of each contact of `split` which one it is a part of, and the direction of its force in that one's."""
         owner = np.repeat(np.arange(self.count), [len(parts) for parts in self._parts])
         directions = [1.0 if part is None else part.direction for parts in self._parts for part in parts]

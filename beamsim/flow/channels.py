@@ -68,7 +68,7 @@ def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
     The rows (k, V) by the phases of the contacts.
     """
     equations, system, signals = flow.equations, flow.system, len(flow.forcing.signal)
-    parts = Sizes(system.size, system.contacts.count, signals, 0).parts  # those of cubic springs are the last ones
+    parts = Sizes(system.size, system.contacts.count, signals, 0).slices  # those of cubic springs are the last ones
     of = {name: rows[:, columns] for name, columns in parts.items()}
     fixed = equations.rows(rows.shape[0], coordinates=of["displacement"], velocities=of["velocity"])
     fixed += equations.constant(of["constant"][:, 0]) + of["load"] @ equations.signals(np.arange(signals))

@@ -376,7 +376,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     shape = contacts.shape[which]
     along = contacts.sign[which, None] * equations.push[which] if crossed else shape
     acting = _Acting(shape, k[which], c[which], along, which, crossed)
-    across = equations.held if equations.held.shape[1] else None
+    across = equations.stuck_directions if equations.stuck_directions.shape[1] else None
     undamped = _undamped_modes(system, acting, across)
     if crossed or contacts.coupled(phases):
         return _general_modes(equations, acting, undamped, window, across)

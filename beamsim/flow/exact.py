@@ -216,7 +216,7 @@ class ExactFlow:
         share = flow.longest_window == self.longest_window and same_at_rest(self.system, system)
 
         def renewed(state: ContactState) -> ContactState:
-            inert = share and not (self.system.acts(state.phases) or system.acts(state.phases))
+            inert = share and not (self.system.contacts_act(state.phases) or system.contacts_act(state.phases))
             return state if inert else flow._new_state(state.phases)
 
         return flow._with_states_of(self, renewed)
@@ -285,7 +285,7 @@ class ExactFlow:
     def _new_state(self, phases: Ints) -> ContactState:
         """A contact state that is not kept, in a large structure from the one that differs in fewest contacts."""
         nearest = None
-        if self.states and self.system.size >= LEAST_COORDINATES and self.system.acts(phases):
+        if self.states and self.system.size >= LEAST_COORDINATES and self.system.contacts_act(phases):
             differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
             nearest = self.states[int(np.argmin(differing))]
         return ContactState.of(

@@ -64,7 +64,7 @@ class SmoothFlow(PeriodicFlow):
             raise ValueError(
                 "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
             )
-        contacts = self.system.contacts.one_sided_parts()
+        contacts = self.system.contacts.one_sided_springs()
         self.system = replace(self.system, contacts=contacts)
         self._longest = RADIANS / self.system.fastest if self.system.fastest > 0 else np.inf
 

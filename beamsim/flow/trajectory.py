@@ -97,7 +97,7 @@ class Trajectory:
         if finite[-1] and finite.all():
             return self
         end = float(self.time[kept])
-        part = self.only(slice(0, max(kept, 1)))
+        part = self.select(slice(0, max(kept, 1)))
         return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
     @classmethod
@@ -177,7 +177,7 @@ class Trajectory:
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""
-        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))
+        part = self.select(slice(0, max(1, int(np.searchsorted(self.time, end)))))
         return replace(
             part, end=min(end, self.end), length=np.clip(end - part.time, 0.0, part.length),
             final_y=self.states_at(np.array([min(end, self.end)]))[0],
@@ -213,7 +213,7 @@ class Trajectory:
         visited, state = np.unique(self.state, return_inverse=True)
         return replace(self, flow=self.flow.holding(visited), state=state)
 
-    def only(self, segments: Ints | slice) -> Trajectory:
+    def select(self, segments: Ints | slice) -> Trajectory:
         """Some of the segments, in order; times are those of the whole motion.
 
         They end where the last of them does. The events are those that lead from one of them to the next, segments of

@@ -84,7 +84,7 @@ class FlowOutputs:
     def _turn_in(self, phases: Ints) -> Floats:
         """(n, n) the turn in given phases: with the smallest one more that takes what holds there to the same."""
         assert self.turn is not None
-        held, own = (each.at(phases).held for each in (self.flow, self.own or self.flow))
+        held, own = (each.at(phases).stuck_directions for each in (self.flow, self.own or self.flow))
         if not held.shape[1] or not own.shape[1]:
             return self.turn
         if (key := phases.tobytes()) not in self._turns:
@@ -155,7 +155,7 @@ class FlowOutputs:
     def _begun(self, phases: Ints) -> Floats:
         at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
         begun, n = equations.state.copy(), self.flow.system.size
-        begun[equations.velocities, equations.velocities] -= at.held @ at.held.T
+        begun[equations.velocities, equations.velocities] -= at.stuck_directions @ at.stuck_directions.T
         contact, _ = contacts.states_to_rewrite(phases)
         begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
         return begun

@@ -251,7 +251,7 @@ class ForcedBalance:
                 "contacts", "whose laws have internal states (a dashpot that never pulls, Maxwell branches, friction, "
                 "hardening, unloading) are beyond harmonic balance", "use shooting, or leave these out",
             )  # fmt: skip
-        self._stops = self.system.contacts.one_sided_parts()
+        self._stops = self.system.contacts.one_sided_springs()
         self.rows = self._stops.shape if self.cubic is None else np.vstack([self._stops.shape, self.cubic.shape])
         if self.rows.shape[0] == 0:
             raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")

@@ -37,7 +37,7 @@ class SpringFamily:
 
     def __post_init__(self) -> None:
         contacts = self.system.contacts
-        self.springs = contacts.one_sided_parts()
+        self.springs = contacts.one_sided_springs()
         self._along = ContactDirection.of(contacts, along=contacts)
         self._direction: Parameter = self._along
         if self.cubic is not None:

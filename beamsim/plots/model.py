@@ -17,7 +17,7 @@ from beamsim.plots.understood import amplitude_text, excitation_text
 from beamsim.scenario.body import OnSupport
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
-from beamsim.system.parts import Acting
+from beamsim.system.reduced_model import Acting
 from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable

@@ -77,11 +77,11 @@ def frames_at(
     -------
     Frames
     """
-    (times, slow), scenario, parts = instants, system.scenario, system.parts
+    (times, slow), scenario, model = instants, system.scenario, system.model
     lines = tuple(line for part in system.stations.parts for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
-    of_lines = [parts.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
-    at_stops = parts.shapes([end for site in sites.values() for end in ends_of(site)])
+    of_lines = [model.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
+    at_stops = model.shapes([end for site in sites.values() for end in ends_of(site)])
     force, opening = ({name: of[:, k] for k, name in enumerate(sites)} for of in (forces, openings))
     stations = [place for body in system.bodies for place in body.places]
     places = [

@@ -259,7 +259,7 @@ class MovedSnubber:
         elif self.quantity == "stiffness":
             rates.stiffness[i] = 1.0
         else:
-            site = of_kind(Place, self.family.parts.snubber_sites[i])
+            site = of_kind(Place, self.family.model.snubber_sites[i])
             rates.shape[i], rates.base_participation[i] = self.family.rates_along(replace(site, point=value))
         law = contacts.laws[i]
         if self.damping_ratio is not None and self.quantity != "gap" and law.dashpot:

@@ -63,7 +63,7 @@ def measured(system: StructuralSystem, limited: Collection[str] = ()) -> Channel
     limited : names of the limits.
     """
     keys = {value.key for name, value in LIMITED.items() if value.followed or name in limited}
-    return system.channels.only(lambda channel: channel.key in keys or channel.section == "outputs")
+    return system.channels.select(lambda channel: channel.key in keys or channel.section == "outputs")
 
 
 @dataclass
@@ -122,7 +122,7 @@ class Measurement:
         of the whole channel.
         """
         names = {(*each.key, each.name) for each in self.channels.channels}
-        there = system.channels.only(lambda each: (*each.key, each.name) in names)
+        there = system.channels.select(lambda each: (*each.key, each.name) in names)
         found = Measurement(system, self.excitation, there, self.harmonics).of(problem, [point])[0]
         high, low = np.split(np.zeros(2 * sum(each.columns for each in self.channels.channels)), 2)
         columns = {(*each.key, each.name): slice(k, k + each.columns) for each, k in there.located}
@@ -176,13 +176,13 @@ class Measurement:
         """A motion whose states are known, with the springs' phases (G, m) between edges (G + 1,)."""
         forcing, observers = self._loads(flow.omega, flow.level)
         exact = ExactFlow(flow.system, forcing, float(edges[-1]), observers)
-        owner, direction = self.system.dynamics.contacts.owners_of_parts
+        owner, direction = self.system.dynamics.contacts.owners_of_springs
         first = np.diff(owner, prepend=-1) > 0  # the part that touches first, whose face is that of the contact
         sizes = self.channels.sizes
         split = sizes._replace(contacts=owner.size)
 
         def by_part(rows: Floats) -> Floats:
-            parts = {name: sizes.part(rows, name) for name in sizes.parts}
+            parts = {name: sizes.part(rows, name) for name in sizes.slices}
             contact, opening = parts.pop("contact")[:, owner] * direction, parts.pop("opening")[:, owner] * first
             return split.rows(rows.shape[0], contact=contact, opening=opening, **parts)
 

@@ -340,7 +340,7 @@ def largest_in(parts: Sequence[Dataset], at: str, counts: str = "") -> Iterator[
 def searched(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:
     """The channels of whose extremes values are made; by default all that a run reports, and the penetrations."""
     wanted, beside = (VALUES, PENETRATION) if values is None else (tuple(values), None)
-    return channels.only(lambda channel: channel.key == beside or any(value.takes(channel) for value in wanted))
+    return channels.select(lambda channel: channel.key == beside or any(value.takes(channel) for value in wanted))
 
 
 def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:

@@ -178,7 +178,7 @@ class Schema(BaseModel):
         """What is wrong with it in its scenario, where it is written at a path; its own parts are asked themselves."""
         yield from ()
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A sentence for each questionable value, likewise."""
         yield from ()
 

@@ -213,7 +213,7 @@ class Bent(Schema):
         """What follows from it."""
         raise NotImplementedError
 
-    def material_doubts(self, where: Path) -> Iterator[str]:
+    def material_warnings(self, where: Path) -> Iterator[str]:
         """A sentence for each doubtful number."""
         yield from ()
 
@@ -314,7 +314,7 @@ class StatedBending(Bent):
         depth = None if fibre is None else 2.0 * fibre
         return Bending(self.bending_stiffness, self.mass_per_length, stress, depth)
 
-    def material_doubts(self, where: Path) -> Iterator[str]:
+    def material_warnings(self, where: Path) -> Iterator[str]:
         """Half of what the bending stress needs."""
         given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
         missing = [name for name, value in given.items() if value is None]
@@ -566,11 +566,11 @@ class BeamBody(Body):
                         "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
                     )
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Numbers of no solid, depth, too few elements."""
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
         for segment in self.uniform_segments:
-            yield from segment.section.material_doubts((*at, *segment.path))
+            yield from segment.section.material_warnings((*at, *segment.path))
         if self.depth > DEEPEST * self.length:
             yield f"{path_text(at)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
         ratio = min(segment.bending_stiffness / segment.mass_per_length for segment in self.uniform_segments)
@@ -654,8 +654,8 @@ class SegmentedBeam(BeamBody):
                     "segments follow one another from 0 to length without gap or overlap",
                 )
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """Segments that keep the others' stress from being given, beside the doubts of every beam."""
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Segments that keep the others' stress from being given, in addition to the warnings of every beam."""
         known = [segment.bending.stress_per_moment is not None for segment in self.uniform_segments]
         if any(known) and not all(known):
             section = self.uniform_segments[known.index(False)].section
@@ -665,7 +665,7 @@ class SegmentedBeam(BeamBody):
                 f"{path_text((*at, 'segments', known.index(False)))} gives no bending stress, so none is given for "
                 f"the beam: add {missing}"
             )
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
 
 
 AnyBeam = Beam | StiffnessBeam | SandwichBeam | SegmentedBeam

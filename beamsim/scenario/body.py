@@ -187,7 +187,7 @@ class Sited(PointOfBody):
         if self.at is None:
             yield from self.place.problems(scenario, at)
 
-    def held_doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def support_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """That it sits where its body is held, and so does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
@@ -303,9 +303,9 @@ class Probe(Sited):
     name: q.Name
     """Name, unique; it names the datasets of the result file."""
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
-        yield from self.held_doubts(scenario, at)
+        yield from self.support_warnings(scenario, at)
 
 
 class PlacedForce(Sited):
@@ -314,10 +314,10 @@ class PlacedForce(Sited):
     force: q.Force
     """The force, positive upwards (towards positive displacement)."""
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A support, which does not move."""
         if at[0] == "constant_forces":
-            yield from self.held_doubts(scenario, at)
+            yield from self.support_warnings(scenario, at)
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]
@@ -458,7 +458,7 @@ class RatioDamping(Schema):
     if TYPE_CHECKING:
         ratio: Any  # one, or several
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A damping ratio that is critical or above."""
         ratio = max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio
         if ratio >= 1.0:

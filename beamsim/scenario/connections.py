@@ -449,7 +449,7 @@ class SnubberAtPlaces(SnubberBase):
     if TYPE_CHECKING:
         places: Any
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """A gap that is larger than the structure deflects."""
         owner, all_bodies = scenario.body_at(at) or scenario.default_body, scenario.all_bodies
         named = [place.body or owner for place in self.places]
@@ -702,7 +702,7 @@ class Joint(Named):
             message = f"joins {names[0]} to itself: the two points would have to deflect alike"
             yield problem(at, message, "use kind: spring")
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Points that lie apart."""
         for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
             if ("joints", apart.index) == at:
@@ -904,9 +904,9 @@ class HingeJoint(_Turning):
             stops.append((("free_play",), HingeStop.model_validate(play)))
         return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Stops at large angles."""
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
         for path, stop in self.all_stops:
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
                 meant = scenario.unit_written((*at, *path, "angle"), stop.gap, units.ANGLE) in ("", "rad")

@@ -475,9 +475,9 @@ class Shock(Driven):
     time: q.Time = 0.0
     """When it begins."""
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Few samples in a pulse, and one after the end."""
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
         if scenario.run is None or at[0] != "excitation":
             return
         if scenario.sample_rate < 20.0 * self.highest_frequency_hz:
@@ -662,9 +662,9 @@ class SweptSineInput(Driven, FrequencyRange):
                 why, remedy = not_taken(point.quantity, self.takes)
                 raise InvalidValueError(f"is {why}", remedy, ("profile", index, "level"))
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Steps of the level."""
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
         yield from level_jumps(scenario, at, self)
 
     @property

@@ -262,7 +262,7 @@ class PlateBody(Body):
         """
         yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
-    def _doubts_of_forces(self, scenario: Whole) -> Iterator[str]:
+    def _force_warnings(self, scenario: Whole) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
         forces = [(of.path, of.item.places, of.body) for of in scenario.listed("snubbers") if of.path[0] != "joints"]
         dead_loads = enumerate(scenario.constant_forces)
@@ -282,9 +282,9 @@ class PlateBody(Body):
                         "thickness or more beside it"
                     )
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
-        yield from super().doubts(scenario, at)
+        yield from super().find_warnings(scenario, at)
         depth, side = self.depth, min(self.sides)
         if depth > side / 10.0:
             yield (
@@ -297,7 +297,7 @@ class PlateBody(Body):
             size, highest_hz = self.sides[axis] / elements, scenario.excitation.highest_tone_hz
             yield from coarse_mesh((*at, "elements", axis), elements, size, ratio, highest_hz)
         if self.gives_stress:
-            yield from self._doubts_of_forces(scenario)
+            yield from self._force_warnings(scenario)
 
 
 class Plate(PlateBody):

@@ -475,11 +475,11 @@ class Run(Schema):
                 remedy = "name a number of the structure, the excitation or the start"
                 yield problem((*at, k), f"= {number.path} {what}, which has no derivative", remedy)
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """No motion, a short run, and few or many samples."""
         excitation, rate = scenario.excitation, scenario.sample_rate
         if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
-            yield from self._doubts_of_rest(scenario)
+            yield from self._static_warnings(scenario)
         lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
         for path, part in excitation.items:
             if part.kind == "swept_sine" and part.cycles_in(self.duration) < 1.0:
@@ -495,7 +495,7 @@ class Run(Schema):
         if rate * self.duration > MANY_SAMPLES:
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
 
-    def _doubts_of_rest(self, scenario: Whole) -> Iterator[str]:
+    def _static_warnings(self, scenario: Whole) -> Iterator[str]:
         """That nothing moves without an excitation, where the run starts at static equilibrium."""
         if self.start == "static_equilibrium" and not scenario.just_mounted:
             none = scenario.excitation.kind == "none"
@@ -542,7 +542,7 @@ class Reduction(Schema):
         """Reject two rules."""
         self.exclude("highest_frequency", "modes")
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Modes that the excitation excites, and are left out."""
         highest = scenario.excitation.highest_frequency_hz
         if self.highest_frequency is not None and self.highest_frequency < highest:

@@ -448,8 +448,8 @@ class Scenario(Schema):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
-        doubts = (text for at, part in walk(self) for text in part.doubts(self, at))
-        return tuple(dict.fromkeys((*self._left_out, *doubts, *self.questions(_SIZES))))
+        found = (text for at, part in walk(self) for text in part.find_warnings(self, at))
+        return tuple(dict.fromkeys((*self._left_out, *found, *self.questions(_SIZES))))
 
     def questions(self, sizes: UsualSizes) -> Iterator[str]:
         """A sentence for each number that was written and is doubtful, with both readings; it ends with ``meant?``.

@@ -554,7 +554,7 @@ class SweptSine(_UpAndDown):
                     ("levels", index),
                 )
 
-    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Steps of the level."""
         yield from level_jumps(scenario, at, self)
 

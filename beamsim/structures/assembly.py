@@ -160,8 +160,8 @@ def _check_places(scenario: Scenario, items: Sequence[tuple[Path, Any]], bodies:
         site = load_site_in(scenario, item)
         if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
-        acts = path[0] != "probes" and "outputs" not in path[:2]
-        problem = known[site.body].place_problem(site, acts)
+        for_force = path[0] != "probes" and "outputs" not in path[:2]
+        problem = known[site.body].place_problem(site, for_force)
         if problem is not None:
             problems.append(Problem(path_text((*path, *problem[0].split("."))), *problem[1:]))
     if problems:

@@ -102,7 +102,7 @@ class MatricesStructure(BodyStructure):
         """Row of the files of a place; None where there is none."""
         return self.table.number.get((round(place.coordinate), place.direction.removeprefix("local_")))
 
-    def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
+    def place_problem(self, place: Place | Distributed, for_force: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
         assert isinstance(place, Place)  # the scenario refuses the others
         node = round(place.coordinate)
@@ -118,7 +118,7 @@ class MatricesStructure(BodyStructure):
                 else f"= {node} is not a node of {self.name}",
                 self.table.remedy(node),
             )
-        if acts and self.massless[self.table.row(node, place.direction) != 0.0].max() > 1e-6:
+        if for_force and self.massless[self.table.row(node, place.direction) != 0.0].max() > 1e-6:
             return (
                 "node", f"= {node} has no mass in {place.direction}: a force there would move it without inertia",
                 "give the node a mass in the model that writes the matrices, or act on a node with mass",

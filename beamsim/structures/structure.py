@@ -438,7 +438,7 @@ class BodyStructure(Structure, ABC):
         """(3,) work of forces (3, all dofs) along a motion (all dofs,)."""
         return forces @ motion
 
-    def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
+    def place_problem(self, place: Place | Distributed, for_force: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
         if isinstance(place, Distributed) and place.mode is not None and place.mode > self.size:
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"

@@ -42,40 +42,40 @@ from beamsim.structures.reduction import places_needed
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.outputs import output_channels, output_sites
-from beamsim.system.parts import (
-    Parts,
+from beamsim.system.reduced_model import (
+    ReducedModel,
     SharedBuilds,
+    build_reduced_model,
     check_places,
     force_sites,
     gravity_loads,
-    reduced_parts,
 )
 from beamsim.system.structural import ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats, Ints
 
 
-def _start_on_supports(parts: Parts, forcing: Forcing) -> Floats:
+def _start_on_supports(model: ReducedModel, forcing: Forcing) -> Floats:
     """(2 n,) where supports that move put the structure at t = 0: their static shapes and rates.
 
     A start is relative to it, as one is to a base that moves.
     """
-    start = np.zeros(2 * parts.basis.size)
-    number = parts.acting.signals
-    for moved in parts.moved:
+    start = np.zeros(2 * model.basis.size)
+    number = model.acting.signals
+    for moved in model.moving_supports:
         velocity, displacement = (forcing.signal[number[moved.path, of]] for of in ("velocity", "displacement"))
-        shape = moved.static_shape(parts.structure, parts.basis)
+        shape = moved.static_shape(model.structure, model.basis)
         start += np.concatenate([shape * float(displacement(0.0)), shape * float(velocity(0.0))])
     return start
 
 
-def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
+def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
     """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
-    excitation = parts.scenario.excitation
+    excitation = model.scenario.excitation
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
     several = excitation.kind == "forces"
-    terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for _, force in parts.acting.forces]
-    for moved in parts.moved:
+    terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for _, force in model.acting.forces]
+    for moved in model.moving_supports:
         amplitude, power = (_phasor(moved.driven), power_of(moved.driven.quantity)) if several else (complex(1.0), 0)
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
     if not terms:  # of a base: its acceleration, and its displacement where springs to the ground feel it
@@ -100,7 +100,7 @@ class TimeDependent(NamedTuple):
 _FILE_KEYS = {"matched": ("srs", "file"), "random": ("psd", "file")}  # by kind of input, where it is not ``file``
 
 
-def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
+def time_dependent_loads(model: ReducedModel, pushing: _Pushing) -> TimeDependent:
     """The base's motion and the time-dependent loads.
 
     They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
@@ -108,56 +108,56 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
     """
     motion, accounts = None, list[tuple[str, InputAccount]]()
     loads = [
-        (parts.shape(force.applied_to), _signal_of(parts, path, force, level_signal, accounts).signal)
-        for path, force in parts.acting.forces
+        (model.shape(force.applied_to), _signal_of(model, path, force, level_signal, accounts).signal)
+        for path, force in model.acting.forces
     ]
-    if parts.moved or parts.acting.stops:
-        loads += _loads_of_moved(parts, accounts)
-    if parts.acting.base is not None and parts.base is not None:
-        motion = _signal_of(parts, *parts.acting.base, base_motion, accounts)
-        inertia, ground = parts.base_load(parts.base)
+    if model.moving_supports or model.acting.stops:
+        loads += _loads_of_moved(model, accounts)
+    if model.acting.base is not None and model.base is not None:
+        motion = _signal_of(model, *model.acting.base, base_motion, accounts)
+        inertia, ground = model.base_load(model.base)
         loads.append((-inertia, motion.acceleration))
-        if parts.structure.base_load(parts.base)[1].any():  # springs to ground stretch by the base's displacement, too
+        if model.structure.base_load(model.base)[1].any():  # springs to ground stretch by the base's displacement, too
             loads.append((ground, motion.displacement))
-    load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
+    load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
     on_ground = pushing.contacts.on_ground.any() or (pushing.cubic and pushing.cubic.base_influence.any())
     displacement = motion.displacement if motion is not None and on_ground else None
-    mountings = (getattr(snubber, "mounted_on", None) for snubber in parts.scenario.all_snubbers)
-    moved_mountings = parts.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
-    influence = _influence_of_mountings(parts, pushing, len(loads)) if moved_mountings else None
+    mountings = (getattr(snubber, "mounted_on", None) for snubber in model.scenario.all_snubbers)
+    moved_mountings = model.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
+    influence = _influence_of_mountings(model, pushing, len(loads)) if moved_mountings else None
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
 
 
-def _signal_of(parts: Parts, at: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
+def _signal_of(model: ReducedModel, at: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
     """What ``make`` gives for one part of the excitation, at a path, whose account it adds to the others."""
-    scenario = parts.scenario
+    scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
     folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
     with rooted("excitation", path_text(at)):
         key = (driven, duration, folder)
-        made: Any = parts.shared.once("signal", key, lambda: make(driven, duration, folder))
+        made: Any = model.shared.once("signal", key, lambda: make(driven, duration, folder))
     accounts.append((path_text(at), made.account))
     return made
 
 
-def _loads_of_moved(parts: Parts, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
+def _loads_of_moved(model: ReducedModel, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
     """Loads of supports, by acceleration, velocity and displacement, and of stops that move by themselves."""
     loads: list[tuple[Floats, Signal]] = []
-    for moved in parts.moved:
-        support = _signal_of(parts, moved.path, moved.driven, base_motion, accounts)
+    for moved in model.moving_supports:
+        support = _signal_of(model, moved.path, moved.driven, base_motion, accounts)
         signals = (support.acceleration, support.velocity, support.displacement)
-        loads += zip(moved.loads(parts.structure, parts.basis, parts.damping), signals, strict=True)
-    for path, driven in parts.acting.stops:
-        loads.append((np.zeros(parts.basis.size), _signal_of(parts, path, driven, base_motion, accounts).displacement))
+        loads += zip(moved.loads(model.structure, model.basis, model.damping), signals, strict=True)
+    for path, driven in model.acting.stops:
+        loads.append((np.zeros(model.basis.size), _signal_of(model, path, driven, base_motion, accounts).displacement))
     return loads
 
 
-def _influence_of_mountings(parts: Parts, pushing: _Pushing, signals: int) -> Floats | None:
+def _influence_of_mountings(model: ReducedModel, pushing: _Pushing, signals: int) -> Floats | None:
     """(m, L) displacement of each contact's place from its mounting by a unit of each signal; None where it is 0."""
-    influence = parts.influence(signals)
+    influence = model.influence(signals)
     if not influence.any():
         return None
-    return np.vstack([influence, np.zeros((len(parts.spring_sites), signals))])[pushing.owner]
+    return np.vstack([influence, np.zeros((len(model.spring_sites), signals))])[pushing.owner]
 
 
 def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
@@ -182,7 +182,7 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, reco
     """
     with scenario.locating():
         try:
-            return _build(reduced_parts(scenario, shared=shared), recovered)
+            return _build(build_reduced_model(scenario, shared=shared), recovered)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise ScenarioError(_out_of_range(scenario, error)) from None
 
@@ -207,7 +207,7 @@ def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
 class SystemFamily:
     """The system of a scenario, and those with other numbers of a snubber, all in the same coordinates."""
 
-    parts: Parts
+    model: ReducedModel
     system: StructuralSystem
 
     def at(self, path: Path, value: float) -> StructuralSystem:
@@ -218,11 +218,11 @@ class SystemFamily:
         path : of the gap, stiffness or position of a snubber in the scenario.
         value : in its place; SI.
         """
-        return _build(self._parts(path, value))
+        return _build(self._model_with(path, value))
 
     def contacts_at(self, path: Path, value: float) -> Contacts:
         """The contacts of `at` alone, where no snubber has a preload."""
-        return _pushing(self._parts(path, value)).contacts
+        return _pushing(self._model_with(path, value)).contacts
 
     def rates_along(self, place: Place) -> tuple[Floats, float]:
         """Derivatives by the position of a place on its body, per m.
@@ -234,12 +234,12 @@ class SystemFamily:
             the base.
         """
         turned = replace(place, direction=SLOPE)
-        motion = self.parts.base
-        of_base = 0.0 if motion is None else self.parts.structure.base_motion_at(turned, motion)
-        return self.parts.shapes([turned])[0], of_base
+        motion = self.model.base
+        of_base = 0.0 if motion is None else self.model.structure.base_motion_at(turned, motion)
+        return self.model.shapes([turned])[0], of_base
 
-    def _parts(self, path: Path, value: float) -> Parts:
-        return replace(self.parts, scenario=replaced(self.parts.scenario, {path: value}))
+    def _model_with(self, path: Path, value: float) -> ReducedModel:
+        return replace(self.model, scenario=replaced(self.model.scenario, {path: value}))
 
 
 def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) -> SystemFamily:
@@ -258,50 +258,50 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
     """
     with scenario.locating():
         added = [] if ends is None else [*ends]
-        parts = reduced_parts(scenario, added)
-        while ends is not None and (more := places_needed(parts.structure, parts.basis, *ends, added)):
+        model = build_reduced_model(scenario, added)
+        while ends is not None and (more := places_needed(model.structure, model.basis, *ends, added)):
             added += more
-            parts = reduced_parts(scenario, added)
-        return SystemFamily(parts, _build(parts))
+            model = build_reduced_model(scenario, added)
+        return SystemFamily(model, _build(model))
 
 
-def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
-    scenario, pushing = parts.scenario, _pushing(parts)
-    if parts.moved:
-        _check_places_on_supports(parts)
-    free = _check_couplings(parts, pushing) if parts.structure.couplings else []
+def _build(model: ReducedModel, recovered: bool = True) -> StructuralSystem:
+    scenario, pushing = model.scenario, _pushing(model)
+    if model.moving_supports:
+        _check_places_on_supports(model)
+    free = _check_couplings(model, pushing) if model.structure.couplings else []
     loads = np.array(
         [
-            *(force.force * parts.shape(force) for force in scenario.constant_forces),
-            *(acceleration * parts.base_load(direction)[0] for direction, acceleration in gravity_loads(scenario)),
+            *(force.force * model.shape(force) for force in scenario.constant_forces),
+            *(acceleration * model.base_load(direction)[0] for direction, acceleration in gravity_loads(scenario)),
         ]
-    ).reshape(-1, parts.basis.size)  # N/sqrt(kg)
-    contacts, equilibrium, initial, warnings = _statics(parts, pushing, loads)
-    motion, forcing, accounts = time_dependent_loads(parts, pushing)
-    if parts.moved:
-        initial += _start_on_supports(parts, forcing)
+    ).reshape(-1, model.basis.size)  # N/sqrt(kg)
+    contacts, equilibrium, initial, warnings = _statics(model, pushing, loads)
+    motion, forcing, accounts = time_dependent_loads(model, pushing)
+    if model.moving_supports:
+        initial += _start_on_supports(model, forcing)
     if contacts.internal_states:
-        initial = np.append(initial, _settled(contacts, forcing, initial[: parts.basis.size]))
+        initial = np.append(initial, _relaxed_states(contacts, forcing, initial[: model.basis.size]))
     correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
     if correction is not None:
         warnings += correction.warnings(held=any(holds_levels(each) for _, each in scenario.excitation.items))
-    sites = [*parts.snubber_sites, *force_sites(scenario), *(output_sites(parts) if scenario.requested_outputs else ())]
-    recoveries = parts.recoveries(sites) if recovered else ()
-    asked = (parts, recoveries, pushing.sites, contacts, forcing)
+    sites = [*model.snubber_sites, *force_sites(scenario), *(output_sites(model) if scenario.requested_outputs else ())]
+    recoveries = model.recoveries(sites) if recovered else ()
+    asked = (model, recoveries, pushing.sites, contacts, forcing)
     outputs = output_channels(*asked) if recovered and scenario.requested_outputs else ()
-    dynamics = PiecewiseLinearSystem(parts.stiffness, parts.damping, contacts, loads.sum(axis=0))
+    dynamics = PiecewiseLinearSystem(model.stiffness, model.damping, contacts, loads.sum(axis=0))
     frequencies = set(scenario.excitation.frequencies_hz)
     return StructuralSystem(
-        parts=parts,
+        model=model,
         as_built=dynamics,
         dynamics=dynamics,
         forcing=forcing,
         initial_state=initial,
-        probes=_describe_probes(parts),
+        probes=_describe_probes(model),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
         base_displacement=motion.displacement if motion else None,
-        snubbers=_describe_snubbers(parts, contacts, equilibrium, pushing.tables),
+        snubbers=_describe_snubbers(model, contacts, equilibrium, pushing.tables),
         bodies=recoveries,
         stops=pushing.stops,
         static_equilibrium=equilibrium.q,
@@ -310,9 +310,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         cubic=pushing.cubic,
         springs=pushing.springs,
         outputs=outputs,
-        files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
+        files=tuple(each for member in model.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
-            *(f"{member.body.name}: {note}" for member in parts.structure.members for note in member.body.notes),
+            *(f"{member.body.name}: {note}" for member in model.structure.members for note in member.body.notes),
             *free,
             *warnings,
             *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),
@@ -320,26 +320,26 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         ),
         inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
         base_correction=correction,
-        sine=sine_loads(parts, forcing),
+        sine=sine_loads(model, forcing),
     )
 
 
-def _statics(parts: Parts, pushing: _Pushing, loads: Floats) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
+def _statics(model: ReducedModel, pushing: _Pushing, loads: Floats) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
     """Contacts with the gaps that preloads need, their equilibrium under constant loads (L, n), the state at t = 0.
 
     With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
     """
-    snubbers, cubic = parts.scenario.located_snubbers, pushing.cubic
+    snubbers, cubic = model.scenario.located_snubbers, pushing.cubic
     contacts = pushing.contacts
     resting = np.array([law.resting_force for law in contacts.laws])  # does not fade, and no static spring gives it
     loads = np.vstack([loads, (contacts.sign * resting) @ contacts.shape])
     if any(located.item.preload is not None for located in snubbers):
-        contacts = resolve_preloads(contacts, snubbers, parts.stiffness, parts.basis.rigid, loads, cubic)
-    equilibrium = _equilibrium(parts, contacts, loads, cubic)
+        contacts = resolve_preloads(contacts, snubbers, model.stiffness, model.basis.rigid, loads, cubic)
+    equilibrium = _equilibrium(model, contacts, loads, cubic)
     first, mounted = equilibrium, _as_mounted(contacts)
     if mounted is not contacts:
-        first = _equilibrium(parts, mounted, loads, cubic)
-    return contacts, equilibrium, *initial_state(parts, mounted, loads, cubic, first)
+        first = _equilibrium(model, mounted, loads, cubic)
+    return contacts, equilibrium, *initial_state(model, mounted, loads, cubic, first)
 
 
 def _as_mounted(contacts: Contacts) -> Contacts:
@@ -362,38 +362,40 @@ class _Pushing:
     sites: list[Site]  # (m,) where the contacts act
 
 
-def _pushing(parts: Parts) -> _Pushing:
-    nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
-    tables = force_tables(parts.scenario) if parts.scenario.has_force_tables else {}
+def _pushing(model: ReducedModel) -> _Pushing:
+    nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
+    tables = force_tables(model.scenario) if model.scenario.has_force_tables else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
-    of_stops = parts.shapes(parts.snubber_sites), parts.levers(parts.snubber_sites)
-    stops = build_contacts(snubbers, curves, *of_stops, parts.omega, basis.rigid)
+    of_stops = model.shapes(model.snubber_sites), model.base_participations(model.snubber_sites)
+    stops = build_contacts(snubbers, curves, *of_stops, model.omega, basis.rigid)
     if not nonlinear:
-        return _Pushing(tables, stops, (), None, stops, np.arange(stops.count), parts.snubber_sites)
-    return _pushing_with_springs(parts, tables, stops)
+        return _Pushing(tables, stops, (), None, stops, np.arange(stops.count), model.snubber_sites)
+    return _pushing_with_springs(model, tables, stops)
 
 
-def _pushing_with_springs(parts: Parts, tables: Mapping[str, TableOfStop], stops: Contacts) -> _Pushing:
+def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts) -> _Pushing:
     """Stops, and springs with laws of their own, joints that relax and friction."""
-    nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
-    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
-    pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
+    nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
+    springs = describe_springs(
+        nonlinear, model.shapes(model.spring_sites), model.base_participations(model.spring_sites)
+    )
+    pressing = pressed_by(nonlinear, [snubber.name for snubber in model.scenario.all_snubbers])
     contacts = replace(stops.first_with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
-    if any(parts.scenario.listed("friction")):
-        _check_rigid_friction(parts, springs, stops)
+    if any(model.scenario.listed("friction")):
+        _check_rigid_friction(model, springs, stops)
     cubic = cubic_springs(springs)
-    with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
-    sites: list[Site] = [*parts.snubber_sites, *with_laws]
+    with_laws = [site for site, spring in zip(model.spring_sites, springs, strict=True) if spring.law is not None]
+    sites: list[Site] = [*model.snubber_sites, *with_laws]
     owner = np.arange(len(sites))
     if cubic is not None:  # what integrates these in time knows one-sided springs alone
         _refuse_memory(snubbers, stops, nonlinear)
-        owner = contacts.owners_of_parts[0]
+        owner = contacts.owners_of_springs[0]
         sites = [sites[j] for j in owner]
         contacts = contacts.split()
     return _Pushing(tables, stops, springs, cubic, contacts, owner, sites)
 
 
-def _check_couplings(parts: Parts, pushing: _Pushing) -> list[str]:
+def _check_couplings(model: ReducedModel, pushing: _Pushing) -> list[str]:
     """Warnings of loops that joints do not close and of motions that contacts alone stop.
 
     Raises
@@ -401,22 +403,22 @@ def _check_couplings(parts: Parts, pushing: _Pushing) -> list[str]:
     ScenarioError
         Where nothing stops a motion, or something acts where nothing can move.
     """
-    problems = held_problems(parts.structure, _acting(parts))
+    problems = held_problems(model.structure, _acting(model))
     if problems:
         raise ScenarioError(problems)
     stopping = np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)])
-    joints = [joint.name for joint in parts.scenario.joints]
-    free = check_mechanisms(joints, parts.structure, parts.basis, stopping)
-    return [*open_loops(parts.scenario, parts.structure), *free]
+    joints = [joint.name for joint in model.scenario.joints]
+    free = check_mechanisms(joints, model.structure, model.basis, stopping)
+    return [*open_loops(model.scenario, model.structure), *free]
 
 
-def _check_places_on_supports(parts: Parts) -> None:
+def _check_places_on_supports(model: ReducedModel) -> None:
     """Refuse contacts and probes on what moves with a support."""
-    probes = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
-    check_places(parts.moved, [*((located.path, site) for located, site in _located_sites(parts)), *probes])
+    probes = [(("probes", k), site) for k, site in enumerate(model.probe_sites)]
+    check_places(model.moving_supports, [*((located.path, site) for located, site in _located_sites(model)), *probes])
 
 
-def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
+def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     """(r,) internal states of contacts at the start, after a long rest there or as they were mounted."""
     apart = contacts.shape @ q
     if forcing.base_displacement is not None:
@@ -426,34 +428,34 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     return _as_mounted(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
 
 
-def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
+def _located_sites(model: ReducedModel) -> list[tuple[Located, Site]]:
     """Snubbers and nonlinear springs, and where they sit."""
-    located = (*parts.scenario.located_snubbers, *parts.scenario.nonlinear_springs)
-    return list(zip(located, (*parts.snubber_sites, *parts.spring_sites), strict=True))
+    located = (*model.scenario.located_snubbers, *model.scenario.nonlinear_springs)
+    return list(zip(located, (*model.snubber_sites, *model.spring_sites), strict=True))
 
 
-def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
+def _acting(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
-    forces = parts.acting.forces
+    forces = model.acting.forces
     return [
-        *((located.path, site, f"{located.item.name}") for located, site in _located_sites(parts)),
-        *(((*path, "applied_to"), load_site_in(parts.scenario, force.applied_to), "a force") for path, force in forces),
+        *((located.path, site, f"{located.item.name}") for located, site in _located_sites(model)),
+        *(((*path, "applied_to"), load_site_in(model.scenario, force.applied_to), "a force") for path, force in forces),
     ]
 
 
-def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Contacts) -> None:
+def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], stops: Contacts) -> None:
     """Refuse friction without a tangential spring beside what relaxes or sticks with one, and under a moving base."""
     laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
-    laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
+    laws += zip((stop.name for stop in model.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if law.arrays.coupled.any()]
     problems = []
-    for path, _, contact, _ in parts.scenario.nonlinear_springs:
+    for path, _, contact, _ in model.scenario.nonlinear_springs:
         if contact.kind != FRICTION or contact.stiffness is not None:
             continue
         if coupled:
             why = f"is missing, and {', '.join(coupled)} relaxes or sticks with a spring of its own"
             problems.append(problem((*path, "stiffness"), why, "give the contact a tangential stiffness"))
-        if getattr(contact, "mounted_on", "base") == "ground" and parts.base is not None:
+        if getattr(contact, "mounted_on", "base") == "ground" and model.base is not None:
             why = "is missing, and the base moves while the contact sticks to the ground"
             remedy = "give the contact a tangential stiffness, or mount it on the base"
             problems.append(problem((*path, "stiffness"), why, remedy))
@@ -461,32 +463,32 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
         raise ScenarioError(problems)
 
 
-def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
-    sites = parts.probe_sites
-    of_probes = parts.scenario.effective_probes, sites, parts.shapes(sites), parts.levers(sites).tolist()
+def _describe_probes(model: ReducedModel) -> tuple[ProbeRow, ...]:
+    sites = model.probe_sites
+    of_probes = model.scenario.effective_probes, sites, model.shapes(sites), model.base_participations(sites).tolist()
     return tuple(
         ProbeRow(probe.name, site.coordinate, site.across, shape, lever)
         for probe, site, shape, lever in zip(*of_probes, strict=True)
     )
 
 
-def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings | None) -> Equilibrium:
+def _equilibrium(model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None) -> Equilibrium:
     """The static equilibrium; one that cannot be computed is fatal only where the motion starts from it."""
     springs = springs_of(contacts)
-    if not (parts.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
-        return Equilibrium(np.zeros(parts.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
-    return _found_equilibrium(parts, contacts, springs, loads, cubic)
+    if not (model.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
+        return Equilibrium(np.zeros(model.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
+    return _found_equilibrium(model, contacts, springs, loads, cubic)
 
 
 def _found_equilibrium(
-    parts: Parts, contacts: Contacts, springs: Springs, loads: Floats, cubic: CubicSprings | None
+    model: ReducedModel, contacts: Contacts, springs: Springs, loads: Floats, cubic: CubicSprings | None
 ) -> Equilibrium:
     """The static equilibrium of what is displaced; see `_equilibrium`."""
     try:
-        found = find_equilibrium(parts.stiffness, parts.basis.rigid, springs, loads, cubic)
+        found = find_equilibrium(model.stiffness, model.basis.rigid, springs, loads, cubic)
         return replace(found, force=springs.by_contact(found.force, contacts.sign))
     except NotTrustedError as error:
-        if parts.scenario.run is not None and parts.scenario.run.start == "static_equilibrium":
+        if model.scenario.run is not None and model.scenario.run.start == "static_equilibrium":
             raise
         return Equilibrium(None, np.full(contacts.count, np.nan), str(error))
 
@@ -510,13 +512,13 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
 
 
 def _describe_snubbers(
-    parts: Parts, contacts: Contacts, equilibrium: Equilibrium, tables: Mapping[str, TableOfStop]
+    model: ReducedModel, contacts: Contacts, equilibrium: Equilibrium, tables: Mapping[str, TableOfStop]
 ) -> tuple[SnubberInfo, ...]:
     described = []
-    located = parts.scenario.located_snubbers
-    for i, (site, (path, _, s, _)) in enumerate(zip(parts.snubber_sites, located, strict=True)):
+    located = model.scenario.located_snubbers
+    for i, (site, (path, _, s, _)) in enumerate(zip(model.snubber_sites, located, strict=True)):
         table = tables.get(path_text(path))
-        unit = parts.structure.unit_stiffness(site)
+        unit = model.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness
         described.append(
             SnubberInfo(
@@ -539,13 +541,13 @@ def _describe_snubbers(
 
 
 def initial_state(
-    parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
+    model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
     """The state from which a motion starts.
 
     Parameters
     ----------
-    parts : of the scenario.
+    model : of the scenario.
     contacts, cubic : its contacts and cubic springs.
     loads : (L, n) constant loads.
     equilibrium : static equilibrium under these, or why there is none.
@@ -559,84 +561,91 @@ def initial_state(
     ScenarioError
         Where the start needs a static shape that does not exist, or a mode that the reduction does not keep.
     """
-    start = None if parts.scenario.run is None else parts.scenario.run.start
+    start = None if model.scenario.run is None else model.scenario.run.start
     if start != "static_equilibrium":
-        return _other_start(parts, start, contacts, loads, cubic, equilibrium)
+        return _other_start(model, start, contacts, loads, cubic, equilibrium)
     remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
-    q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
+    q = _static_shape(model, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
     return np.concatenate([q, np.zeros(q.size)]), []
 
 
 def _other_start(
-    parts: Parts, start: Any, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
+    model: ReducedModel,
+    start: Any,
+    contacts: Contacts,
+    loads: Floats,
+    cubic: CubicSprings | None,
+    equilibrium: Equilibrium,
 ) -> tuple[Floats, list[str]]:
     """The state from a start that is not the static equilibrium; see `initial_state`."""
     warnings: list[str] = []
-    q = v = np.zeros(parts.basis.size)
+    q = v = np.zeros(model.basis.size)
     if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif isinstance(start, ReleasedForceStart):
-        q = _held_shape(parts, start, contacts, loads, cubic)
+        q = _held_shape(model, start, contacts, loads, cubic)
     elif not isinstance(start, str):  # from rest
-        q, v = _moving_start(parts, start, warnings)
+        q, v = _moving_start(model, start, warnings)
     return np.concatenate([q, v]), warnings
 
 
 def _moving_start(
-    parts: Parts, start: ModeStart | PolynomialStart | BodiesStart | OrbitStart, warnings: list[str]
+    model: ReducedModel, start: ModeStart | PolynomialStart | BodiesStart | OrbitStart, warnings: list[str]
 ) -> tuple[Floats, Floats]:
     """q and q', (n,) each, of a start that a scenario gives as a mode or by fields; warnings are added."""
     if isinstance(start, OrbitStart):
         remedy = "leave run.start out, or `beamsim run`"
         raise ScenarioError(Problem("run.start.orbit", "starts a run, and no other command", remedy))
     if isinstance(start, ModeStart):
-        return _mode_shape(parts, start.mode, start.amplitude), np.zeros(parts.basis.size)
-    given = {parts.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
-    displacement, velocity = (_given_field(parts, given, name, warnings) for name in ("displacement", "velocity"))
+        return _mode_shape(model, start.mode, start.amplitude), np.zeros(model.basis.size)
+    given = {model.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
+    displacement, velocity = (_given_field(model, given, name, warnings) for name in ("displacement", "velocity"))
     return displacement, velocity
 
 
 def _held_shape(
-    parts: Parts, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings | None
+    model: ReducedModel, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings | None
 ) -> Floats:
     """(n,) static equilibrium under the constant loads (L, n) and a force that is then released."""
-    extra = (start.released_force.force * parts.shape(start.released_force))[None, :]
-    held = find_equilibrium(parts.stiffness, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic)
+    extra = (start.released_force.force * model.shape(start.released_force))[None, :]
+    held = find_equilibrium(model.stiffness, model.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic)
     remedy = "let it push towards a snubber, or support the structure"
-    return _static_shape(parts, held, "run.start.released_force", "holds no static shape", remedy)
+    return _static_shape(model, held, "run.start.released_force", "holds no static shape", remedy)
 
 
-def _static_shape(parts: Parts, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:
+def _static_shape(model: ReducedModel, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:
     """(n,) coordinates of an equilibrium; ScenarioError says why there is none and, where something floats, what."""
     if equilibrium.q is None:
-        floats = f" ({floating_motions(parts.structure, parts.basis)})" if parts.basis.rigid else ""
+        floats = f" ({floating_motions(model.structure, model.basis)})" if model.basis.rigid else ""
         raise ScenarioError(Problem(path, f"{problem}: {equilibrium.reason}{floats}", remedy))
     return equilibrium.q
 
 
-def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:
+def _mode_shape(model: ReducedModel, mode: int, amplitude: float) -> Floats:
     """Open mode `mode` (numbered from 1, rigid-body modes included) with its largest deflection equal to amplitude."""
-    if mode > parts.basis.modes:
+    if mode > model.basis.modes:
         raise ScenarioError(
             Problem(
                 "run.start.mode",
-                f"= {mode} is not among the {parts.basis.modes} modes of the model",
+                f"= {mode} is not among the {model.basis.modes} modes of the model",
                 "choose a lower mode, or raise reduction.modes or beam.elements",
             )
         )
-    largest = parts.structure.largest_deflection(parts.basis.vectors[:, mode - 1])
-    q = np.zeros(parts.basis.size)
-    q[mode - 1] = amplitude / largest * np.sqrt(parts.structure.mass_scale)
+    largest = model.structure.largest_deflection(model.basis.vectors[:, mode - 1])
+    q = np.zeros(model.basis.size)
+    q[mode - 1] = amplitude / largest * np.sqrt(model.structure.mass_scale)
     return q
 
 
-def _given_field(parts: Parts, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]) -> Floats:
+def _given_field(
+    model: ReducedModel, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]
+) -> Floats:
     """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
     numbers = {name: getattr(start, quantity) for name, start in given.items()}
-    field, errors = parts.structure.project(parts.basis, numbers, quantity)
+    field, errors = model.structure.project(model.basis, numbers, quantity)
     for name, error in errors.items():
         if error > 1e-6:
-            where = f"bodies.{name}.{quantity}" if len(parts.structure.members) > 1 else quantity
+            where = f"bodies.{name}.{quantity}" if len(model.structure.members) > 1 else quantity
             warnings.append(
                 f"run.start.{where} is met by the reduced model to a relative error of {error:.2g} only: "
                 "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"

@@ -78,19 +78,19 @@ class PiecewiseLinearSystem:
 
     @cached_property
     def coupled_by_damping(self) -> bool:
-        """Whether C of the open structure has entries beside its diagonal."""
+        """Whether C of the open structure has entries off its diagonal."""
         return bool(np.count_nonzero(self.damping) > np.count_nonzero(np.diag(self.damping)))
 
-    def acts(self, phases: Ints) -> bool:
-        """Whether contacts act on the structure in given phases, or move by themselves."""
+    def contacts_act(self, phases: Ints) -> bool:
+        """True if a contact pushes or sticks in the given phases, or has internal states that move by themselves."""
         arrays, every = self.contacts.arrays, np.arange(self.contacts.count)
         pushing = arrays.force[every, phases, :PRESSING].any() or arrays.sticks_rigidly[every, phases].any()
         return self.contacts.internal_states > 0 or bool(pushing)
 
     def one_sided(self) -> PiecewiseLinearSystem:
-        """The same with one-sided springs as the only contacts; see `Contacts.one_sided_parts`."""
-        parts = self.contacts.one_sided_parts()
-        return self if parts is self.contacts else replace(self, contacts=parts)
+        """The same with one-sided springs as the only contacts; see `Contacts.one_sided_springs`."""
+        springs = self.contacts.one_sided_springs()
+        return self if springs is self.contacts else replace(self, contacts=springs)
 
 
 @dataclass(frozen=True)
@@ -166,21 +166,21 @@ class Equations:
         )
         self.penetration, self.penetration_rate = self.law[:, PENETRATION], self.law[:, RATE]  # (m, V) m and m/s
 
-    def rows(self, count: int, **parts: Floats | float) -> Floats:
-        """Rows of which some parts are given, the others being zero.
+    def rows(self, count: int, **blocks: Floats | float) -> Floats:
+        """Rows of which some blocks are given, the others being zero.
 
         Parameters
         ----------
         count : k.
-        parts : by name of the part of z (``coordinates``, ``velocities``, ``internal``, ``inputs``, ``slopes``), arrays
-            of its width, or what broadcasts to it.
+        blocks : by name of the block of z (``coordinates``, ``velocities``, ``internal``, ``inputs``, ``slopes``)
+            arrays of its width, or what broadcasts to it.
 
         Returns
         -------
         (k, V) array
         """
         rows = np.zeros((count, self.width))
-        for name, values in parts.items():
+        for name, values in blocks.items():
             rows[:, getattr(self, name)] = values
         return rows
 
@@ -229,7 +229,7 @@ class StateEquations:
     law: Floats  # (m, C, V) what the laws depend on
     force: Floats  # (m, V) contact forces, reactions included, N
     pressing: Floats  # (p, V) of each contact that another one presses the force of that one, N
-    held: Floats  # (n, h) orthonormal directions that rigidly sticking contacts keep at rest
+    stuck_directions: Floats  # (n, h) orthonormal directions that rigidly sticking contacts keep at rest
     internal_factors: Floats  # (r,) of each internal state in the force of its own contact, N per unit
     internal_drive: Floats  # (r, C) factors of what the law of its contact depends on in the rate of each
     internal_rates: Floats  # (r, V) time derivatives of the internal states of all contacts
@@ -245,10 +245,10 @@ class StateEquations:
         self.pressing = self.law[c.pressed, PRESSING]
         self.force = self._own_force = _products(self.factors, self.law)
         applied = e.free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
-        self.held, acceleration = np.zeros((e.system.size, 0)), applied
+        self.stuck_directions, acceleration = np.zeros((e.system.size, 0)), applied
         sticking = np.flatnonzero(c.arrays.sticks_rigidly[every, phases])
         if sticking.size:
-            acceleration = self._held_back(sticking, applied)
+            acceleration = self._accelerations_with_reactions(sticking, applied)
         self.internal_factors = self.factors[c.owner, c.column]
         self.internal_drive = drive[c.owner, c.column - INTERNAL]
         self.internal_rates = (drive @ self.law)[c.owner, c.column - INTERNAL]
@@ -263,7 +263,7 @@ class StateEquations:
         """
         e = self.equations
         applied = e.free @ z - e.penetrations.T @ (self._own_force @ z)
-        return np.concatenate([z[e.velocities], self._unheld(applied), self.internal_rates @ z])
+        return np.concatenate([z[e.velocities], self._without_balanced(applied), self.internal_rates @ z])
 
     def _press(self, drive: Floats) -> None:
         """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
@@ -273,24 +273,24 @@ class StateEquations:
         of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
         law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
 
-    def _held_back(self, sticking: Ints, applied: Floats) -> Floats:
+    def _accelerations_with_reactions(self, sticking: Ints, applied: Floats) -> Floats:
         """(n, V) accelerations under generalised forces with reactions of contacts that stick, which are entered."""
         left, size, right = np.linalg.svd(self.equations.penetrations[sticking], full_matrices=False)
         rank = int(np.sum(size > SMALLEST * size.max()))
-        self.held, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
+        self.stuck_directions, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
         self.law[sticking, REACTION] = share @ applied
         self.force = self.force.copy()
         self.force[sticking] += self.law[sticking, REACTION]
-        return self._unheld(applied)
+        return self._without_balanced(applied)
 
-    def _unheld(self, applied: NDArray[Number]) -> NDArray[Number]:
+    def _without_balanced(self, applied: NDArray[Number]) -> NDArray[Number]:
         """(n, k) accelerations under generalised forces (n, k), the reactions of contacts that stick apart.
 
         What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
         """
-        if not self.held.shape[1]:
+        if not self.stuck_directions.shape[1]:
             return applied
-        acceleration = applied - self.held @ (self.held.T @ applied)
+        acceleration = applied - self.stuck_directions @ (self.stuck_directions.T @ applied)
         balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
         return np.where(balanced, 0.0, acceleration)
 
@@ -313,7 +313,7 @@ class StateEquations:
         c, a, phases = self.equations.contacts, self.equations.contacts.arrays, self.phases
         every, joining = np.arange(c.count), 0
         contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
-        if self.held.shape[1]:
+        if self.stuck_directions.shape[1]:
             contact, place, joining = self._joining_first(contact, place)
         rows, after = (a.guard[every, phases] @ self.law)[contact, place], a.next[contact, phases[contact], place]
         for g in range(joining):
@@ -329,7 +329,7 @@ class StateEquations:
     def _joining_first(self, contact: Ints, place: Ints) -> tuple[Ints, Ints, int]:
         """Contacts and guards (g,), and how many, the first ones then, are of contacts that join others at rest."""
         shape, guard = self.equations.contacts.shape, self.equations.contacts.arrays.guard
-        left = np.linalg.norm(shape - (shape @ self.held) @ self.held.T, axis=1)
+        left = np.linalg.norm(shape - (shape @ self.stuck_directions) @ self.stuck_directions.T, axis=1)
         resting = left <= SMALLEST * np.linalg.norm(shape, axis=1)  # whose motion others hold, at the same place say
         joins = resting[contact] & (guard[contact, self.phases[contact], place, RATE] != 0.0)
         order = np.argsort(~joins, kind="stable")
@@ -394,8 +394,8 @@ class Sizes(NamedTuple):
     The parts of a row, by name: ``displacement``, ``velocity`` and ``acceleration`` for a unit of each coordinate;
     ``contact`` for the force of each contact, N; ``opening`` for the distance of each contact to its face as it is now,
     m, 0 while it touches; ``load`` for each signal of the forcing; ``base_acceleration`` and ``base_displacement``, for
-    m/s^2 and m of the base; ``constant``; ``cubic`` for the pull of each cubic spring, N, beside what that does to the
-    acceleration.
+    m/s^2 and m of the base; ``constant``; ``cubic`` for the pull of each cubic spring, N, in addition
+    to what that does to the acceleration.
     """
 
     coordinates: int  # n
@@ -404,7 +404,7 @@ class Sizes(NamedTuple):
     cubic: int  # c
 
     @property
-    def parts(self) -> dict[str, slice]:
+    def slices(self) -> dict[str, slice]:
         """Columns of each part."""
         n, m, signals, cubic = self
         sizes = {
@@ -427,16 +427,16 @@ class Sizes(NamedTuple):
         -------
         (k, W) array
         """
-        parts = self.parts
-        rows = np.zeros((count, parts["cubic"].stop))
+        slices = self.slices
+        rows = np.zeros((count, slices["cubic"].stop))
         for name, values in given.items():
-            part = rows[:, parts[name]]
+            part = rows[:, slices[name]]
             part[:] = np.reshape(values, (-1, 1)) if part.shape[1] == 1 else values
         return rows
 
     def part(self, rows: Floats, name: str) -> Floats:
         """(k, width) one part of rows (k, W), a view."""
-        return rows[:, self.parts[name]]
+        return rows[:, self.slices[name]]
 
 
 @dataclass(frozen=True)
@@ -503,8 +503,8 @@ class ChannelSet:
         self.order = np.argsort(np.argsort(squared, kind="stable"), kind="stable")
         self.places = Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
-    def only(self, wanted: Callable[[Channel], bool]) -> ChannelSet:
-        """Those that are wanted."""
+    def select(self, wanted: Callable[[Channel], bool]) -> ChannelSet:
+        """The channels for which `wanted` returns True."""
         return ChannelSet(tuple(filter(wanted, self.channels)), self.sizes)
 
     def of_keys(self, *keys: Key) -> ChannelSet:
@@ -513,7 +513,7 @@ class ChannelSet:
 
     def without(self, *keys: Key) -> ChannelSet:
         """All but those of some sections and quantities."""
-        return self.only(lambda channel: channel.key not in keys)
+        return self.select(lambda channel: channel.key not in keys)
 
     def values(self, of_rows: Floats) -> Floats:
         """(nt, C) values from those of the rows (nt, k): of the linear channels, then of the energies."""

@@ -17,8 +17,8 @@ from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Recovery, Site
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
-from beamsim.system.parts import (
-    Parts,
+from beamsim.system.reduced_model import (
+    ReducedModel,
     determined,
     gravity_loads,
     output_direction,
@@ -28,7 +28,7 @@ from beamsim.typing import Floats
 
 
 def output_channels(
-    parts: Parts,
+    model: ReducedModel,
     recoveries: Sequence[Recovery],
     contact_sites: Sequence[Site],
     contacts: Contacts,
@@ -38,7 +38,7 @@ def output_channels(
 
     Parameters
     ----------
-    parts : of the scenario.
+    model : of the scenario.
     recoveries : of the bodies, with stations at `output_sites`.
     contact_sites : (m,) where the contacts act.
     contacts, forcing : of the system.
@@ -52,13 +52,13 @@ def output_channels(
     ScenarioError
         Where an output asks for what its place or joint has not.
     """
-    asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
-    return tuple(asked.channel(path, output) for path, output in parts.scenario.requested_outputs)
+    asked = _Asked(model, recoveries, contact_sites, contacts, forcing)
+    return tuple(asked.channel(path, output) for path, output in model.scenario.requested_outputs)
 
 
-def output_sites(parts: Parts) -> list[Site]:
+def output_sites(model: ReducedModel) -> list[Site]:
     """Places at which moments are asked for."""
-    return [site_in(parts.scenario, each) for _, each in parts.scenario.requested_outputs if each.kind in _BENDING]
+    return [site_in(model.scenario, each) for _, each in model.scenario.requested_outputs if each.kind in _BENDING]
 
 
 _BY_ORDER = ("displacement", "velocity", "acceleration")  # by the order of their time derivative
@@ -72,7 +72,7 @@ ROUND_OFF = 1e-14  # of the largest eigenvalue of an energy: smaller ones are le
 class _Asked:
     """What the outputs of one scenario share."""
 
-    parts: Parts
+    model: ReducedModel
     recoveries: Sequence[Recovery]
     contact_sites: Sequence[Site]
     contacts: Contacts
@@ -81,23 +81,23 @@ class _Asked:
     @cached_property
     def supports(self) -> tuple[Support, ...]:
         """All of the structure."""
-        return supports_of(self.parts.structure)
+        return supports_of(self.model.structure)
 
     @cached_property
     def force_sites(self) -> list[LoadSite]:
         """Where the forces of the excitation act, in the order of the signals; none of base motion."""
-        return [load_site_in(self.parts.scenario, force.applied_to) for _, force in self.parts.acting.forces]
+        return [load_site_in(self.model.scenario, force.applied_to) for _, force in self.model.acting.forces]
 
     @cached_property
     def cubic_sites(self) -> list[Site]:
         """Where cubic springs act."""
-        return [snubber_site(s) for s in self.parts.scenario.nonlinear_springs if s.item.kind == "cubic"]
+        return [snubber_site(s) for s in self.model.scenario.nonlinear_springs if s.item.kind == "cubic"]
 
     @cached_property
     def sizes(self) -> Sizes:
         """Of what channels are made of."""
         return Sizes(
-            self.parts.basis.size, len(self.contact_sites), len(self.forcing.signal), len(self.cubic_sites)
+            self.model.basis.size, len(self.contact_sites), len(self.forcing.signal), len(self.cubic_sites)
         )  # fmt: skip
 
     def channel(self, path: Path, output: Any) -> Channel:
@@ -111,39 +111,39 @@ class _Asked:
             return self._energy(output)
         if kind == "recovered":
             return self._recovered(output)
-        place = site_in(self.parts.scenario, output)
+        place = site_in(self.model.scenario, output)
         assert isinstance(place, Place)
         if kind in _BENDING:
             return self._bending(output, place)
         if kind == "rotation":
             place = replace(place, direction=SLOPE)
-        shape: Any = self.parts.shapes([place])
-        motion = self.parts.base or UPWARDS
-        moved = self.parts.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
+        shape: Any = self.model.shapes([place])
+        motion = self.model.base or UPWARDS
+        moved = self.model.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
-        for each in self.parts.moved:  # what moves with a support has its motion beside that of free dofs
-            load[0, self.parts.acting.signals[each.path, quantity]] = each.support.direct(place)
+        for each in self.model.moving_supports:  # what moves with a support has its motion beside that of free dofs
+            load[0, self.model.acting.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
     def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
-        rows, unit = self.sizes.rows(count, **given), self.parts.scenario.output_unit(output)
+        rows, unit = self.sizes.rows(count, **given), self.model.scenario.output_unit(output)
         return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
 
     def _recovered(self, output: Any) -> Channel:
-        name = output.body or self.parts.scenario.default_body
-        structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
-        member, motion = structure.member(name), self.parts.base or UPWARDS
+        name = output.body or self.model.scenario.default_body
+        structure, names = self.model.structure, self.model.scenario.all_bodies[name].recovered_rows
+        member, motion = structure.member(name), self.model.base or UPWARDS
         row = member.body.recovery_row(names.index(output.row), _BY_ORDER.index(output.motion))
         on_dofs = (row @ member.body.on_all_dofs) @ member.expansion
-        shape = on_dofs @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        shape = on_dofs @ self.model.basis.vectors / np.sqrt(structure.mass_scale)
         of_base = row @ member.body.rigid_motion(motion)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
-        for each in self.parts.moved:
+        for each in self.model.moving_supports:
             field = each.support.motion.fields.get(name)
             if field is not None:
-                load[0, self.parts.acting.signals[each.path, output.motion]] = row @ field
+                load[0, self.model.acting.signals[each.path, output.motion]] = row @ field
         return self._channel(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> Channel:
@@ -166,7 +166,7 @@ class _Asked:
         moment = output.kind == "reaction_moment"
         if output.support == "base":
             return self._of_base(output)
-        body = output.body or self.parts.scenario.default_body
+        body = output.body or self.model.scenario.default_body
         held = supports_named(self.supports, body, output.support, (*path, "support"))
         direction = output.direction or ("ry" if moment else DEFLECTION)
         directions = (direction, SLOPE) if moment and output.direction is None else (direction,)
@@ -188,8 +188,8 @@ class _Asked:
 
     def _of_base(self, output: Any) -> Channel:
         """All supports and joints that move with the base, and the contacts on it, by their work along its motion."""
-        structure = self.parts.structure
-        base = output_direction(self.parts.scenario, output)
+        structure = self.model.structure
+        base = output_direction(self.model.scenario, output)
         supports = self.supports if base == UPWARDS else supports_of(structure, base)
         holding = [(each.base_motion, each) for each in supports if each.on_base and each.base_motion]
         about = f"base about {point_of(output.about)[:2]} m" if base.direction in ROTATIONS else "base"
@@ -199,13 +199,13 @@ class _Asked:
             for site, ground in zip(self.contact_sites, self.contacts.on_ground, strict=True)
         ]
         rows = channel.rows.copy()
-        rows[:, self.sizes.parts["contact"]] += np.array(levers) * self.contacts.sign
+        rows[:, self.sizes.slices["contact"]] += np.array(levers) * self.contacts.sign
         return replace(channel, rows=rows)
 
     def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> Channel:
         """The sum of the forces of supports, each with a factor."""
-        scenario, structure = self.parts.scenario, self.parts.structure
-        vectors = self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        scenario, structure = self.model.scenario, self.model.structure
+        vectors = self.model.basis.vectors / np.sqrt(structure.mass_scale)
 
         def total(of: Callable[[Support], Any]) -> Any:
             return sum((factor * of(force) for factor, force in supports), 0.0)
@@ -218,15 +218,15 @@ class _Asked:
 
         if not supports:
             return self._channel(output, at)
-        moving = self.parts.base or UPWARDS
+        moving = self.model.base or UPWARDS
         base, displaced = total(lambda force: force.base_forces(moving))
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
             weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
-        load, acting, number = np.zeros(len(self.forcing.signal)), self.parts.acting, self.parts.acting.signals
+        load, acting, number = np.zeros(len(self.forcing.signal)), self.model.acting, self.model.acting.signals
         for site, (path, _) in zip(self.force_sites, acting.forces, strict=True):
             load[number[path, "force"]] = -share(site)
-        for moved in self.parts.moved:
+        for moved in self.model.moving_supports:
             forces = total(partial(Support.moved, other=moved.support))
             for quantity, force in zip(("displacement", "acceleration", "velocity"), forces, strict=True):
                 load[number[moved.path, quantity]] = force
@@ -246,10 +246,10 @@ class _Asked:
 
     def _energy(self, output: Any) -> Channel:
         """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
-        member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
+        member = self.model.structure.member(output.body or self.model.scenario.default_body)
         body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
-        fields = (member.expansion @ self.parts.basis.vectors) / np.sqrt(whole.mass_scale)
-        moved = [each.support for each in self.parts.moved]
+        fields = (member.expansion @ self.model.basis.vectors) / np.sqrt(whole.mass_scale)
+        moved = [each.support for each in self.model.moving_supports]
         part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
         n = fields.shape[1]
         form = np.zeros((n + len(moved), n + len(moved)))
@@ -270,6 +270,6 @@ class _Asked:
         rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scale
         quantity = "velocity" if kinetic else "displacement"
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))
-        for k, each in enumerate(self.parts.moved):
-            load[:, self.parts.acting.signals[each.path, quantity]] = rows[:, n + k]
+        for k, each in enumerate(self.model.moving_supports):
+            load[:, self.model.acting.signals[each.path, quantity]] = rows[:, n + k]
         return self._channel(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})

@@ -49,7 +49,7 @@ from beamsim.system.equations import (
     Sizes,
     StateEquations,
 )
-from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads
+from beamsim.system.reduced_model import ReducedModel, base_direction, force_sites, gravity_loads
 from beamsim.typing import Floats, Ints
 
 DIFFERENT = 1.3  # factor between damping ratios that are told apart
@@ -204,7 +204,7 @@ class StructuralSystem:
     which is 1 on every deflection where it moves upwards.
     """
 
-    parts: Parts  # the reduced structure
+    model: ReducedModel  # the reduced structure
     as_built: PiecewiseLinearSystem  # ``dynamics`` of the scenario, of which an analysis may leave out damping or loads
     dynamics: PiecewiseLinearSystem
     forcing: Forcing
@@ -238,10 +238,10 @@ class StructuralSystem:
     stress: StressRows | None = field(init=False)  # bending stress along the bodies; None where no body gives one
 
     def __post_init__(self) -> None:
-        moving, none = self.base_acceleration is not None, np.zeros((0, self.parts.basis.size))
-        self.scenario, self.kept_modes = self.parts.scenario, self.parts.basis.modes
+        moving, none = self.base_acceleration is not None, np.zeros((0, self.model.basis.size))
+        self.scenario, self.kept_modes = self.model.scenario, self.model.basis.modes
         self.base_influence = np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
-        self.open_frequencies_hz = self.parts.omega / (2 * np.pi)
+        self.open_frequencies_hz = self.model.omega / (2 * np.pi)
         self.stations = Stations.of_recoveries(self.bodies)
         self.deflection = np.vstack([none, *(body.deflection for body in self.bodies)])
         self.stress = stress_rows(self.bodies)
@@ -250,19 +250,19 @@ class StructuralSystem:
     def modes(self) -> Dataset:
         """Natural frequencies, damping and accuracy, a dataset of results: they take longer than the rest."""
         at_rest = self.static_equilibrium if self.cubic is None else None
-        return modes_of(self.parts, self.as_built, self.stops, at_rest, self.stations, self.deflection)
+        return modes_of(self.model, self.as_built, self.stops, at_rest, self.stations, self.deflection)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks, and doubts that follow from `modes`."""
-        return (*self.remarks, *doubts(self.scenario, self.modes), *self.scenario.questions(_usual_sizes(self)))
+        """Remarks, and warnings that follow from `modes`."""
+        return (*self.remarks, *model_warnings(self.scenario, self.modes), *self.scenario.questions(_usual_sizes(self)))
 
     @cached_property
     def closed_frequencies_hz(self) -> Floats:
         """(n,) natural frequencies with every snubber closed."""
         phases = np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
         stopped = replace(self.as_built, contacts=self.stops)
-        return undamped_modes(stopped, phases, self.parts.basis.rigid)[0] / (2 * np.pi)
+        return undamped_modes(stopped, phases, self.model.basis.rigid)[0] / (2 * np.pi)
 
     @cached_property
     def jumping_forces(self) -> tuple[JumpingForce, ...]:
@@ -287,7 +287,7 @@ class StructuralSystem:
         ]
         if self.springs:
             found += self._jumping_friction()
-        if self.parts.acting.forces:
+        if self.model.acting.forces:
             found += self._jumping_loads()
         return tuple(found)
 
@@ -300,7 +300,7 @@ class StructuralSystem:
                 yield JumpingForce(cause, contacts.shape[j], inverse_mass, contact=j)
 
     def _jumping_loads(self) -> Iterator[JumpingForce]:
-        scenario, acting = self.scenario, self.parts.acting
+        scenario, acting = self.scenario, self.model.acting
         for path, force in acting.forces:
             if getattr(force.applied_to, "places", ()):
                 number = acting.signals[path, "force"]
@@ -311,8 +311,8 @@ class StructuralSystem:
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
         motion = np.zeros((times.size, len(places)))
-        for each in self.parts.moved:
-            displacement = self.forcing.signal[self.parts.acting.signals[each.path, "displacement"]]
+        for each in self.model.moving_supports:
+            displacement = self.forcing.signal[self.model.acting.signals[each.path, "displacement"]]
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
         return motion
 
@@ -410,14 +410,14 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
 
 
 def modes_of(
-    parts: Parts, dynamics: PiecewiseLinearSystem, stops: Contacts, equilibrium: Floats | None, stations: Stations,
-    deflection: Floats,
+    model: ReducedModel, dynamics: PiecewiseLinearSystem, stops: Contacts, equilibrium: Floats | None,
+    stations: Stations, deflection: Floats,
 ) -> Dataset:  # fmt: skip
     """What a result says of its model: natural frequencies, damping and accuracy.
 
     Parameters
     ----------
-    parts : the reduced structure.
+    model : the reduced structure.
     dynamics : the structure and all its contacts.
     stops : those that are snubbers, which alone are open and closed.
     equilibrium : (n,) coordinates at rest; None where that is not known, or not linear.
@@ -428,9 +428,9 @@ def modes_of(
     Dataset
         Of the layout `MODES`.
     """
-    basis, structure, contacts = parts.basis, parts.structure, dynamics.contacts
-    omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
-    bound = receptance_bound(structure, basis, parts.damping, _loads(parts), structure.rows(parts.probe_sites), omega)
+    basis, structure, contacts = model.basis, model.structure, dynamics.contacts
+    omega = [2 * np.pi * frequency for frequency in model.scenario.excitation.frequencies_hz]
+    bound = receptance_bound(structure, basis, model.damping, _loads(model), structure.rows(model.probe_sites), omega)
     # the arrays of all contacts are those that the motion needs, too
     stopped = dynamics if contacts.count == stops.count else replace(dynamics, contacts=stops)
     opened = damped_modes(stopped, stops.start, basis.rigid)[1]
@@ -443,14 +443,14 @@ def modes_of(
             resting, of_resting = damped_modes(dynamics, phases, basis.rigid)
     values: dict[str, Any] = {
         "mode": 1 + np.arange(basis.size),
-        "open_frequencies_hz": parts.omega / (2 * np.pi),
+        "open_frequencies_hz": model.omega / (2 * np.pi),
         "closed_frequencies_hz": closed / (2 * np.pi),
         "damping_ratios": opened,
         "closed_damping_ratios": of_closed,
         "resting_frequencies_hz": None if resting is None else resting / (2 * np.pi),
         "resting_damping_ratios": of_resting,
         "kept_modes": basis.modes,
-        "coordinates": None if parts.scenario.has_mesh else structure.size,
+        "coordinates": None if model.scenario.has_mesh else structure.size,
         "static_vectors": basis.size - basis.modes,
         "highest_frequency_hz": basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         "reduction_bound": bound.loads,
@@ -458,7 +458,7 @@ def modes_of(
         "shapes": deflection.T,
     }
     values |= stations.columns()
-    snubbers = parts.scenario.located_snubbers
+    snubbers = model.scenario.located_snubbers
     if snubbers:
         values |= _dashpots(snubbers, contacts)
     if len(structure.members) > 1:
@@ -480,15 +480,15 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Float
     return {"kinetic_energy_share": np.array(kinetic), "strain_energy_share": np.array(strain)}
 
 
-def _loads(parts: Parts) -> Floats:
+def _loads(model: ReducedModel) -> Floats:
     """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
-    scenario, structure = parts.scenario, parts.structure
-    rows = structure.rows([*parts.snubber_sites, *parts.spring_sites, *force_sites(scenario)])
+    scenario, structure = model.scenario, model.structure
+    rows = structure.rows([*model.snubber_sites, *model.spring_sites, *force_sites(scenario)])
     moving = base_direction(scenario)
     directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
     if moving is not None:
         directions = {moving: None} | directions
-    moved = [each.pattern(structure).vector for each in parts.moved]
+    moved = [each.pattern(structure).vector for each in model.moving_supports]
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
@@ -504,7 +504,7 @@ FARTHEST_MODE = 100.0
 DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, over its size, of which a warning tells
 
 
-def doubts(scenario: Scenario, modes: Dataset) -> list[str]:
+def model_warnings(scenario: Scenario, modes: Dataset) -> list[str]:
     """Warnings that follow from the modes.
 
     They are of stops without effect, of an excited structure without damping, of an inaccurate reduced model and of
@@ -531,7 +531,7 @@ def _usual_sizes(system: StructuralSystem) -> UsualSizes:
     period = float(1.0 / elastic[0]) if elastic.size else None
     stiffness: dict[Path, float] = {}
     if elastic.size == system.open_frequencies_hz.size:
-        compliance = np.sum((system.stops.shape / system.parts.omega) ** 2, axis=1)
+        compliance = np.sum((system.stops.shape / system.model.omega) ** 2, axis=1)
         located = system.scenario.located_snubbers
         stiffness = {at.path: 1.0 / c for at, c in zip(located, compliance.tolist(), strict=True) if c > 0.0}
     return {"period": lambda *_: period, "structure": lambda _, path: stiffness.get(path)}

@@ -59,7 +59,7 @@ from beamsim.signals.lines import WORTH_LISTING, bins_around
 from beamsim.signals.records import LOBE, MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
     COMPARISON,

@@ -42,7 +42,7 @@ from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import SensitiveParameter
 from beamsim.scenario.studies import Value, tolerances_of
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.trust.convergence import COMPARISON, doubt_about
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run

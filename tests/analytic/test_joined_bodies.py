@@ -11,7 +11,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from beamsim.structures.assembly import assemble
 from beamsim.system.build import build_system
-from beamsim.system.parts import reduced_parts
+from beamsim.system.reduced_model import build_reduced_model
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
 EI, MASS = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
@@ -379,4 +379,4 @@ def test_energies_of_modes_are_those_of_the_bodies_and_of_the_springs_between(sp
 
 
 def reduced_basis(case):
-    return reduced_parts(load_scenario(case)).basis.vectors
+    return build_reduced_model(load_scenario(case)).basis.vectors

@@ -63,7 +63,7 @@ def motion(excitation, **run):
     scenario = load_scenario({**HIT, "excitation": excitation, "run": {**HIT["run"], **run}})
     system = build_system(scenario)
     flow = exact_flow(system, scenario.run.duration)
-    return simulate(flow, system.initial_state), system.channels.only(lambda each: each.squared)
+    return simulate(flow, system.initial_state), system.channels.select(lambda each: each.squared)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from beamsim.structures.places import UPWARDS
 from beamsim.system.build import build_system
-from beamsim.system.parts import reduced_parts
+from beamsim.system.reduced_model import build_reduced_model
 from tests.helpers.observed import rows
 from tests.helpers.spectra import spectrum_of
 
@@ -115,7 +115,7 @@ def test_sum_of_reactions_is_inertia_and_loads_with_contact():
     push = {
         name: sign * result["histories"]["snubber_force"].sel(snubber=name).values[:] for name, sign in pushed.items()
     }
-    parts, system = reduced_parts(scenario), build_system(scenario)
+    parts, system = build_reduced_model(scenario), build_system(scenario)
     flow = exact_flow(system, 0.2)
     trajectory = simulate(flow, system.initial_state)
     inertia = trajectory.sample(

@@ -92,8 +92,8 @@ OF_PLACES = {
     ),
     "places of outputs are left out": (
         "beamsim/system/outputs.py",
-        "        place = site_in(self.parts.scenario, output)\n",
-        "        place = site_in(self.parts.scenario, output)\n"
+        "        place = site_in(self.model.scenario, output)\n",
+        "        place = site_in(self.model.scenario, output)\n"
         "        place = replace(place, point=getattr(output.place.position, 'value', place.point))\n",
     ),
     "positions y of a table are shares of the length": (

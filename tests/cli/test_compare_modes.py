@@ -12,7 +12,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.universal import Source, record_55, write_uff
 from beamsim.structures.places import Place
-from beamsim.system.parts import reduced_parts
+from beamsim.system.reduced_model import build_reduced_model
 from tests.helpers.commands import invoke
 from tests.helpers.universal_files import nodes_2411, shapes_55, units
 
@@ -44,8 +44,8 @@ def call(*arguments):
 
 
 def own_shapes(text, places):
-    parts = reduced_parts(load_scenario(text))
-    return parts.omega / (2 * np.pi), parts.shapes(places)
+    model = build_reduced_model(load_scenario(text))
+    return model.omega / (2 * np.pi), model.shapes(places)
 
 
 def test_nodes_of_no_body_are_refused(tmp_path):

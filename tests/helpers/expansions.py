@@ -74,7 +74,7 @@ def steady(resonant: ResonantForcing, sigma: float) -> tuple[SteadyMotion, ...]:
         return float(a * abs(resonant.backbone(a) - sigma) - F)
 
     # far below and far above every gap the backbone is flat, so beyond these amplitudes excess has one sign
-    c = resonant.system.contacts.one_sided_parts()
+    c = resonant.system.contacts.one_sided_springs()
     with np.errstate(divide="ignore"):
         reach = np.where(c.shape[:, resonant.mode] != 0, np.abs(resonant.gap / c.shape[:, resonant.mode]), 0.0)
     near = float(np.max(reach[np.isfinite(reach)], initial=0.0))

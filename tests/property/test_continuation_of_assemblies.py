@@ -36,7 +36,7 @@ def followed(data, along):
 def rows_of(system, section=""):
     """Linear rows of the channels, of all sections or of one; stresses have stations, and are left out."""
     wanted = lambda channel: channel.quantity != "bending_stress" and section in ("", channel.section)  # noqa: E731
-    return system.channels.only(wanted).linear
+    return system.channels.select(wanted).linear
 
 
 def responses(system, speed, section=""):
@@ -48,7 +48,7 @@ def responses(system, speed, section=""):
     exciting = signals @ forcing.load
     loads = np.vstack([contacts.sign[:, None] * contacts.shape, dynamics.constant_load, exciting]).T
     q = np.linalg.solve(np.diag(dynamics.stiffness - speed**2) + iw * dynamics.damping, loads)
-    of = {name: rows[:, columns] for name, columns in system.channels.sizes.parts.items()}
+    of = {name: rows[:, columns] for name, columns in system.channels.sizes.slices.items()}
     found = of["displacement"] @ q + iw * (of["velocity"] @ q) - speed**2 * (of["acceleration"] @ q)
     found[:, -1] += of["load"] @ signals
     if system.base_acceleration is not None:  # the signals of the base are the last ones

@@ -48,22 +48,22 @@ def test_parts_together_have_every_event_once(motion, seed):
     """Of segments in a row, those between two parts apart; also where segments of no length are left out."""
     cuts = np.unique(np.random.default_rng(seed).integers(1, motion.time.size, 4))
     edges = [0, *cuts.tolist(), motion.time.size]
-    parts = [motion.only(slice(a, b)) for a, b in pairwise(edges)]
+    parts = [motion.select(slice(a, b)) for a, b in pairwise(edges)]
     inside = sum(part.event_time.size for part in parts)
     between = sum(motion.state[cut] != motion.state[cut - 1] for cut in cuts.tolist())
     assert inside + between == motion.event_time.size
     assert parts[0].end == motion.time[cuts[0]]
     np.testing.assert_array_equal(parts[0].final_y, motion.y[cuts[0]])
-    lasting = motion.only(np.flatnonzero(motion.length > 0.0))
+    lasting = motion.select(np.flatnonzero(motion.length > 0.0))
     assert lasting.time.size < motion.time.size
     np.testing.assert_array_equal(lasting.event_time, motion.event_time)
 
 
 def test_every_event_leads_to_a_segment_in_its_phase(motion):
-    begun = motion.only(slice(0, motion.time.size))
+    begun = motion.select(slice(0, motion.time.size))
     assert begun.event_time.size == motion.event_time.size
     for k in range(1, motion.time.size):
-        pair = motion.only(slice(k - 1, k + 1))
+        pair = motion.select(slice(k - 1, k + 1))
         assert pair.event_time.size == int(motion.state[k] != motion.state[k - 1])
         after = motion.phases[k]
         np.testing.assert_array_equal(after[pair.event_contact], pair.event_phase)
@@ -74,7 +74,7 @@ def test_nothing_is_known_outside(motion):
     for outside in (part.time[0] - 1e-6, 7.0 + 1e-6):
         with pytest.raises(ValueError, match="is not known at"):
             part.states_at(np.array([outside]))
-    gap = motion.only(np.array([0, motion.time.size - 1]))
+    gap = motion.select(np.array([0, motion.time.size - 1]))
     with pytest.raises(ValueError, match="is not known at"):
         gap.states_at(np.array([0.5 * motion.end]))
     with pytest.raises(ValueError, match="is not known at"):

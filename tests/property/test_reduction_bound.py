@@ -13,7 +13,7 @@ from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import UPWARDS
 from beamsim.structures.reduction import LeftOut, frequency_beyond, receptance_bound
 from beamsim.system.build import build_system
-from beamsim.system.parts import reduced_parts
+from beamsim.system.reduced_model import build_reduced_model
 
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 7e10, "density": 2700}
 UNDAMPED = {"kind": "modal", "ratio": 0.0}
@@ -68,7 +68,7 @@ def chains(draw):
 
 def truncation(case):
     """What is left out of the responses at contacts and to the inertia load, and at probes."""
-    parts = reduced_parts(load_scenario(json.dumps(case)))
+    parts = build_reduced_model(load_scenario(json.dumps(case)))
     structure = parts.structure
     loads = np.vstack([structure.rows(parts.snubber_sites), structure.base_load(UPWARDS)[0]])
     places = np.vstack([loads, structure.rows(parts.probe_sites)])
@@ -215,10 +215,10 @@ def test_between_two_bodies_errors_add_up():
     }
     ends = [{"body": "a", "position": 1.0}, {"body": "b", "position": 0.7}]
     between = {**panels, "snubbers": [{"name": "s", "between": ends, "stiffness": 1e5, "gap": 1e-3}]}
-    parts = reduced_parts(load_scenario(json.dumps(between)))
+    parts = build_reduced_model(load_scenario(json.dumps(between)))
     loads = parts.structure.rows(parts.snubber_sites)
     bound = receptance_bound(parts.structure, parts.basis, parts.damping, loads, loads[:0]).loads
-    full = reduced_parts(load_scenario(json.dumps({**between, "reduction": {"modes": "all"}})))
+    full = build_reduced_model(load_scenario(json.dumps({**between, "reduction": {"modes": "all"}})))
     static = float(np.sum((loads @ full.basis.vectors) ** 2 / full.basis.omega**2))
     s = parts.basis.highest_frequency
     sizes = [float(np.sum((loads @ p.basis.vectors) ** 2 / (p.basis.omega**2 - s**2))) for p in (full, parts)]

@@ -18,7 +18,7 @@ from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
 from beamsim.flow.channels import channel_values
 from beamsim.scenario import load_scenario
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from tests.helpers.tables import estimates, fitted_tests
 
 SPRING = (2 * np.pi * 10.0) ** 2

@@ -206,8 +206,8 @@ def repeats_to(system, state, period):
 
 def parts_of_rows(system):
     """The rows of the channels of a system without bending, by part."""
-    channels = system.channels.only(lambda channel: channel.quantity not in ("bending_stress", "bending_moment"))
-    return {name: channels.sizes.part(channels.linear, name) for name in channels.sizes.parts}
+    channels = system.channels.select(lambda channel: channel.quantity not in ("bending_stress", "bending_moment"))
+    return {name: channels.sizes.part(channels.linear, name) for name in channels.sizes.slices}
 
 
 @pytest.mark.parametrize(("key", "value"), [(POSITION, 0.26), (GAP, -2e-5), (STIFFNESS, 9e4)])

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.quick
 def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
     law = piecewise_linear([-0.5, 0.2, 0.9], [4.0, 1.0, 3.0, 2.5], 1)
     one = Contacts(np.ones((1, 1)), np.array([-1.0]), np.zeros(1), np.array([False]), (law,))
-    parts = one.one_sided_parts()
+    parts = one.one_sided_springs()
     assert one.one_sided
     assert parts.count == 3
     x = np.linspace(-1.5, 1.5, 301)[:, None]
@@ -46,4 +46,4 @@ def test_phases_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="not a sum"):
         Contacts(
             np.ones((1, 1)), np.ones(1), np.zeros(1), np.array([False]), (hardening_law(9.0, 1.0, 2.0),)
-        ).one_sided_parts()
+        ).one_sided_springs()

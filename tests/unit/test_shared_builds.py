@@ -2,7 +2,7 @@
 
 import pytest
 
-from beamsim.system.parts import MOST_KEPT, SharedBuilds
+from beamsim.system.reduced_model import MOST_KEPT, SharedBuilds
 
 pytestmark = pytest.mark.quick
 

@@ -37,7 +37,7 @@ from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
 from beamsim.summaries import Entry, Number, list_of, record
 from beamsim.system.build import build_system
-from beamsim.system.parts import reduced_parts
+from beamsim.system.reduced_model import build_reduced_model
 from beamsim.typing import Complexes, Floats, Ints
 
 _MEASURED, _PREDICTED = ("measured",), ("predicted",)
@@ -182,18 +182,18 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
         sites.append(site_in(scenario, place))
     if scenario.reduction is None:
         scenario = scenario.model_copy(update={"reduction": Reduction(highest_frequency=highest)})
-        if reduced_parts(scenario).basis.modes < least:
+        if build_reduced_model(scenario).basis.modes < least:
             scenario = scenario.model_copy(update={"reduction": Reduction(modes=least)})
-    parts = reduced_parts(scenario)
+    model = build_reduced_model(scenario)
     try:
-        shapes = parts.shapes(sites)
+        shapes = model.shapes(sites)
     except ValueError as error:
         raise _wrong(measured.source, f"names a place that the structure does not have: {error}", "") from None
-    omega = parts.omega[: parts.basis.modes]
+    omega = model.omega[: model.basis.modes]
     if closed:
-        contacts, count = build_system(scenario).dynamics.contacts, len(parts.snubber_sites)
+        contacts, count = build_system(scenario).dynamics.contacts, len(model.snubber_sites)
         omega, modes = closed_modes(
-            parts.omega, contacts.shape[:count], contacts.quasi_static[0][:count], parts.basis.rigid
+            model.omega, contacts.shape[:count], contacts.quasi_static[0][:count], model.basis.rigid
         )
         shapes = shapes @ modes
     frequencies = omega / (2 * np.pi)

@@ -60,7 +60,7 @@ from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.validation_errors import describe
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -336,7 +336,7 @@ class Transient(Test):
         """
         delay, motion = 0.0 if near is None else near.delay, prediction.motion
         channels = prediction.system.channels.of_keys(("probes", self.quantity))
-        channels = channels.only(lambda channel: channel.name == self.probe)
+        channels = channels.select(lambda channel: channel.name == self.probe)
 
         def values(late: float) -> Floats:
             times = self.time + late

@@ -78,7 +78,7 @@ from beamsim.scenario.run import Reduction
 from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.typing import Complexes, Floats, not_none, of_kind
 
 HIGHEST_PASS = 0.2  # of a steady test's frequency: a high-pass filter takes up to 0.07 % of the first harmonic
@@ -683,7 +683,7 @@ class SteadyVibration(Prediction):
         omega = 2 * np.pi / period * np.arange(1.0, count + 1.0)
         if quantity == "absolute_displacement":
             return self.harmonics(probe, "absolute_acceleration", count) / -(omega**2)
-        channel = self.system.channels.of_keys(("probes", quantity)).only(lambda each: each.name == name)
+        channel = self.system.channels.of_keys(("probes", quantity)).select(lambda each: each.name == name)
         output_of = outputs_of(exact, channel.linear)
         # Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
         return np.asarray(2j / period * self.motion.fourier_integrals(output_of, omega)[0])

@@ -61,7 +61,7 @@ from beamsim.scenario.run import OrbitStart, Reduction, Run, StressLife
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
-from beamsim.system.parts import Acting, SharedBuilds
+from beamsim.system.reduced_model import Acting, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 

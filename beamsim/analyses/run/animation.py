@@ -17,7 +17,7 @@ from beamsim.responses.histories import between_samples
 from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, not_none, of_kind
 
@@ -43,7 +43,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     """
     settings, system = not_none(result.scenario.run), model
     if isinstance(settings.start, OrbitStart):
-        shared = SharedBuilds() if model is None else model.parts.shared
+        shared = SharedBuilds() if model is None else model.model.shared
         _, system = built_at_orbit(result.scenario, shared)
     system = system or build_system(result.scenario)
     times, slow = instants(result)

@@ -185,7 +185,7 @@ class LocalExtremes:
     def output(self, row: int, segment: int, time: float) -> Floats:
         """(3,) a channel on a segment, its rate and the rate of that."""
         motion, flow, values = self.motion, self.motion.flow, np.empty(3)
-        phases, part = flow.states[motion.state[segment]].phases, motion.only(slice(segment, segment + 1))
+        phases, part = flow.states[motion.state[segment]].phases, motion.select(slice(segment, segment + 1))
         factors, rates = self.outputs.outputs(self.output_of, phases)[row], self.outputs.rates(phases)
         inputs, y = flow.inputs_at(np.array([time]), 3, part.time)[0], part.states_at(np.array([time]))[0]
         for order in range(3):

@@ -262,7 +262,7 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
     segments = np.arange(touching.size) if contacts.states[contact] else np.flatnonzero(touching)
     out = np.zeros((touching.size, 3))
     if segments.size:
-        out[segments] = trajectory.only(segments).segment_integrals(*_factors(trajectory.flow, contact))
+        out[segments] = trajectory.select(segments).segment_integrals(*_factors(trajectory.flow, contact))
     return out
 
 

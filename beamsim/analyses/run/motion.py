@@ -128,7 +128,7 @@ class Needed:
         """The channels whose extremes some entries take; warnings need those of probes and snubbers in any case."""
         entries = not_none(self.entries) | ({STRESS_ENTRIES[0]} if self.has(*STRESS_ENTRIES) else set())
         values = [value for value in VALUES if value.section in ALWAYS_THERE or value.entry in entries]
-        return channels.only(lambda each: each.key == PENETRATION or any(value.takes(each) for value in values))
+        return channels.select(lambda each: each.key == PENETRATION or any(value.takes(each) for value in values))
 
 
 EVERYTHING = Needed()
@@ -540,7 +540,7 @@ class ChunkValues:
         """As much of the next chunk as is evaluated in `KEPT_S`, and its values."""
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
-            part = chunk.only(slice(0, segments))
+            part = chunk.select(slice(0, segments))
             found = self.computed(part)
             if segments >= chunk.time.size or processor_time() - begin > KEPT_S:
                 return part, found

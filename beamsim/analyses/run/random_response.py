@@ -59,7 +59,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
-from beamsim.system.parts import Acting
+from beamsim.system.reduced_model import Acting
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, not_none
 

@@ -41,7 +41,7 @@ from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet
-from beamsim.system.parts import Parts, SharedBuilds
+from beamsim.system.reduced_model import ReducedModel, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
@@ -269,7 +269,7 @@ def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: 
 
 def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
     """The channels of values; energies have none."""
-    return searched(system.channels, chosen).only(lambda channel: not channel.squared)
+    return searched(system.channels, chosen).select(lambda channel: not channel.squared)
 
 
 def _varied(
@@ -283,14 +283,14 @@ def _varied(
     chosen : values of whose channels there are rows.
     number : from the scenario.
     """
-    shared = system.parts.shared
+    shared = system.model.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
     step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
     starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
     for side in SIDES:
         built, flow = _beside(scenario, own.flow, number, side * step, shared)
-        outputs = FlowOutputs(flow, _turn(system.parts, built.parts), own.flow)
+        outputs = FlowOutputs(flow, _turn(system.model, built.model), own.flow)
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
     both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
@@ -340,7 +340,7 @@ def _turned(flow: ExactFlow, other: ExactFlow) -> float:
     return float(faster.max() * own.start.max() + np.abs(own.exponent).max() * later.max())
 
 
-def _turn(own: Parts, other: Parts) -> Floats:
+def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
     """(n, n) orthogonal: the coordinates of a system for a unit of each of one beside it.
 
     Those whose frequencies are far apart stay apart: turned into one another by round-off, the stiffness of the higher

@@ -92,14 +92,14 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
 
     A support moves with the base and against it.
     """
-    of_base, parts = system.base_acceleration, system.parts
+    of_base, model = system.base_acceleration, system.model
     if of_base is not None:
         yield ("input", "acceleration"), [(1.0, of_base)]
-    supports = supports_of(parts.structure, parts.base or UPWARDS)
+    supports = supports_of(model.structure, model.base or UPWARDS)
     levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
     moving: dict[str, list[tuple[float, Pieces]]] = {}
-    for moved in parts.moved:
-        support, own = moved.support, system.forcing.signal[parts.acting.signals[moved.path, "acceleration"]]
+    for moved in model.moving_supports:
+        support, own = moved.support, system.forcing.signal[model.acting.signals[moved.path, "acceleration"]]
         at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
         if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
             with_base = [(lever, of_base)] if of_base is not None and lever else []

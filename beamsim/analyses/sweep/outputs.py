@@ -101,7 +101,7 @@ class SweepLevel:
         def wanted(channel: Channel) -> bool:
             return channel.key in asked or (channel.section == "outputs" and not channel.squared)
 
-        return self.system.channels.only(wanted)
+        return self.system.channels.select(wanted)
 
     def rows(self, template: ExactFlow) -> RowsOf:
         """All columns by the phases of the contacts, written for a flow."""

@@ -86,7 +86,7 @@ class ResonantForcing:
         A spring that is closed for the angle :math:`2 \alpha`, :math:`\cos\alpha = g / (|\phi| a)`, adds
         :math:`(k + i \omega c) \phi^2 (\alpha - \sin\alpha \cos\alpha) / (2 \pi \omega)`.
         """
-        c, j = self.system.contacts.one_sided_parts(), self.mode
+        c, j = self.system.contacts.one_sided_springs(), self.mode
         reach = np.multiply.outer(amplitude, np.abs(c.shape[:, j]))
         cosine = np.clip(self.gap / np.maximum(reach, TINY), -1.0, 1.0)
         closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
@@ -116,7 +116,7 @@ class ResonantForcing:
         """(H + 1, n) harmonics of q_1 under ``Re(Q e^{i omega t}) e_j``, without the fundamental of mode j; the force
         at leading order, and the indicators of contact.
         """
-        system, c, j, H = self.system, self.system.contacts.one_sided_parts(), self.mode, self.harmonics
+        system, c, j, H = self.system, self.system.contacts.one_sided_springs(), self.mode, self.harmonics
         h = np.arange(H + 1)
         force = np.zeros((H + 1, system.size), dtype=complex)
         chi = []
@@ -192,7 +192,7 @@ class ResonantForcing:
 
     def _fundamental(self, Q: complex, omega: float, factor: float) -> complex:
         """Balance of the fundamental of mode j, over the factor, with first-order corrections elsewhere."""
-        system, c, j = self.system, self.system.contacts.one_sided_parts(), self.mode
+        system, c, j = self.system, self.system.contacts.one_sided_springs(), self.mode
         first, force, chi = self._first(Q, omega)
         R = (system.stiffness[j] - omega**2) * Q / factor + 1j * omega * system.damping[j, j] * Q - self.load[j]
         R -= force[1, j]

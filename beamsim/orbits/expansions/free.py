@@ -112,7 +112,7 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
     """(n,) static shape without springs, and the (m,) clearances of the one-sided springs there."""
     flexible = system.stiffness > 0
     rest = np.where(flexible, system.constant_load / np.where(flexible, system.stiffness, 1.0), 0.0)
-    c = system.contacts.one_sided_parts()
+    c = system.contacts.one_sided_springs()
     return rest, c.gap + c.sign * (c.shape @ rest)
 
 
@@ -121,7 +121,7 @@ def _springs_under(
 ) -> tuple[Floats, list[tuple[Complexes, Floats, float]]]:
     """(H + 1, n) harmonics of the springs' force under one mode, and of each spring the two-sided coefficients of its
     tangent, its row and its stiffness."""
-    c = system.contacts.one_sided_parts()
+    c = system.contacts.one_sided_springs()
     rest, gap = rest_clearances(system)
     force = np.zeros((H + 1, system.size))
     tangents: list[tuple[Complexes, Floats, float]] = []

@@ -80,7 +80,7 @@ class SharedBuilds:
 
 
 @dataclass(frozen=True)
-class Moved:
+class MovingSupport:
     """A support of the structure and what moves it."""
 
     path: Path
@@ -156,7 +156,7 @@ class Acting(NamedTuple):
         return {key: number for number, key in enumerate(named)}
 
 
-def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
+def moving_supports(scenario: Scenario, structure: Structure) -> list[MovingSupport]:
     """The supports that the excitation moves.
 
     Raises
@@ -166,12 +166,12 @@ def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
     """
     supports = supports_of(structure)
     return [
-        Moved(path, each, _moved_support(scenario, supports, path, each.applied_to))
+        MovingSupport(path, each, _driven_support(scenario, supports, path, each.applied_to))
         for path, each in Acting.of(scenario).supports
     ]
 
 
-def _moved_support(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
+def _driven_support(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
     path = (*path, "applied_to")
     directions = (moved.direction or DEFLECTION,)
     if moved.direction == "slope":
@@ -237,12 +237,12 @@ def determined(support: Support, path: Path, consequence: str) -> Support:
     return support
 
 
-def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) -> None:
+def check_places(moving: Sequence[MovingSupport], places: Sequence[tuple[Path, Site]]) -> None:
     """Refuse contacts and probes on what moves with a support: their motion is not that of a free point."""
     problems = []
     for path, site in places:
         ends = (site.first, site.second) if isinstance(site, Link) else (site,)
-        for each in moved:
+        for each in moving:
             if any(abs(each.support.direct(end)) > 1e-9 for end in ends):
                 where = path_text((*each.path, "applied_to"))
                 message = f"is at {site.label}, which moves with the support of {where}"
@@ -253,7 +253,7 @@ def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) ->
 
 
 @dataclass(eq=False)
-class Parts:
+class ReducedModel:
     """The structure of a scenario in reduced, mass-normalised coordinates."""
 
     scenario: Scenario
@@ -261,7 +261,7 @@ class Parts:
     basis: ReducedBasis
     shared: SharedBuilds
     acting: Acting
-    moved: tuple[Moved, ...] = ()  # supports that move
+    moving_supports: tuple[MovingSupport, ...] = ()  # supports that move
     base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
     omega: Floats = field(init=False)  # (n,) rad/s
     stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
@@ -302,7 +302,7 @@ class Parts:
         key, recovered = (self.basis, tuple(sites), self.base), self.structure.recoveries
         return self.shared.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
 
-    def levers(self, sites: Sequence[Site]) -> Floats:
+    def base_participations(self, sites: Sequence[Site]) -> Floats:
         """(k,) motion of places for a unit motion of the base; 1 of links, which do not feel it, and where it rests."""
         if self.base is None:
             return np.ones(len(sites))
@@ -329,7 +329,7 @@ class Parts:
                 at, body = (*path, "mounted_on", "support"), on.body or scenario.default_body
                 assert isinstance(site, Place)
                 supports_named(supports_of(self.structure), body, on.support, at)
-                for moved in self.moved:
+                for moved in self.moving_supports:
                     by = moved.support
                     if by.at is None and (by.body, by.name, by.direction) == (body, on.support, site.direction):
                         row[number[moved.path, "displacement"]] = -1.0
@@ -338,7 +338,9 @@ class Parts:
         return influence
 
 
-def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None) -> Parts:
+def build_reduced_model(
+    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
+) -> ReducedModel:
     """Assemble and reduce the structure of a scenario, with static vectors at further places.
 
     Parameters
@@ -349,7 +351,7 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
 
     Returns
     -------
-    Parts
+    ReducedModel
 
     Raises
     ------
@@ -363,7 +365,7 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     # a place in an element that ends at a support which moves would move with it
     nodes = (*_sensed(scenario, contacts), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
-    moved = moved_supports(scenario, structure) if driven else []
+    moving = moving_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs
@@ -374,19 +376,19 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
     key = (undamped, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
     basis = shared.once(
-        "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
+        "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moving), **asked)
     )
-    return Parts(scenario, structure, basis, shared, acting, tuple(moved))
+    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving))
 
 
 def _patterns(
-    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moved: Sequence[Moved]
+    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moving: Sequence[MovingSupport]
 ) -> list[LoadPattern]:
     """The loads whose static deflections a reduced model keeps."""
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     springs = [*structure.couplings, *(each for member in structure.members for each in member.body.end_springs)]
     patterns += [LoadPattern(structure.own_row(each.site), each) for each in springs if each.dashpot]
-    patterns += [each.pattern(structure) for each in moved]
+    patterns += [each.pattern(structure) for each in moving]
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 
