@@ -1892,7 +1892,7 @@ def _figure(entry: str, place: str) -> str:
     return f"{words} of {place}" if place and entry != "random" else f"{place} {''}".strip() or words
 
 
-@rule("statement", r"Not converged: (\d+) of (\d+) cases are not converged")
+@rule("statement", r"Not converged: (\d+) of (\d+) cases (?:is|are) not converged")
 def _cases_not_converged(facts, found):
     outcomes = facts.data["cases/outcome"]
     count = sum(str(x).startswith("not converged") for x in outcomes)

@@ -557,7 +557,8 @@ def _outcome(table: StudyTable) -> Outcome:
         known = [(k, of) for k, of in known if not holds(of)]
         if these:
             case, first = these[0]
-            sentence = f"{len(these)} of {total} cases {what}; the first is case {case + 1}: {first.outcome.text}"
+            predicate = what if len(these) > 1 else what.replace("are ", "is ")
+            sentence = f"{len(these)} of {total} cases {predicate}; the first is case {case + 1}: {first.outcome.text}"
             parts.append(Outcome.of(kind, code, sentence, count=len(these), cases=total, case=case + 1))
     return first_with_others(parts)
 
