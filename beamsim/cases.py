@@ -1,4 +1,4 @@
-"""Cases that are solved alike: what is asked of each and what came out, in batches. Who solves them is given."""
+"""Cases of a study and their outcomes, solved in batches by a function that the caller supplies."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def failed_case(case: Case, reason: str) -> CaseOutcome:
 
 
 class Ended(Exception):
-    """What was asked for is not all known; the block of the `Evaluator` ends."""
+    """Raised to leave the block of the `Evaluator` when not all requested cases could be solved."""
 
 
 class Evaluator:

@@ -527,16 +527,16 @@ class Layout:
         return Dataset(self.name, found)
 
 
-def _array_of(given: Any, kind: type) -> tuple[NDArray[Any], list[int]]:
+def _array_of(values: Any, kind: type) -> tuple[NDArray[Any], list[int]]:
     """An array of values of a type, text as objects, and the places, in C order, of integers, flags or texts not known.
 
     Values that are not known are given as None. A number is NaN there, an integer 0, a flag false, a text empty.
     """
-    if isinstance(given, np.ndarray) and kind is not str:
-        return given, []
+    if isinstance(values, np.ndarray) and kind is not str:
+        return values, []
     if kind is float:
-        return np.asarray(given, dtype=float), []
-    array = np.array(given, dtype=object)
+        return np.asarray(values, dtype=float), []
+    array = np.array(values, dtype=object)
     unknown = np.array([value is None for value in array.flat], dtype=bool).reshape(array.shape)
     if unknown.any():
         array[unknown] = kind()

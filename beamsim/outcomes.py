@@ -173,7 +173,7 @@ class ExitRule(NamedTuple):
     """What a result is worth whose outcome is of a kind."""
 
     exit_code: ExitCode
-    first_line: str = ""  # beside the title; empty where the comparison with a finer model says it
+    first_line: str = ""  # follows the title; empty where the comparison with a finer model states it
 
 
 EXIT_RULES = {
@@ -349,14 +349,14 @@ class Outcome:
 
     @property
     def text(self) -> str:
-        """What is said of it and of its parts; it begins with ``complete`` where nothing is incomplete or doubtful.
+        """Statements about it and its parts; the text begins with ``complete`` where nothing is incomplete or doubtful.
 
-        Parts that are complete are not called so: beside others that are not it would be read as of the whole.
+        Parts that are complete are not called so: next to incomplete ones, it would be read as of the whole.
         """
-        said = "; ".join(self.statements)
+        statements = "; ".join(self.statements)
         if self.kind is not OutcomeKind.COMPLETE or not self.complete:
-            return said
-        return f"complete{':' if self.message else ';'} {said}" if said else "complete"
+            return statements
+        return f"complete{':' if self.message else ';'} {statements}" if statements else "complete"
 
     @property
     def statements(self) -> tuple[str, ...]:
@@ -367,7 +367,7 @@ class Outcome:
 
     @property
     def of_part(self) -> str:
-        """What is said of a part of a result, such as a branch; the whole may be incomplete although the part is not.
+        """Statements about a part of a result, such as a branch; the whole may be incomplete although the part is not.
 
         >>> Outcome.of(OutcomeKind.COMPLETE, "closed_curve", "closed curve").of_part
         'closed curve'

@@ -1,7 +1,7 @@
 """The command line: load, call, save, print.
 
 Never here: computing, drawing, opening files.
-Begin with `app`, which has the commands with what they are given; the others hold what they do. `session` is around
+Begin with `app`, which defines the commands and their options; the other modules carry them out. `session` is around
 every command: messages, exit codes, signals and progress. `command` is what all analyses share: compute, save, draw
 and print. `screens` has what the first screens share, `tables` the one table of summaries of all kinds; `motions`,
 `branches`, `studies` and `measured` have the first screen of each kind of result.

@@ -1,4 +1,4 @@
-"""The application: all commands, what they are given, each with the import of what does it.
+"""The application: all commands and their options; each command imports what carries it out.
 
 What they do is imported when they run, so that ``beamsim --help`` is instant.
 """
@@ -152,14 +152,14 @@ def command(function: Callable[..., None], *, file: Any, options: Sequence[str])
         parameters.append(Parameter(name, keyword, default=default, annotation=annotation))
 
     def called(debug: bool, **values: Any) -> None:
-        given = CommandOptions(**{name: values.pop(name) for name in CommandOptions._fields if name in values})
-        read = [given.case]
+        shared = CommandOptions(**{name: values.pop(name) for name in CommandOptions._fields if name in values})
+        read = [shared.case]
         for name, value in values.items():
             if name != "file":  # which is written
                 read += value if isinstance(value, list) else [value]
         paths = (path for path in read if isinstance(path, Path) and path != Path())
-        with with_exit_code(debug=debug), allowing_hours(given.allow_hours), protecting(paths):
-            function(given, **values)
+        with with_exit_code(debug=debug), allowing_hours(shared.allow_hours), protecting(paths):
+            function(shared, **values)
 
     called.__name__, called.__doc__ = function.__name__, function.__doc__
     vars(called).update(__signature__=Signature(parameters))  # which Typer reads
@@ -191,22 +191,22 @@ class ComparedMethod(StrEnum):
 
 
 @partial(command, file=Case, options=(*COMPUTING, "check"))
-def run(given: CommandOptions, against: AgainstOption = None) -> None:
+def run(options: CommandOptions, against: AgainstOption = None) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli.command import analysed
 
     if against is None:
-        analysed("run", given, "simulating")
+        analysed("run", options, "simulating")
         return
     from beamsim.trust import reference  # which runs without it do not load
 
     rtol = reference.tolerance_of(against)
-    analysed("run", given, "simulating", lambda result, stop: reference.against(result, rtol, stop))
+    analysed("run", options, "simulating", lambda result, stop: reference.against(result, rtol, stop))
 
 
 @partial(command, file=Case, options=(*COMPUTING, "check", "resume"))
 def sweep(
-    given: CommandOptions,
+    options: CommandOptions,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -238,16 +238,16 @@ def sweep(
     """Sweep the frequency, or vary numbers of the case. Writes a result file and plots."""
     from beamsim.cli.sweeps import swept
 
-    options = {
+    own_options = {
         "workers": workers, "scheduler": scheduler, "wait_for_workers": wait_for_workers, "overlay": overlay,
         "compare": compare_with,
     }  # fmt: skip
-    swept(given, options)
+    swept(options, own_options)
 
 
 @partial(command, file=Case, options=COMPUTING)
 def nnm(
-    given: CommandOptions,
+    options: CommandOptions,
     compare_with: Annotated[
         list[ComparedMethod] | None,
         typer.Option("--compare", help="Compare another method with the exact mode; repeatable."),
@@ -257,20 +257,20 @@ def nnm(
     from beamsim.cli.command import analysed
 
     methods = [method.value for method in compare_with or ()]
-    analysed("nnm", given, "following the mode of", compare=methods)
+    analysed("nnm", options, "following the mode of", compare=methods)
 
 
 @partial(command, file=Case, options=COMPUTING)
-def identify_stiffness(given: CommandOptions) -> None:
+def identify_stiffness(options: CommandOptions) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.identification import identify
 
-    identify(given)
+    identify(options)
 
 
 @partial(command, file=Stored, options=COMPUTING[1:])
 def compare(
-    given: CommandOptions,
+    options: CommandOptions,
     measured: Annotated[
         Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc or .mat.")
     ],
@@ -337,12 +337,12 @@ def compare(
     prepared = {"factor": factor, "remove": remove, "high_pass": high_pass}
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
-    compare_signals(given, measured, pairing, prepared, of_runs, of_sweeps)
+    compare_signals(options, measured, pairing, prepared, of_runs, of_sweeps)
 
 
 @partial(command, file=Case, options=COMPUTING)
 def compare_modes(
-    given: CommandOptions,
+    options: CommandOptions,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
     decimal: DecimalOption = None,
     closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
@@ -369,31 +369,31 @@ def compare_modes(
     from beamsim.cli.comparisons import compare_shapes
 
     limits = {"least_mac": least_mac, "most_difference": most_difference}
-    compare_shapes(given, measured, "closed" if closed else "open", limits, decimal)
+    compare_shapes(options, measured, "closed" if closed else "open", limits, decimal)
 
 
 @partial(command, file=Stored, options=("json",))
-def info(given: CommandOptions) -> None:
+def info(options: CommandOptions) -> None:
     """Print the contents of a result file."""
     from beamsim.cli import stored
 
-    stored.info(given)
+    stored.info(options)
 
 
 @partial(command, file=Stored, options=ABOUT_A_RESULT)
 def plot(
-    given: CommandOptions,
+    options: CommandOptions,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
 ) -> None:
     """Plot a result file again without recomputing it."""
     from beamsim.cli import stored
 
-    stored.plot(given, form)
+    stored.plot(options, form)
 
 
 @partial(command, file=Stored, options=ABOUT_A_RESULT)
 def export(
-    given: CommandOptions,
+    options: CommandOptions,
     form: Annotated[
         Literal["csv", "uff", "mat"] | None,
         typer.Option("--format", help="csv (mostly a folder of tables), uff or mat; default: by the name after -o."),
@@ -402,32 +402,32 @@ def export(
     """Write a result file in another format."""
     from beamsim.cli import stored
 
-    stored.export(given, form)
+    stored.export(options, form)
 
 
 @partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def report(
-    given: CommandOptions,
+    options: CommandOptions,
 ) -> None:
     """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
     from beamsim.cli import html_report
 
-    html_report.report(given)
+    html_report.report(options)
 
 
 @partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def animate(
-    given: CommandOptions,
+    options: CommandOptions,
 ) -> None:
     """Write the motion of a result as a GIF and as HTML. Slow around contact; -o NAME.mp4 writes a video (ffmpeg)."""
     from beamsim.cli import html_report
 
-    html_report.animate(given)
+    html_report.animate(options)
 
 
 @partial(command, file=Case, options=("overrides", "output", "json"))
 def validate(
-    given: CommandOptions,
+    options: CommandOptions,
     sketch: Annotated[
         bool, typer.Option("--sketch", help="Draw the model: bodies, supports, masses, springs and stops.")
     ] = False,
@@ -435,41 +435,41 @@ def validate(
     """Check a case without running it. Reports every problem with file, line and remedy."""
     from beamsim.cli import cases
 
-    cases.validate(given, sketch=sketch)
+    cases.validate(options, sketch=sketch)
 
 
 @partial(command, file=None, options=("output", "json"))
-def schema(given: CommandOptions) -> None:
+def schema(options: CommandOptions) -> None:
     """Print the JSON Schema of scenario files. Editors complete and check them by it."""
     from beamsim.cli import cases
 
-    cases.write_schema(given.output)
+    cases.write_schema(options.output)
 
 
 @partial(command, file=None, options=("json",))
 def new(
-    given: CommandOptions,
+    options: CommandOptions,
     file: Annotated[Path, typer.Argument(metavar="CASE.YAML", help="File to write.")] = Path("case.yaml"),
     kind: Annotated[TemplateKind, typer.Option("--kind", help="What to simulate.")] = TemplateKind.beam,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
-    """Write a commented scenario to start from. The schema by which editors check and complete it is put beside it."""
+    """Write a commented scenario to start from, and the schema by which editors check and complete it."""
     from beamsim.cli import cases
 
-    cases.write_template(file, kind, force=force, as_json=given.json)
+    cases.write_template(file, kind, force=force, as_json=options.json)
 
 
 @partial(command, file=Case, options=("overrides", "json"))
-def check(given: CommandOptions) -> None:
+def check(options: CommandOptions) -> None:
     """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
     from beamsim.cli import structures
 
-    structures.check(given)
+    structures.check(options)
 
 
 @partial(command, file=Case, options=("overrides", "output", "json"))
 def export_structure(
-    given: CommandOptions,
+    options: CommandOptions,
     body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
     modes: Annotated[
         int | None,
@@ -487,15 +487,15 @@ def export_structure(
     """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
     from beamsim.cli import structures
 
-    structures.export(given, body, modes, units, binary=binary)
+    structures.export(options, body, modes, units, binary=binary)
 
 
 @partial(command, file=None, options=("quiet", "json"))
-def warmup(given: CommandOptions) -> None:
+def warmup(options: CommandOptions) -> None:
     """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
     from beamsim.cli.warmup import compile_kernels
 
-    compile_kernels(shown=not (given.quiet or given.json), as_json=given.json)
+    compile_kernels(shown=not (options.quiet or options.json), as_json=options.json)
 
 
 _of_pad = partial(typer.Option, metavar="QUANTITY")
@@ -503,7 +503,7 @@ _of_pad = partial(typer.Option, metavar="QUANTITY")
 
 @partial(command, file=None, options=("json",))
 def pad(
-    given: CommandOptions,
+    options: CommandOptions,
     modulus: Annotated[str | None, _of_pad("--modulus", help="Young's modulus of the pad, e.g. '5 MPa'.")] = None,
     area: Annotated[str | None, _of_pad("--area", help="Loaded area, e.g. '4 cm^2'.")] = None,
     height: Annotated[str | None, _of_pad("--height", help="Height, e.g. '6 mm'.")] = None,
@@ -531,7 +531,7 @@ def pad(
         "frequency": frequency,
     }  # fmt: skip
     of_curve = {"curve": curve, "segments": segments, "columns": tuple(column or ()), "decimal": decimal}
-    pads.pad(texts, of_curve, as_json=given.json)
+    pads.pad(texts, of_curve, as_json=options.json)
 
 
 def _version(show: bool) -> None:

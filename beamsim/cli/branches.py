@@ -27,14 +27,14 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     s, errors = result.summary, Errors(result)
     of_branches = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     levels = list({repr(key): key for key in zip(*of_branches, strict=True)}.values())  # nan is not equal to itself
-    rows = [_followed(result, errors, *key) for key in levels[: 2 * SHOWN]]
+    rows = [_level_row(result, errors, *key) for key in levels[: 2 * SHOWN]]
     lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
     for entry, unit, what in (("peak_force_n", "N", "force"), ("peak_moment_n_m", "N m", "moment")):
         hardest = sorted(s.get(entry, {}).items(), key=lambda item: -item[1])[:SHOWN]
         forces = [f"{errors.number(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
-    lines += [*_special_lines(result), *_several(result)]
+    lines += [*_special_lines(result), *_coexisting_ranges_text(result)]
     lines += [
         f"peak of {name} {errors.number(of['value'], s['output_unit'][name], 'peak_output', name)} at "
         f"{_parameter(of['parameter'], result.unit)}"
@@ -45,31 +45,34 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
         lines.append(f"folds in {s['second_parameter']}: {extent(low, high, result.second_unit)}, at {where}")
     for of in s.get("multiple_scales", ()):
-        lines.append(f"multiple scales: differences from the exact motions {_vanishing(of['observed_orders'])}")
+        lines.append(f"multiple scales: differences from the exact motions {_orders_text(of['observed_orders'])}")
     lines += limit_lines(result)
     return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
-def _vanishing(orders: Sequence[float | None]) -> str:
+def _orders_text(orders: Sequence[float | None]) -> str:
     """The orders in which differences from exact motions vanish; an order is unknown where there is no difference."""
     if not any(is_known(order) for order in orders):
         return "have no order that could be measured: there are none, or round-off is larger"
     return f"vanish with orders {', '.join(f'{order:.2f}' if is_known(order) else 'unknown' for order in orders)}"
 
 
-def _followed(result: ContinuationResult, errors: Errors, level: float, period: int) -> dict[str, str]:
+def _level_row(result: ContinuationResult, errors: Errors, level: float, period: int) -> dict[str, str]:
     """The row of the branches of a level whose motions have the same period."""
 
-    def here(item: Mapping[str, Any]) -> bool:  # of files, whose level is nan or missing where it is the parameter
+    def is_of_level(
+        item: Mapping[str, Any],
+    ) -> bool:
+        # in files a level is nan or missing where it is the parameter
         same = item["level"] == level or not is_known(item["level"])
         return same and item.get("period_multiple", 1) == period
 
-    rows, whose = result["branches"], result["points"]["branch"].values
+    rows, branch_of_point = result["branches"], result["points"]["branch"].values
     of_branch = (rows["level"].values == level) | np.isnan(level)
-    own = (of_branch & (rows["period_multiple"].values == period))[whose]
+    own = (of_branch & (rows["period_multiple"].values == period))[branch_of_point]
     points, stable = int(own.sum()), int(result["points"]["stable"].values[own].sum())
     ends = result["points"]["parameter"].values[own]
-    peak = max((p for p in result.summary["peaks"] if here(p)), key=lambda p: p["value_m"], default=None)
+    peak = max((p for p in result.summary["peaks"] if is_of_level(p)), key=lambda p: p["value_m"], default=None)
     row = {
         "": f"{_level(result, level)['level']}{f', period {period}' if period > 1 else ''}".removeprefix(", "),
         result.parameter: extent(float(ends.min()), float(ends.max()), result.unit),
@@ -83,7 +86,7 @@ def _followed(result: ContinuationResult, errors: Errors, level: float, period: 
     return row
 
 
-def _several(result: ContinuationResult) -> Iterator[str]:
+def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
     """In words the widest range where several motions are stable."""
     ranges = sorted(result.coexisting(), key=lambda several: several.low - several.high)
     for several in ranges[:1]:
@@ -130,7 +133,7 @@ def _parameter(value: float, unit: str, digits: int = 6) -> str:
 
 
 def coexisting_screen(result: CoexistingResult) -> Screen:
-    """Each motion with its share of the starts and its peaks; what leaves it."""
+    """Each motion with its share of the starts, its peaks and the smallest disturbance that leaves it."""
     s, errors = result.summary, Errors(result)
     rows = [_motion(result, errors, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = (
@@ -138,15 +141,15 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     )
     rows += more_rows(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
-    lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
+    lines += [f"{_motion_name(each)}: {_smallest_disturbance_text(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += limit_lines(result)
-    said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
-    return Screen(f"{said}, {errors.verdict()}", rows, [*lines, *errors.legend()])
+    starts = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
+    return Screen(f"{starts}, {errors.verdict()}", rows, [*lines, *errors.legend()])
 
 
 def _motion(result: CoexistingResult, errors: Errors, motion: Mapping[str, Any]) -> dict[str, str]:
     """The row of a motion: displacement of the first probe, force of the snubber that is hit hardest."""
-    row = {"": _called(motion)}
+    row = {"": _motion_name(motion)}
     if is_known(motion["share"]):  # of an unstable motion, which no start comes to, there is none
         low, high = (f"{100 * motion[end]:.3g}" for end in ("share_low", "share_high"))
         row["share of starts"] = f"{percent(motion['share'])} ({low} to {high} %)"
@@ -161,11 +164,11 @@ def _motion(result: CoexistingResult, errors: Errors, motion: Mapping[str, Any])
     return row | {"motion": kind if motion["stable"] else f"unstable, {kind}"}
 
 
-def _called(record: Mapping[str, Any]) -> str:
+def _motion_name(record: Mapping[str, Any]) -> str:
     return f"{record['frequency_hz']:.6g} Hz, motion {record['number']}"
 
 
-def _left_by(record: Mapping[str, Any]) -> str:
+def _smallest_disturbance_text(record: Mapping[str, Any]) -> str:
     """The smallest disturbance found that leaves a motion."""
     of = f"impulse at {record['probe']}" if record["probe"] else "velocity step of the base"
     if not is_known(record["amplitude"]):
@@ -184,7 +187,7 @@ def nnm_screen(result: NormalModeResult) -> Screen:
     stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
     followed = f"mode {s['mode']}: {s['points']} points, {stable}, in {result.parameter.replace('_', ' ')}"
     if "phase_resonance" in s:
-        rows = [_held(s["phase_resonance"], level) for level in s["phase_resonance"]["levels"]]
+        rows = [_phase_resonance_row(s["phase_resonance"], level) for level in s["phase_resonance"]["levels"]]
         span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")
         followed += f", {span} at {extent(first['energy_j'], last['energy_j'], 'J')}"
     else:
@@ -192,7 +195,10 @@ def nnm_screen(result: NormalModeResult) -> Screen:
         for point in s.get("requested_points") or ():
             place = f"{point['quantity']} {point['value']:.6g} branch {point['branch']}"
             rows.append(_on_backbone(result, errors, "asked for", point, place))
-    lines = [f"{followed}; linear frequency {amount(s['linear_frequency_hz'], 'Hz')}", *_departures(result)]
+    lines = [
+        f"{followed}; linear frequency {amount(s['linear_frequency_hz'], 'Hz')}",
+        *_branches_and_methods(result),
+    ]
     return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
@@ -216,7 +222,7 @@ def _on_backbone(
     return row | ({"stable": "yes" if point["stable"] else "no"} if "stable" in point else {})
 
 
-def _departures(result: NormalModeResult) -> Iterator[str]:
+def _branches_and_methods(result: NormalModeResult) -> Iterator[str]:
     """Where other branches leave the backbone, and how other methods differ."""
     s, unit = result.summary, result.unit
     tongues = s.get("internal_resonances", ())
@@ -233,7 +239,7 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
         branches = counted(len(full["never_at_rest"]), "branch", "branches")
         yield f"full period: {branches} of motions that are never at rest"
     if of := s.get("multiple_scales"):
-        yield f"multiple scales: differences of the frequency {_vanishing(of['observed_order_frequency'])}"
+        yield f"multiple scales: differences of the frequency {_orders_text(of['observed_order_frequency'])}"
     if of := s.get("relaxed_minimisation"):
         apart = percent(of["largest_frequency_difference"], 2)
         reached = f"{of['steps_reached']} of {of['steps']} steps, frequency within {apart} of the exact one"
@@ -245,13 +251,13 @@ def _cause(record: Mapping[str, Any]) -> str:
     return f"{record['ratio']}:1 with mode {record['mode']}" if known else "of high order, not traced"
 
 
-def _held(about: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
-    """The row of a level: the resonance found beside the mode that it should hold."""
-    row = {"": amount(level["level"], about["unit"])}
+def _phase_resonance_row(resonance_summary: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
+    """Row of a level: its phase resonance and the prediction from the mode."""
+    row = {"": amount(level["level"], resonance_summary["unit"])}
     if level["found"]:
         row |= {
             "resonance": rounded(level["frequency_hz"], "Hz", 4),
-            f"amplitude of {about['probe']}": rounded(level["amplitude_m"], "m"),
+            f"amplitude of {resonance_summary['probe']}": rounded(level["amplitude_m"], "m"),
             "stable": "yes" if level["stable"] else "no",
         }  # fmt: skip
     else:
@@ -259,5 +265,5 @@ def _held(about: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
     return row | {
         "predicted resonance": rounded(level["predicted_frequency_hz"], "Hz", 4),
         "predicted amplitude": rounded(level["predicted_amplitude_m"], "m"),
-        "predicted level": amount(level["level_for_amplitude"], about["unit"], 3) if level["found"] else "",
+        "predicted level": amount(level["level_for_amplitude"], resonance_summary["unit"], 3) if level["found"] else "",
     }

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from beamsim.cli.screens import WIDTH
-from beamsim.cli.session import CommandOptions, print_json, say, scenario_given, show
+from beamsim.cli.session import CommandOptions, load_case, print_json, say, show
 from beamsim.errors import ScenarioError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind
@@ -24,12 +24,12 @@ from beamsim.system.structural import StructuralSystem
 SCHEMA = "beamsim.schema.json"
 
 
-def validate(given: CommandOptions, *, sketch: bool) -> None:
+def validate(options: CommandOptions, *, sketch: bool) -> None:
     """Check a case, and draw its model if asked for.
 
     Parameters
     ----------
-    given : to the command.
+    options : to the command.
     sketch : whether to draw the model.
 
     Raises
@@ -39,18 +39,18 @@ def validate(given: CommandOptions, *, sketch: bool) -> None:
     ResultFileError
         If the picture cannot be written.
     """
-    case = given.case
-    folder = output_folder(given.output, case.stem) if sketch else None
+    case = options.case
+    folder = output_folder(options.output, case.stem) if sketch else None
     drawn: list[Path] = []
     try:
-        scenario = scenario_given(given)
-        files, warnings, system = _checked(scenario)
+        scenario = load_case(options)
+        files, warnings, system = _checked_inputs(scenario)
         if folder is not None:
             from beamsim.cli.html_report import draw_model  # and with it everything that draws
 
             drawn = draw_model(scenario, system, folder, case.stem)
     except ScenarioError as error:
-        if given.json:
+        if options.json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
         raise
     with shown_in(scenario.display_scales):
@@ -60,7 +60,7 @@ def validate(given: CommandOptions, *, sketch: bool) -> None:
     for warning in warnings:
         say(f"beamsim: warning: {warning}")
     title = scenario.title
-    if given.json:
+    if options.json:
         pictures = {"files": [str(file) for file in drawn]} if sketch else {}
         read = {"imported": {body.body: body.as_json for body in files}} if files else {}
         print_json({"valid": True, "title": title, "understood": line, "warnings": warnings, **read, **pictures})
@@ -69,7 +69,7 @@ def validate(given: CommandOptions, *, sketch: bool) -> None:
         show(found, *textwrap.wrap(line, WIDTH), *(body.text for body in files), *drawn)
 
 
-def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
+def _checked_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
     """What can be known without an analysis: summaries of bodies from files, warnings, and the system of a motion.
 
     Raises
@@ -106,7 +106,7 @@ def write_schema(output: Path | None) -> None:
 
 
 def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool) -> None:
-    """Write a template and, beside it, the schema that its first line names.
+    """Write a template and, to the same folder, the schema that its first line names.
 
     The schema is that of this version, and is written in any case.
 

@@ -16,12 +16,12 @@ from beamsim.cli.session import (
     Interruption,
     Progress,
     interruptible,
+    load_case,
     print_json,
     progress_of,
+    result_stem,
     say,
-    scenario_given,
     show,
-    stem_given,
 )
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
@@ -37,10 +37,10 @@ from beamsim.store.results import keep_result, refusing_damage
 _Result = TypeVar("_Result", bound=Result)
 WORTH_STATING_S = 10.0  # processor time of a command that the first screen states
 Compute = Callable[[Progress, Interruption], _Result]
-"""Computes a result; is given what to call with the fraction done, and what says whether to end."""
+"""Computes a result; called with a function of the completed fraction and one that returns whether to stop."""
 
 
-def prepared(command: str, given: CommandOptions) -> tuple[Scenario, Path]:
+def prepared(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
     """The scenario of a case for a command, whose section it must have, and the path of its result file.
 
     Raises
@@ -50,16 +50,16 @@ def prepared(command: str, given: CommandOptions) -> tuple[Scenario, Path]:
     ResultFileError
         If the result could not be written.
     """
-    scenario = scenario_given(given, command)
-    if given.check and scenario.limits is None:
+    scenario = load_case(options, command)
+    if options.check and scenario.limits is None:
         raise ScenarioError(
             Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
         )
-    return scenario, output_file(given.output, stem_given(given), *RESULTS)
+    return scenario, output_file(options.output, result_stem(options), *RESULTS)
 
 
 def concluded(
-    kind: str, target: Path, given: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
+    kind: str, target: Path, options: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
     """Compute a result, write, plot and print it, all under signals.
 
@@ -67,7 +67,7 @@ def concluded(
     ----------
     kind : of the result, one of `beamsim.kinds.KINDS`.
     target : the result file; the plots are written to the same folder.
-    given : to the command: what is written and printed.
+    options : to the command: what is written and printed.
     compute : the result.
     label, afterwards : what is done meanwhile, as of `Progress`.
 
@@ -83,13 +83,13 @@ def concluded(
         As `conclude`.
     """
     with interruptible() as interrupted:
-        with progress_of(label, shown=not given.quiet, afterwards=afterwards) as progress:
+        with progress_of(label, shown=not options.quiet, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
-        with progress_of(f"writing {target.name}", shown=not given.quiet):
+        with progress_of(f"writing {target.name}", shown=not options.quiet):
             result = replace(result, command_processor_time_s=used_processor_time())
-            written = keep_result(result, target, resumed=given.resume)
-        with refusing_damage(target) if given.resume else nullcontext():  # parts of it come from a file
-            conclude(kind, result, written, given, interrupted)
+            written = keep_result(result, target, resumed=options.resume)
+        with refusing_damage(target) if options.resume else nullcontext():  # parts of it come from a file
+            conclude(kind, result, written, options, interrupted)
     return result
 
 
@@ -97,7 +97,7 @@ def conclude(
     kind: str,
     result: Result,
     target: Path,
-    given: CommandOptions,
+    options: CommandOptions,
     interrupted: Interruption,
     others: Iterable[Path] = (),
 ) -> None:
@@ -105,7 +105,7 @@ def conclude(
 
     Parameters
     ----------
-    kind, given : as of `concluded`.
+    kind, options : as of `concluded`.
     result : that was written.
     target : file to which it was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
@@ -118,36 +118,36 @@ def conclude(
     """
     with shown_in(result.scenario.display_scales):
         files = [target, *others]
-        if not given.no_plots and not interrupted():
-            with progress_of(f"plotting {target.name}", shown=not given.quiet):
+        if not options.no_plots and not interrupted():
+            with progress_of(f"plotting {target.name}", shown=not options.quiet):
                 pictures = resolve_name(KINDS[kind].figures)(result)
                 files += save_figures(pictures, target.parent, target.stem, stop=interrupted)
         used = used_processor_time()
         result = replace(result, command_processor_time_s=used)
-        if not (given.json or given.quiet or given.verbose):
+        if not (options.json or options.quiet or options.verbose):
             show(resolve_name(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
             if used >= WORTH_STATING_S:
                 show(f"processor time of the command {amount(used, 's')}, with its workers")
         else:
-            _print_all(kind, result, files, given)
-        left_out = not given.no_plots or result.outcome.interrupted
+            _print_all(kind, result, files, options)
+        left_out = not options.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
-        checked = result.summary.get("margins", {}) if given.check else {}
-        code = exit_code(result.outcome, [item["verdict"] for item in checked.values()], signal)
+        checked_limits = result.summary.get("margins", {}) if options.check else {}
+        code = exit_code(result.outcome, [item["verdict"] for item in checked_limits.values()], signal)
         if signal or code:
-            unmet = [] if signal else limits_not_met(result.scenario, checked)
+            unmet = [] if signal else limits_not_met(result.scenario, checked_limits)
             raise VerdictError("; ".join([*_ended(result, target, interrupted=bool(signal)), *unmet]), code)
 
 
-def _print_all(kind: str, result: Result, files: Sequence[Path], given: CommandOptions) -> None:
+def _print_all(kind: str, result: Result, files: Sequence[Path], options: CommandOptions) -> None:
     """Print the warnings of a result, and its summary as JSON or as a table, or neither."""
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
-    if given.json:
+    if options.json:
         about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
         times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": result.command_processor_time_s}
         print_json({**about, **result.summary, **times, "files": [str(path) for path in files]})
-    elif not given.quiet:
+    elif not options.quiet:
         from beamsim.cli.tables import all_rows, print_table  # which the first screen does without
 
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
@@ -165,34 +165,36 @@ def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
 
 
 def analysed(
-    kind: str, given: CommandOptions, doing: str,
+    kind: str, options: CommandOptions, doing: str,
     then: Callable[[Any, Interruption], Result] = lambda result, _: result,
-    **options: Any,
+    **analysis_options: Any,
 ) -> None:  # fmt: skip
     """Compute the result of a kind whose command has the same name.
 
     Parameters
     ----------
     kind : of the result.
-    given : to the command.
+    options : to the command.
     doing : what is done with the case meanwhile, "simulating".
     then : makes the result that is kept of the one computed.
-    options : of the analysis.
+    analysis_options : of the analysis.
 
     Raises
     ------
     BeamsimError
         As `concluded`.
     """
-    scenario, target = prepared(kind, given)
+    scenario, target = prepared(kind, options)
 
     def computed(progress: Progress, stop: Interruption) -> Result:
         with scenario.locating():
-            return then(resolve_name(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
+            return then(
+                resolve_name(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **analysis_options), stop
+            )
 
-    name = given.case.name
+    name = options.case.name
     label = f"{doing} {name}{_cycles_to_march(scenario) if kind == 'run' else ''}"
-    concluded(kind, target, given, computed, label, f"evaluating the motion of {name}")
+    concluded(kind, target, options, computed, label, f"evaluating the motion of {name}")
 
 
 def _cycles_to_march(scenario: Scenario) -> str:

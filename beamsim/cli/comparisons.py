@@ -14,7 +14,7 @@ from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
 from beamsim.cli.command import concluded
-from beamsim.cli.session import CommandOptions, scenario_given
+from beamsim.cli.session import CommandOptions, load_case
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.measurements.channels import history_named
@@ -26,14 +26,14 @@ from beamsim.store.results import kind_of, stored_result
 
 
 def compare_signals(
-    given: CommandOptions, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
+    options: CommandOptions, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
     of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Compare the result of a run or of a sweep with measured signals.
 
     Parameters
     ----------
-    given : to the command, whose case is the file of a result.
+    options : to the command, whose case is the file of a result.
     measured : file of the measurement.
     pairing : which channel belongs to which signal of the result, as in `ChannelChoice`.
     prepared_by : factor, remove and high_pass of measured histories.
@@ -44,8 +44,8 @@ def compare_signals(
     ScenarioError
         Where an option does not apply to the kind of result, and as `concluded`.
     """
-    path = given.case
-    target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
+    path = options.case
+    target = output_file(options.output, f"{path.stem}_compare", ".h5", ".hdf5")
     preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
     swept = kind_of(path) == "sweep"
     with stored_result(path, "sweep" if swept else "run") as result:
@@ -62,7 +62,7 @@ def compare_signals(
         else:
             _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
             comparison = partial(compare, result, pairs, **of_runs)
-        concluded("compare", target, given, lambda *_: comparison(), f"comparing with {measured.name}")
+        concluded("compare", target, options, lambda *_: comparison(), f"comparing with {measured.name}")
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:
@@ -101,7 +101,7 @@ def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
 
 
 def compare_shapes(
-    given: CommandOptions,
+    options: CommandOptions,
     measured: Path,
     contacts: Literal["open", "closed"],
     limits: Mapping[str, float | None],
@@ -111,7 +111,7 @@ def compare_shapes(
 
     Parameters
     ----------
-    given : to the command.
+    options : to the command.
     measured : file of the shapes.
     contacts : state in which the modes are computed.
     limits : least_mac and most_difference (%), None for no limit.
@@ -124,14 +124,14 @@ def compare_shapes(
     BeamsimError
         As `concluded`.
     """
-    scenario = scenario_given(given)
-    target = output_file(given.output, f"{given.case.stem}_modes", ".h5", ".hdf5")
+    scenario = load_case(options)
+    target = output_file(options.output, f"{options.case.stem}_modes", ".h5", ".hdf5")
 
     def compared(*_: object) -> ModeComparison:
         with scenario.locating():
             return compare_modes(scenario, read_shapes(measured, scenario, decimal), contacts=contacts)
 
-    result = concluded("compare-modes", target, given, compared, f"comparing with {measured.name}")
+    result = concluded("compare-modes", target, options, compared, f"comparing with {measured.name}")
     beyond = list(_beyond(result.summary["pairs"], **limits))
     if beyond:
         raise VerdictError("; ".join(beyond), exit_code(result.outcome, [Verdict.EXCEEDED]))

@@ -61,7 +61,7 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
         return save_figures({"sketch": model_figure(_sketch_of(scenario, system))}, folder, stem)
 
 
-def report(given: CommandOptions) -> None:
+def report(options: CommandOptions) -> None:
     """Write one HTML file about a result.
 
     Raises
@@ -69,26 +69,26 @@ def report(given: CommandOptions) -> None:
     ResultFileError
         If the file cannot be read, or the page not be written.
     """
-    path = given.case
-    target = output_file(given.output, f"{path.stem}_report", ".html", ".htm")
-    plotly()  # that it is missing is said before anything is computed
+    path = options.case
+    target = output_file(options.output, f"{path.stem}_report", ".html", ".htm")
+    plotly()  # fail early if plotly is missing
     kind = kind_of(path)
-    with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
+    with stored_result(path, open_files=options.open_files) as result, shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = resolve_name(KINDS[kind].figures)(result)
         screen = resolve_name(KINDS[kind].screen)(result).text(result, [path.name])
         screen = screen.rpartition("\n")[0]  # without the files
         limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
-        scene = _scene(result, model, shown=not (given.json or given.quiet))
+        scene = _scene(result, model, shown=not (options.json or options.quiet))
         rows = list(table_rows(result))
         page = page_of(result, about, Printed(screen, rows, limits), figures, sketched(result, model), scene)
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
-    print_files([target], json=given.json)
+    print_files([target], json=options.json)
 
 
-def animate(given: CommandOptions) -> None:
+def animate(options: CommandOptions) -> None:
     """Write the motion of a result as a GIF and as HTML, or as the one file that is named, also as a video.
 
     Raises
@@ -96,7 +96,7 @@ def animate(given: CommandOptions) -> None:
     ResultFileError
         If the file cannot be read or holds no motion, a file cannot be written, or there is no ffmpeg for a video.
     """
-    path, output = given.case, given.output
+    path, output = options.case, options.output
     if output is not None and output.suffix.lower() in ANIMATIONS and not output.is_dir():
         targets = [output_file(output, path.stem, output.suffix.lower())]
         if output.suffix.lower() == ".mp4":
@@ -104,8 +104,8 @@ def animate(given: CommandOptions) -> None:
     else:
         folder = output_folder(output, path.stem, *ANIMATIONS)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
-    shown = not (given.json or given.quiet)
-    with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
+    shown = not (options.json or options.quiet)
+    with stored_result(path, open_files=options.open_files) as result, shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
             remedy = "animate a run, a sweep or a nonlinear mode of a model with nodes that move"
@@ -118,7 +118,7 @@ def animate(given: CommandOptions) -> None:
             else:
                 with replacing(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")
-    print_files(targets, json=given.json)
+    print_files(targets, json=options.json)
 
 
 def _scene(result: Any, model: StructuralSystem | None, *, shown: bool) -> Scene | None:

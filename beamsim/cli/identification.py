@@ -8,15 +8,15 @@ from beamsim.cli.session import CommandOptions
 from beamsim.measurements.channels import read_tests
 
 
-def identify(given: CommandOptions) -> None:
+def identify(options: CommandOptions) -> None:
     """Find stiffness and damping of stops from tests."""
-    scenario, target = prepared("identify-stiffness", given)
+    scenario, target = prepared("identify-stiffness", options)
     settings = scenario.identify_stiffness
     has_tests = settings is not None and settings.nonlinear is not None
     concluded(
-        "identify-stiffness", target, given,
+        "identify-stiffness", target, options,
         lambda progress, stop: identify_stiffness(
             scenario, read_tests(scenario) if has_tests else (), progress, stop
         ),
-        f"identifying {given.case.name}",
+        f"identifying {options.case.name}",
     )  # fmt: skip

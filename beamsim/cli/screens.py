@@ -1,7 +1,7 @@
 """The first screen of a result: what an engineer decides by. The rest is behind ``--verbose`` and in ``info``.
 
 It has a title with the outcome and how sure it is, one table of places, curves, branches, cases or parameters, a few
-lines of what decides, and the files. What stands there is said by a function for each kind (`beamsim.kinds`).
+lines of what decides, and the files. A function for each kind of result chooses what is shown (`beamsim.kinds`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DIGITS = 3  # at most; fewer where the last ones would be smaller than the secon
 WIDTH = 160  # characters, above which records stand side by side instead of below each other
 MOST_ROWS = 24  # of a table
 NONE = "-"
-SMALLEST_ERROR = 1e-6  # relative; less is not told apart from round-off
+SMALLEST_ERROR = 1e-6  # relative; less cannot be distinguished from round-off
 NO_LIMIT = "no limit: grows with the modes"
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 
@@ -38,7 +38,7 @@ ONE_OF_MANY = "one of many motions"  # what depends on the motion after its cont
 class Screen:
     """What is printed of a result below its title."""
 
-    verdict: str  # beside the title, behind what the outcome comes to
+    verdict: str  # follows the title and the outcome on the first line
     rows: Sequence[Mapping[str, str]]  # by heading; the first heading is empty
     lines: Sequence[str]
 
@@ -390,10 +390,10 @@ def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
 def _level(result: Result, of: Mapping[str, Any]) -> str:
     """A predicted level in the quantity of the excitation; of a sine that moves the base also its acceleration."""
     quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
-    level, beside = of["level"], ""
+    level, acceleration = of["level"], ""
     if quantity == FACTOR:
         return f"{amount(level, '1')} times this input"
     if "frequency_hz" in of and power_of(quantity):
-        beside = f" ({amount(level, amplitude_unit(quantity))})"
+        acceleration = f" ({amount(level, amplitude_unit(quantity))})"
         level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
-    return f"{amount(level, level_unit(quantity))}{beside}"
+    return f"{amount(level, level_unit(quantity))}{acceleration}"

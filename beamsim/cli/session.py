@@ -1,4 +1,4 @@
-"""What surrounds every command: what it is given, what it prints, how far it is, and how it ends.
+"""What surrounds every command: what it is options, what it prints, how far it is, and how it ends.
 
 What it raises becomes a message and an exit code (`beamsim.outcomes.ExitCode`). The first Ctrl-C or SIGTERM sets a
 flag, the second ends the command at once. Progress is shown on standard error: a bar on terminals, elsewhere a line
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class CommandOptions(NamedTuple):
-    """What commands are given alike: a file, numbers to replace in it, where to write, and what to print."""
+    """Options that commands share: a file, numbers to replace in it, where to write, and what to print."""
 
     case: Path = Path()  # scenario or result
     overrides: list[str] | None = None
@@ -53,10 +53,10 @@ RESULTS = (".h5", ".hdf5")
 """Endings of result files."""
 
 
-def scenario_given(given: CommandOptions, command: str = "") -> Scenario:
+def load_case(options: CommandOptions, command: str = "") -> Scenario:
     """The scenario of a command: that of a YAML file, or of a result file, with what is replaced in it.
 
-    The files that the case of a result names are looked for beside it and where they were, and must be unchanged.
+    The files that the case of a result names are looked for in its folder and where they were, and must be unchanged.
 
     Raises
     ------
@@ -67,14 +67,14 @@ def scenario_given(given: CommandOptions, command: str = "") -> Scenario:
     """
     from beamsim.scenario import load_scenario  # without which --help is instant
 
-    overrides = given.overrides or ()
-    if given.case.suffix.lower() in RESULTS:
-        return _scenario_of_result(given.case, overrides, command)
-    return load_scenario(given.case, overrides, command=command)
+    overrides = options.overrides or ()
+    if options.case.suffix.lower() in RESULTS:
+        return _scenario_of_result(options.case, overrides, command)
+    return load_scenario(options.case, overrides, command=command)
 
 
 def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> Scenario:
-    """The scenario of a result file for a command, with what is replaced in it; raises as `scenario_given`."""
+    """The scenario of a result file for a command, with what is replaced in it; raises as `load_case`."""
     from beamsim.scenario import load_scenario
     from beamsim.store.results import load
 
@@ -84,9 +84,9 @@ def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> S
     return scenario.with_source(file.stem)
 
 
-def stem_given(given: CommandOptions) -> str:
-    """The stem of what a command writes: that of its case, which where it is a result is not written over."""
-    return f"{given.case.stem}_again" if given.case.suffix.lower() in RESULTS else given.case.stem
+def result_stem(options: CommandOptions) -> str:
+    """Stem of the file that a command writes: that of its case, with ``_again`` if the case is a result file."""
+    return f"{options.case.stem}_again" if options.case.suffix.lower() in RESULTS else options.case.stem
 
 
 # --- What is printed -------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from beamsim.store.export import FORMATS, export_result, export_target, remark_o
 from beamsim.store.results import kind_of, stored_result
 
 
-def info(given: CommandOptions) -> None:
+def info(options: CommandOptions) -> None:
     """Print the contents of a result file of any kind: its table or summary, with who wrote it.
 
     Raises
@@ -25,10 +25,10 @@ def info(given: CommandOptions) -> None:
     ResultFileError
         If the file cannot be read.
     """
-    path = given.case
+    path = options.case
     kind = kind_of(path)
     with stored_result(path) as result, shown_in(result.scenario.display_scales):
-        if given.json:
+        if options.json:
             about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
             made = {"created": result.created, "beamsim_version": result.beamsim_version}
             about["understood"] = understood_of(result)
@@ -40,7 +40,7 @@ def info(given: CommandOptions) -> None:
         print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *all_rows(kind, result), *warnings])
 
 
-def plot(given: CommandOptions, form: str) -> None:
+def plot(options: CommandOptions, form: str) -> None:
     """Plot a result file of any kind, as png, pdf or svg.
 
     Raises
@@ -48,16 +48,16 @@ def plot(given: CommandOptions, form: str) -> None:
     ResultFileError
         If the file cannot be read or a picture cannot be written.
     """
-    path = given.case
-    folder = output_folder(given.output, path.stem)
-    with progress_of(f"plotting {path.name}", shown=not (given.json or given.quiet)):
+    path = options.case
+    folder = output_folder(options.output, path.stem)
+    with progress_of(f"plotting {path.name}", shown=not (options.json or options.quiet)):
         figures = resolve_name(KINDS[kind_of(path)].figures)
         with stored_result(path) as result, shown_in(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
-    print_files(files, json=given.json, quiet=given.quiet)
+    print_files(files, json=options.json, quiet=options.quiet)
 
 
-def export(given: CommandOptions, form: str | None) -> None:
+def export(options: CommandOptions, form: str | None) -> None:
     """Write a result file of any kind in another format.
 
     CSV is a folder of tables: ``-o tables.csv`` names the folder ``tables_csv``.
@@ -71,8 +71,8 @@ def export(given: CommandOptions, form: str | None) -> None:
     ResultFileError
         If the file cannot be read, the format does not support it, or a file cannot be written.
     """
-    path, output, form = given.case, given.output, _format(given.output, form)
-    with progress_of(f"exporting {path.name}", shown=not (given.json or given.quiet)):
+    path, output, form = options.case, options.output, _format(options.output, form)
+    with progress_of(f"exporting {path.name}", shown=not (options.json or options.quiet)):
         if form == "csv":
             folder, stem = output, path.stem
             if output is not None and output.suffix.lower() == f".{form}" and not output.is_dir():
@@ -84,11 +84,11 @@ def export(given: CommandOptions, form: str | None) -> None:
     remark = remark_on_places(path) if form == "uff" else ""
     if remark:
         say(f"beamsim: note: {remark}")
-    print_files(written, json=given.json, quiet=given.quiet)
+    print_files(written, json=options.json, quiet=options.quiet)
 
 
 def _format(output: Path | None, form: str | None) -> str:
-    """The format of an export: that given, or that of the suffix of the file named by ``-o``.
+    """The format of an export: that options, or that of the suffix of the file named by ``-o``.
 
     Raises
     ------

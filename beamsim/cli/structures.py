@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.cli.session import CommandOptions, print_json, progress_of, scenario_given, show
+from beamsim.cli.session import CommandOptions, load_case, print_json, progress_of, show
 from beamsim.cli.tables import print_table
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file, replacing
@@ -16,12 +16,12 @@ from beamsim.scenario.base import suggestion
 from beamsim.scenario.matrices import SYSTEMS, UnitSystem
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
 from beamsim.structures.check import FAILS
-from beamsim.structures.check import check as checked
+from beamsim.structures.check import check as check_bodies
 from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at
 from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
 
 
-def check(given: CommandOptions) -> None:
+def check(options: CommandOptions) -> None:
     """Check the matrices of each body.
 
     Raises
@@ -31,11 +31,11 @@ def check(given: CommandOptions) -> None:
     VerdictError
         If a check fails.
     """
-    scenario = scenario_given(given)
-    with scenario.locating(), progress_of(f"checking {given.case.name}", shown=not given.json):
-        bodies = checked(scenario)
+    scenario = load_case(options)
+    with scenario.locating(), progress_of(f"checking {options.case.name}", shown=not options.json):
+        bodies = check_bodies(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
-    if given.json:
+    if options.json:
         found = {
             name: {row.name: {"value": row.value, "verdict": row.verdict} for row in rows}
             for name, rows in bodies.items()
@@ -49,12 +49,12 @@ def check(given: CommandOptions) -> None:
         raise VerdictError(outcome.text, exit_code(outcome))
 
 
-def export(given: CommandOptions, body: str | None, modes: int | None, units: str, *, binary: bool) -> None:
+def export(options: CommandOptions, body: str | None, modes: int | None, units: str, *, binary: bool) -> None:
     """Write the matrices of the structure.
 
     Parameters
     ----------
-    given : to the command.
+    options : to the command.
     body, modes, units, binary : see `exported`.
 
     Raises
@@ -62,18 +62,18 @@ def export(given: CommandOptions, body: str | None, modes: int | None, units: st
     ScenarioError
         If the scenario or an option is invalid.
     """
-    case, output = given.case, given.output
+    case, output = options.case, options.output
     if units not in SYSTEMS:
         problem = Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
         raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
-    scenario = scenario_given(given)
+    scenario = load_case(options)
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
-    with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
+    with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not options.json):
         files, text = exported(scenario, target, body, modes, units, binary=binary)
-    if given.json:
+    if options.json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
         show(*files, text)
@@ -107,22 +107,22 @@ def exported(
     ResultFileError
         If a file cannot be written.
     """
-    called, given, places = _matrices(scenario, body, modes)
-    given = in_units(given, SYSTEMS[cast("UnitSystem", units)])
-    matrices = {"mass": given.mass, "stiff": given.stiffness}
-    if given.damping is not None:
-        matrices["viscous"] = given.damping
+    name, named, places = _matrices(scenario, body, modes)
+    named = in_units(named, SYSTEMS[cast("UnitSystem", units)])
+    matrices = {"mass": named.mass, "stiff": named.stiffness}
+    if named.damping is not None:
+        matrices["viscous"] = named.damping
     written = write_matrices(target, matrices, binary=binary)
     table = target.with_name(f"{target.stem}_dofs.csv")
     with replacing(table) as temporary:
-        write_dof_table(temporary, given.table)
-    lines = ["bodies:", f"  {called}:", "    kind: matrices"]
+        write_dof_table(temporary, named.table)
+    lines = ["bodies:", f"  {name}:", "    kind: matrices"]
     for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):
         if matrix in written:
             file = written[matrix]
-            named = f", name: {matrix}" if file == target else ""  # where it holds several
-            lines.append(f"    {key}: {{file: {file.name}{named}}}")
-    base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
+            matrix_name = f", name: {matrix}" if file == target else ""  # where it holds several
+            lines.append(f"    {key}: {{file: {file.name}{matrix_name}}}")
+    base = f"{{nodes: [{', '.join(map(str, named.base))}], direction: {named.direction}}}" if named.base else "free"
     stated = [] if units == "SI" else [f"    units: {units}"]
     lines += [f"    dofs: {table.name}", *stated, f"    base: {base}"]
     lines += [f"# {label}: {place}" for label, place in places.items()]
@@ -141,14 +141,14 @@ def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[
     structure = assemble(scenario) if name is None else bodies[name]
     places = [place for place in acting_places(scenario) if name is None or place.body == name]
     try:
-        given, to_named = named_structure(structure)
+        named, to_named = named_structure(structure)
         nodes = {}
         for place in places:
             row = row_at(structure, to_named, place)
-            node, direction = ("", "") if row is None else given.table.dofs[row]
+            node, direction = ("", "") if row is None else named.table.dofs[row]
             nodes[place.label] = f"{{node: {node}, direction: {direction}}}" if row is not None else "between nodes"
         if modes is not None:
-            given = craig_bampton(given, boundary_rows(structure, given, to_named, places), modes)
-        return name or "structure", given, nodes
+            named = craig_bampton(named, boundary_rows(structure, named, to_named, places), modes)
+        return name or "structure", named, nodes
     except MethodError as error:
         raise ScenarioError(f"{error.about} {error.message}; {error.remedy}") from None

@@ -158,8 +158,9 @@ def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
     what = "every limit" if of["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
     often = f" (one in {float(f'{1.0 / p:.2g}'):,.0f})".replace(",", " ") if is_known(p) and 0.0 < p < 0.1 else ""
     failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
-    said = f"{p:.2g}{often}" if is_known(p) and p else f"below {of['high']:.1g}" if is_known(of["high"]) else "unknown"
-    verdict = f"probability of exceeding {what} {said}, {of['histories']} histories{failed}"
+    bound = f"below {of['high']:.1g}" if is_known(of["high"]) else "unknown"
+    estimate = f"{p:.2g}{often}" if is_known(p) and p else bound
+    verdict = f"probability of exceeding {what} {estimate}, {of['histories']} histories{failed}"
     return Screen(verdict, list(_random_rows(result)), [*lines, _comparison(result)])
 
 

@@ -17,7 +17,7 @@ from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.command import conclude, concluded, prepared
-from beamsim.cli.session import CommandOptions, Interruption, Progress, interruptible, progress_of, say, stem_given
+from beamsim.cli.session import CommandOptions, Interruption, Progress, interruptible, progress_of, result_stem, say
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
@@ -56,37 +56,39 @@ _OPTIONS = {
 }
 
 
-def swept(given: CommandOptions, options: Mapping[str, Any]) -> None:
+def swept(options: CommandOptions, own_options: Mapping[str, Any]) -> None:
     """Sweep the frequency, follow the response or compute many cases, whichever the scenario asks for.
 
     Parameters
     ----------
-    given : to the command.
-    options : by name without dashes: workers, scheduler, wait_for_workers, overlay, compare.
+    options : to the command.
+    own_options : by name without dashes: workers, scheduler, wait_for_workers, overlay, compare.
 
     Raises
     ------
     ScenarioError
         Where an option does not apply to the kind of sweep, and as `concluded`.
     """
-    scenario, target = prepared("sweep", given)
+    scenario, target = prepared("sweep", options)
     kind = _kind(scenario)
-    for name, value in {**options, "resume": given.resume}.items():
+    for name, value in {**own_options, "resume": options.resume}.items():
         allowed, path, message, remedy = _OPTIONS[name]
         if value not in (None, False) and kind not in allowed:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
-    if options["wait_for_workers"] is not None and options["scheduler"] is None:
+    if own_options["wait_for_workers"] is not None and own_options["scheduler"] is None:
         raise ScenarioError(Problem("--wait-for-workers", "applies to the workers of --scheduler", "leave it out"))
-    of_cases = {name: options[name] for name in ("scheduler", "wait_for_workers")}
-    of_cases["workers"] = options["workers"] or default_workers()
+    of_cases = {name: own_options[name] for name in ("scheduler", "wait_for_workers")}
+    of_cases["workers"] = own_options["workers"] or default_workers()
     if kind == "designs":
-        sweep_designs(scenario, target, given, **of_cases)
+        sweep_designs(scenario, target, options, **of_cases)
     elif kind == "continuation":
-        continue_motions(scenario, target, given, options["overlay"] or (), expansion=bool(options["compare"]))
+        continue_motions(
+            scenario, target, options, own_options["overlay"] or (), expansion=bool(own_options["compare"])
+        )
     elif kind == "coexisting":
-        _coexist(scenario, target, given, **of_cases)
+        _coexist(scenario, target, options, **of_cases)
     else:
-        _sweep_sine(scenario, target, given)
+        _sweep_sine(scenario, target, options)
 
 
 def _kind(scenario: Scenario) -> str:
@@ -97,16 +99,16 @@ def _kind(scenario: Scenario) -> str:
     return kind if kind in KINDS else "sweep"
 
 
-def _sweep_sine(scenario: Scenario, target: Path, given: CommandOptions) -> None:
+def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
     def save(part: SweepResult) -> None:
         with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
-            write_result(part, target, resumed=given.resume)
+            write_result(part, target, resumed=options.resume)
 
-    earlier = _earlier(target, scenario) if given.resume else None
+    earlier = _earlier(target, scenario) if options.resume else None
     if earlier is None:
-        _say_begins(target, given)
+        _say_begins(target, options)
 
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
@@ -119,7 +121,7 @@ def _sweep_sine(scenario: Scenario, target: Path, given: CommandOptions) -> None
     if sweep is not None and sweep.kind == "swept_sine":
         levels = f" at each of {len(sweep.levels)} levels" if len(sweep.levels) > 1 else ""
         cycles = f" ({sweep.cycles:.0f} cycles{levels})"
-    concluded("sweep", target, given, computed, f"sweeping {given.case.name}{cycles}")
+    concluded("sweep", target, options, computed, f"sweeping {options.case.name}{cycles}")
 
 
 def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
@@ -151,14 +153,14 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
 
 
 def continue_motions(
-    scenario: Scenario, target: Path, given: CommandOptions, overlay: Sequence[Path], *, expansion: bool
+    scenario: Scenario, target: Path, options: CommandOptions, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
     """Follow periodic motions, add the requested overlays, save and print.
 
     Parameters
     ----------
     scenario : with a continuation.
-    target, given : as of `concluded`.
+    target, options : as of `concluded`.
     overlay : files of sweeps.
     expansion : whether to compare with the multiple-scales expansion.
 
@@ -177,17 +179,17 @@ def continue_motions(
         with scenario.locating():
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
-    concluded("continuation", target, given, followed, "following periodic motions")
+    concluded("continuation", target, options, followed, "following periodic motions")
 
 
-def sweep_designs(scenario: Scenario, target: Path, given: CommandOptions, **options: Any) -> None:
+def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **worker_options: Any) -> None:
     """Compute all cases (or the missing ones), save and print.
 
     Parameters
     ----------
     scenario : with ``vary`` or ``optimise``.
-    target, given : as of `conclude`.
-    options : workers, scheduler and wait_for_workers.
+    target, options : as of `conclude`.
+    worker_options : workers, scheduler and wait_for_workers.
 
     Raises
     ------
@@ -203,23 +205,25 @@ def sweep_designs(scenario: Scenario, target: Path, given: CommandOptions, **opt
     def same(stored: StudyResult) -> bool:
         return stored["cases"]["fingerprint"].item() == plan.fingerprint and stored.limits == limits
 
-    if given.resume and _finished("designs", target, given, same):
+    if options.resume and _finished("designs", target, options, same):
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
     count = plan.most * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
     path = journal_path(target)
-    with opened_journal(path, plan.fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, f" of {cases} cases", target, given)
+    with opened_journal(path, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
+        _say_known(journal, f" of {cases} cases", target, options)
         with _naming_kept(journal, f" of {cases} cases", interrupted):
-            with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
-                by = _workers(progress, **options)
+            with progress_of(f"{cases} cases", shown=not options.quiet) as progress:
+                by = _workers(progress, **worker_options)
                 with asked_by(interrupted):
                     result, written = stored_study(plan, journal, target, progress=progress, **by)
             if not result.finished:
                 raise KeyboardInterrupt
-        conclude("designs", result, written, given, interrupted, _best_design(result, written) if plan.searches else ())
+        conclude(
+            "designs", result, written, options, interrupted, _best_design(result, written) if plan.searches else ()
+        )
 
 
 def _workers(
@@ -258,7 +262,7 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
         raise
 
 
-def _finished(kind: str, target: Path, given: CommandOptions, same: Callable[[Any], bool]) -> bool:
+def _finished(kind: str, target: Path, options: CommandOptions, same: Callable[[Any], bool]) -> bool:
     """Whether the file has everything that was asked for: a result that is the same; it is then printed."""
     if journal_path(target).exists() or not holds(target, kind):
         return False
@@ -267,52 +271,52 @@ def _finished(kind: str, target: Path, given: CommandOptions, same: Callable[[An
         return False
     if not same(stored):
         return False
-    if not given.quiet:
+    if not options.quiet:
         say(f"beamsim: {target} has all of it; there is nothing to compute")
     with refusing_damage(target), interruptible() as interrupted:
-        conclude(kind, stored, target, given._replace(no_plots=True), interrupted)
+        conclude(kind, stored, target, options._replace(no_plots=True), interrupted)
     return True
 
 
-def _say_known(journal: Journal, cases: str, target: Path, given: CommandOptions) -> None:
+def _say_known(journal: Journal, cases: str, target: Path, options: CommandOptions) -> None:
     """What of the cases an earlier call has computed."""
     if not journal.outcomes:
-        _say_begins(target, given)
-    elif not given.quiet:
+        _say_begins(target, options)
+    elif not options.quiet:
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
 
 
-def _say_begins(target: Path, given: CommandOptions) -> None:
+def _say_begins(target: Path, options: CommandOptions) -> None:
     """Say where ``--resume`` finds nothing; what a case of a result file gives is written to another file."""
-    if not given.resume or given.quiet:
+    if not options.resume or options.quiet:
         return
-    of_result = given.output is None and stem_given(given) != given.case.stem
-    remedy = f"; to go on with {given.case}, give the YAML of its case" if of_result else ""
+    of_result = options.output is None and result_stem(options) != options.case.stem
+    remedy = f"; to go on with {options.case}, give the YAML of its case" if of_result else ""
     say(f"beamsim: there is nothing to resume in {target}; the computation begins anew{remedy}")
 
 
-def _coexist(scenario: Scenario, target: Path, given: CommandOptions, **workers: Any) -> None:
+def _coexist(scenario: Scenario, target: Path, options: CommandOptions, **workers: Any) -> None:
     """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
-    if given.resume and _finished("coexisting", target, given, lambda stored: stored.scenario == scenario):
+    if options.resume and _finished("coexisting", target, options, lambda stored: stored.scenario == scenario):
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
-    with opened_journal(path, fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, " starts and disturbances", target, given)
+    with opened_journal(path, fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
+        _say_known(journal, " starts and disturbances", target, options)
         known = tuple(journal.kept)
         with (
             _naming_kept(journal, " starts and disturbances", interrupted),
-            progress_of("motions from many starts", shown=not given.quiet) as progress,
+            progress_of("motions from many starts", shown=not options.quiet) as progress,
             scenario.locating(),
         ):
             by = _workers(progress, **workers)
             result = with_finer_model.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
         result = replace(result, command_processor_time_s=used_processor_time())
-        written = keep_result(result, target, resumed=given.resume)
+        written = keep_result(result, target, resumed=options.resume)
         if result.outcome.cut_short:
             say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")
         else:
             journal.remove()
-        conclude("coexisting", result, written, given, interrupted)
+        conclude("coexisting", result, written, options, interrupted)
 
 
 _DESIGNS = ("best", "design_point")

@@ -1,7 +1,7 @@
 """The printed table of a result of any kind, made of its summary and of what the entries of the summary declare.
 
-Values by place are tables by section: the largest force of a snubber is beside its other values, each with its error
-in the convergence check. Every record, and every list of records, is a table of its own.
+Values by place are tables by section: the largest force of a snubber is in one row with its other values, each with its
+error in the convergence check. Every record, and every list of records, is a table of its own.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from beamsim.plots.style import amount, shown_in, value_text
 from beamsim.results.result import Result
 from beamsim.summaries import Entry, Plain, described, place_in_words, unit_in, words
 
-# entries that say something of values, beside which they are printed
+# entries about values, printed in the rows of these values
 OF_VALUES = ("status", "convergence", "doubtful", "after_parting", "peak_times_s", "peak_frequencies_hz",
              "output_unit")  # fmt: skip
 ACRONYMS = ("fdac", "frac", "mac", "psd", "srs")

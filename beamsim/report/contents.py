@@ -98,7 +98,7 @@ def page_of(
         listing(printed.screen),
         *(captioned(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
     )
-    page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_checked(result, printed.rows)))))
+    page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_reliability_rows(result, printed.rows)))))
     page.add("Results", labelled(printed.rows))
     if sketch is not None:
         page.add("Model in numbers", *_model(sketch))
@@ -167,7 +167,7 @@ def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
     ]
 
 
-def _checked(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
+def _reliability_rows(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
     """How the computation ended, by which method, and the printed rows that say how sure the others are."""
     yield ["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]
     method, label = str(result.summary.get("method", "")), ""
@@ -200,10 +200,10 @@ def _stop(stop: SnubberNumbers) -> list[str]:
 def _bodies(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """What each body is given by, its numbers with their units."""
     for name, body in scenario.all_bodies.items():
-        yield name, ", ".join(_given(body))
+        yield name, ", ".join(_stated_properties(body))
 
 
-def _given(body: Any) -> Iterator[str]:
+def _stated_properties(body: Any) -> Iterator[str]:
     for key, name in type(body).keys().items():
         value = getattr(body, name)
         if key in ("snubbers", "kind") or value is None or value == () or value == 0.0:
@@ -220,7 +220,7 @@ def _given(body: Any) -> Iterator[str]:
         elif isinstance(value, tuple):
             yield f"{len(value)} {words}"
         elif isinstance(value, Schema):
-            inner = ", ".join(filter(None, (getattr(value, "kind", "").replace("_", " "), *_given(value))))
+            inner = ", ".join(filter(None, (getattr(value, "kind", "").replace("_", " "), *_stated_properties(value))))
             yield f"{words} ({inner})" if inner else words
 
 

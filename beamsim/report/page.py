@@ -71,7 +71,7 @@ class Page:
             self.sections.append((heading, "\n".join(part for part in parts if part)))
 
     def plot(self, name: str, panels: Sequence[dict[str, Any]], columns: int) -> str:
-        """Plots that can be zoomed, by their descriptions for plotly; those of several columns beside each other."""
+        """Plots that can be zoomed, by their descriptions for plotly; in so many columns."""
         first = len(self.plots)
         self.plots += panels
         places = "".join(

@@ -89,9 +89,10 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     """Levels at which contact is made or lost, from the linear motion about static equilibrium.
 
     There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
-    is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any beside friction that holds
-    without a spring, or that a snubber presses. A latch that is open at equilibrium has an onset as other stops; one
-    that is held is lost at no level, an infinite one, and needs no preload.
+    is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any in a system with
+    friction that sticks without a spring, or whose normal force comes from a snubber. A latch that is open at
+    equilibrium has an onset as other stops; one that is held is lost at no level, an infinite one, and needs no
+    preload.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
     if system.static_equilibrium is None or count == 0 or contacts.any_sticks_rigidly or contacts.pressed.size:

@@ -46,8 +46,8 @@ class SteppedChannels:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
         system, flow, of = self._system, self._flow, self.channels.sizes.part
         base = 0.0 if system.base_displacement is None else system.base_displacement(times)
-        beside = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
+        additional = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
         if system.cubic is None:
-            return beside
+            return additional
         pull = system.cubic.stiffness * system.cubic.extension(y[:, : system.dynamics.size], base) ** 3
-        return beside + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T
+        return additional + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T

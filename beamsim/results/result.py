@@ -218,8 +218,8 @@ class Result:
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""
-        said = {"status": outcome.text, "margins": judged(self.summary.get("margins", {}), outcome)}
-        summary = self.summary | {name: value for name, value in said.items() if name in self.summary}
+        repeated = {"status": outcome.text, "margins": judged(self.summary.get("margins", {}), outcome)}
+        summary = self.summary | {name: value for name, value in repeated.items() if name in self.summary}
         return replace(self, outcome=outcome, summary=summary)
 
     def interrupted(self, during: str) -> Self:

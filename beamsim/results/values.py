@@ -339,8 +339,8 @@ def largest_in(parts: Sequence[Dataset], at: str, counts: str = "") -> Iterator[
 
 def searched(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:
     """The channels of whose extremes values are made; by default all that a run reports, and the penetrations."""
-    wanted, beside = (VALUES, PENETRATION) if values is None else (tuple(values), None)
-    return channels.select(lambda channel: channel.key == beside or any(value.takes(channel) for value in wanted))
+    wanted, always = (VALUES, PENETRATION) if values is None else (tuple(values), None)
+    return channels.select(lambda channel: channel.key == always or any(value.takes(channel) for value in wanted))
 
 
 def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
@@ -510,7 +510,7 @@ def longer_run(duration: str) -> str:
 
 
 def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
-    """A message for every limit that is exceeded, and for every one of which nothing reliable can be said."""
+    """A message for every limit that is exceeded, and for every one that cannot be decided reliably."""
     texts = []
     for name, item in compared.items():
         if item["verdict"] == Verdict.MET:

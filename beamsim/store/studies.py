@@ -1,9 +1,9 @@
 """Design studies, ensembles and coexisting motions that are kept in a file while they are computed.
 
-Each case is written to a journal beside the file as soon as it is solved, so that a killed study can be resumed. The
-first line of the journal identifies the study, followed by a line of JSON for every case in the order of completion.
-Numbers are read back without loss. Lines that are damaged or incomplete are ignored and reported. Nothing is removed
-from a journal: one that is not continued is moved aside.
+Each case is written to a journal in the folder of the file as soon as it is solved, so that a killed study can be
+resumed. The first line of the journal identifies the study, followed by a line of JSON for every case in the order of
+completion. Numbers are read back without loss. Lines that are damaged or incomplete are ignored and reported. Nothing
+is removed from a journal: one that is not continued is moved aside.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ def ensemble(
         The path ``excitation.seed`` draws realisations of a random input.
     responses : what is computed: quantities (``peak_force``), or whole names (``snubbers/tip/peak_force``). By default
         everything, of which the bending stress takes most of the time.
-    file : where the table is stored. While it is computed, each case is kept beside it, so that an ensemble that was
-        interrupted goes on where it was when it is called again.
+    file : where the table is stored. While it is computed, each case is kept in a journal in the same folder, so that
+        an ensemble that was interrupted continues when it is called again.
     workers : number of processes; several need the call below ``if __name__ == "__main__":``, as of `design_study`.
     progress : called with the fraction of cases done.
 

@@ -485,13 +485,13 @@ def _diverged(result: Result, checked: Convergence) -> Outcome:
 
 
 def _finer(result: Result, modes: int) -> str:
-    """What gives a finer model than that with so many modes, beside what is written."""
+    """What gives a finer model than that with so many modes, in addition to what the message states."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
     return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements)))
 
 
 def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
-    """What makes doubtful values of a model with so many modes converge, beside what is written."""
+    """What makes doubtful values of a model with so many modes converge, in addition to what the message states."""
     places = [key.partition(".")[2] for key in doubtful if key.startswith("peak_acceleration")]
     shares = result.summary.get("contact_share", {})  # by snubber, of a sweep by curve and snubber
     met = {name for of in (shares, *shares.values()) if isinstance(of, dict) for name, share in of.items() if share}

@@ -71,7 +71,7 @@ def solve_case(
     ScenarioError
         If the scenario cannot be solved.
     """
-    with allowing_hours(math.inf):  # the study was estimated as a whole, and workers are not told what is allowed
+    with allowing_hours(math.inf):  # the study was estimated as a whole, and workers do not know what is allowed
         if analysis == "run":
             around = copy_context()  # whose requests are asked, not those within the run
             return run(scenario, stop=lambda: around.run(asked_to_stop), entries=entries, shared=shared)
@@ -137,8 +137,8 @@ def design_study(
     ----------
     scenario : with ``vary`` or ``optimise``, or what `beamsim.load_scenario` reads; or its plan from `plan_designs`,
         already checked by `check_cases`. Each case is a sweep if there is a section ``sweep``, else a run.
-    workers : number of processes on this machine; one is this process, several start beside it and import the script
-        that calls, so that its call stands below ``if __name__ == "__main__":``.
+    workers : number of processes on this machine; one is this process, several are started in addition and import the
+        script that calls, so that its call stands below ``if __name__ == "__main__":``.
     scheduler : Dask scheduler whose workers are used instead: its address, or with how long to wait for workers.
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.
@@ -266,24 +266,26 @@ def _with_runs(result: StudyResult) -> StudyResult:
     if asked_to_stop():
         return result.interrupted("the run of the best design")
     best = runs["best"]
-    said: dict[str, Any] = {entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary}
+    convergence: dict[str, Any] = {
+        entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary
+    }
     for doubts in ("doubtful", "after_parting"):
-        said[doubts] = _concerning(result, said.get(doubts, ()))
-    summary = result.summary | said
+        convergence[doubts] = _concerning(result, convergence.get(doubts, ()))
+    summary = result.summary | convergence
     shown = {name: of for name, of in runs.items() if isinstance(of, RunResult)}
     checked = replace(
         result,
         datasets=result.datasets | ({"runs": _runs(shown)} if shown else {}),
         summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
-    parts = _doubts_about(best, said["doubtful"], said["after_parting"])
+    parts = _doubts_about(best, convergence["doubtful"], convergence["after_parting"])
     return checked.ended(result.outcome.but(*(replace(part, context="the best design") for part in parts)))
 
 
 def _doubts_about(
     best: RunResult | SweepResult | ContinuationResult, doubtful: Sequence[str], after: Sequence[str]
 ) -> tuple[Outcome, ...]:
-    """What is said of the result of the best design: why it cannot be used, or doubts about what was searched for.
+    """Outcomes of the result of the best design: why it cannot be used, or doubts about what was searched for.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ def sweep(
         return result
 
     with asked_by(stop):
-        return _checked(first, compute, asked, _of_sweep, progress)
+        return _with_convergence_errors(first, compute, asked, _of_sweep, progress)
 
 
 def continuation(scenario: Source, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
@@ -119,7 +119,7 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     with asked_by(stop):
-        return _checked(partial(compute, scenario), compute, asked, _of_continuation, progress)
+        return _with_convergence_errors(partial(compute, scenario), compute, asked, _of_continuation, progress)
 
 
 def coexisting(
@@ -152,7 +152,7 @@ def coexisting(
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, workers=workers, scheduler=scheduler)
     with asked_by(stop):
-        return _checked(partial(again, scenario, **kept), again, asked, _of_continuation, progress)
+        return _with_convergence_errors(partial(again, scenario, **kept), again, asked, _of_continuation, progress)
 
 
 def nnm(
@@ -182,10 +182,10 @@ def nnm(
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
     with asked_by(stop):
-        return _checked(partial(compute, scenario, compare=compare), compute, asked, _of_mode, progress)
+        return _with_convergence_errors(partial(compute, scenario, compare=compare), compute, asked, _of_mode, progress)
 
 
-def _checked(
+def _with_convergence_errors(
     first: Callable[[Progress], _Result],
     again: Callable[[Scenario, Progress], _Result],
     asked: bool,

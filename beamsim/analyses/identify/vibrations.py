@@ -124,7 +124,7 @@ def fit_nonlinear(
 
 
 @dataclass(frozen=True)
-class _Search:
+class _FitFromStarts:
     """Where the search for the least misfit ended."""
 
     fit: Fit
@@ -136,7 +136,7 @@ class _Search:
     warnings: list[str]
 
 
-def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _Search:
+def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _FitFromStarts:
     """The least misfit of all starts, and what noise it tells: `vibrations.tests` have it afterwards.
 
     Parameters
@@ -165,10 +165,10 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     warnings = []
     if agreeing == 1 < len(solutions):
         warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
-    return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
+    return _FitFromStarts(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, begin: float) -> Findings:
+def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, begin: float) -> Findings:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters

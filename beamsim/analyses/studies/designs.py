@@ -34,7 +34,7 @@ def unsettled(tried: int, left_out: Sequence[str] = (BETTER,)) -> Outcome:
     )
 
 
-class Known(NamedTuple):
+class SolvedPoints(NamedTuple):
     """All designs that are solved."""
 
     points: Floats  # (n, parameters) of the unit cube
@@ -62,7 +62,7 @@ class Designs:
         self.plan, self.evaluate = plan, evaluate
         self.known: dict[tuple[Value, ...], tuple[Floats, Floats]] = {}  # (objectives,), (limits,)
         self.points: dict[tuple[Value, ...], Floats] = {}  # of the unit cube
-        self._every: Known | None = None  # where nothing was solved since
+        self._every: SolvedPoints | None = None  # where nothing was solved since
         self.free: Bools = np.array([not (p.values or p.whole) for p in plan.study.varied])  # ranges of real numbers
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
@@ -85,11 +85,11 @@ class Designs:
         return np.reshape([of for of, _ in found], (len(rows), count)).T, np.transpose([of for _, of in found])
 
     @property
-    def every(self) -> Known:
+    def every(self) -> SolvedPoints:
         """All designs that are solved, in the order in which they were tried."""
         if self._every is None:
             columns = [(self.points[row], *of) for row, of in self.known.items()]
-            self._every = Known(*(np.array([each[k] for each in columns]) for k in range(3)))
+            self._every = SolvedPoints(*(np.array([each[k] for each in columns]) for k in range(3)))
         return self._every
 
     @property

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.studies.designs import APART, RESOLUTION, Designs, Known, unsettled
+from beamsim.analyses.studies.designs import APART, RESOLUTION, Designs, SolvedPoints, unsettled
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.proposals import proposed, ranges_of
 from beamsim.analyses.studies.table import WIDE, efficient, shares_between
@@ -49,7 +49,7 @@ def front(designs: Designs, settings: Optimise) -> Outcome:
         Complete, or what was left out.
     """
     most = settings.most_cases
-    search = _Search(designs, most, np.random.default_rng(settings.seed))
+    search = _FrontSearch(designs, most, np.random.default_rng(settings.seed))
     search.sample()
     for goal in (0, 1):
         search.approach(goal, round(FOR_AN_END * most))
@@ -79,7 +79,7 @@ class _Front(NamedTuple):
     ranges: Floats  # (2,) of the objectives on it
 
 
-def _front_of(known: Known) -> _Front:
+def _front_of(known: SolvedPoints) -> _Front:
     """The designs that meet every limit of which none is better in both objectives."""
     numbers = np.flatnonzero(efficient(known.values.T, known.excess == 0.0))
     numbers = numbers[np.argsort(known.values[numbers, 0])]
@@ -87,7 +87,7 @@ def _front_of(known: Known) -> _Front:
 
 
 @dataclass
-class _Search:
+class _FrontSearch:
     """Searches for the ends of a front, between them, and in its gaps."""
 
     designs: Designs
@@ -201,7 +201,7 @@ class _Search:
     def left_out(self) -> list[str]:
         """Why a front is in doubt, each as a clause: what the last quarter of the designs improved, and gaps."""
         known = self.designs.every
-        before = _front_of(Known(*(each[: int((1.0 - LAST_QUARTER) * len(each))] for each in known)))
+        before = _front_of(SolvedPoints(*(each[: int((1.0 - LAST_QUARTER) * len(each))] for each in known)))
         if not len(before.values):
             return ["the first designs that meet every limit were found late"]
         after, clauses = self.front, list[str]()

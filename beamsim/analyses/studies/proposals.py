@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamsim.analyses.studies.designs import Known
+from beamsim.analyses.studies.designs import SolvedPoints
 from beamsim.analyses.studies.table import efficient
 from beamsim.scenario.studies import VariedParameter
 from beamsim.typing import Bools, Floats, Ints
@@ -34,7 +34,7 @@ DIGITS = 4  # of the coordinates, in which a proposal differs from what is known
 
 
 def proposed(
-    varied: Sequence[VariedParameter], known: Known, front: Ints, count: int, generator: np.random.Generator
+    varied: Sequence[VariedParameter], known: SolvedPoints, front: Ints, count: int, generator: np.random.Generator
 ) -> Floats:
     """New designs that improve a front by the model of all known ones; without a front those nearest to the limits.
 
@@ -71,7 +71,7 @@ def proposed(
     return candidates[meets][_most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)]
 
 
-def ranges_of(known: Known, front: Ints) -> Floats:
+def ranges_of(known: SolvedPoints, front: Ints) -> Floats:
     """(2,) ranges of the objectives on a front, or of all designs where it has none; 1 where these have none either."""
     values = known.values[np.isfinite(known.values).all(axis=1)]
     whole = np.ptp(values, axis=0) if len(values) else np.zeros(2)
