@@ -245,7 +245,9 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
     ]  # fmt: skip
     marks = {"below": 6, "above": 7}
     stops = [ax.plot([], [], zorder=4, marker=marks.get(stop.side, ""), markersize=9)[0] for stop in scene.stops]
-    said = ax.text(0.99, 0.98, "", transform=ax.transAxes, ha="right", va="top", fontsize="small", family="monospace")
+    caption = ax.text(
+        0.99, 0.98, "", transform=ax.transAxes, ha="right", va="top", fontsize="small", family="monospace"
+    )
 
     def update(k: int) -> None:
         first = 0
@@ -257,9 +259,9 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
         for stop, artist in zip(scene.stops, stops, strict=True):
             artist.set_data(*_stop(stop, k))
             pressed = stop.force[k] != 0.0
-            artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # told apart in grey, too
+            artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # distinct in grey, too
         forces = "  ".join(f"{s.name} {amount(float(np.round(s.force[k], 9)), 'N'):>9}" for s in scene.stops[:4])
-        said.set_text(visible(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}"))
+        caption.set_text(visible(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}"))
 
     return update
 

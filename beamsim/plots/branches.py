@@ -1,4 +1,4 @@
-"""Branches of periodic motions as curves: stable and unstable stretches, marks of special points."""
+"""Branches of periodic motions as curves: stable and unstable pieces, marks of special points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.orbits.branch import special_name
-from beamsim.plots.drawing import Curve, beside, marked
+from beamsim.plots.drawing import Curve, marked, with_neighbours
 from beamsim.typing import Bools, Floats
 
 MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
@@ -28,7 +28,7 @@ class BranchLine(NamedTuple):
 
 
 def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
-    """Branches as curves: stable stretches full, unstable ones thinner and dashed, special points with marks.
+    """Branches as curves: stable pieces full, unstable ones thinner and dashed, special points with marks.
 
     Labels that are alike are in the legend once.
     """
@@ -39,7 +39,7 @@ def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
         curves.append(Curve("" if known else line.label, line.x, np.where(line.stable, line.y, np.nan), style))
         if not line.stable.all():
             dashed = {**style, "linewidth": 0.8 * style["linewidth"], "linestyle": UNSTABLE}
-            curves.append(Curve("", line.x, np.where(beside(~line.stable), line.y, np.nan), dashed))
+            curves.append(Curve("", line.x, np.where(with_neighbours(~line.stable), line.y, np.nan), dashed))
     if not all(line.stable.all() for line in lines):
         curves.append(Curve("unstable", np.zeros(0), np.zeros(0), {"color": "0.3", "linestyle": UNSTABLE}))
     for kind, mark in MARKS.items():

@@ -73,7 +73,7 @@ def _chart(
         if _several_levels(result) or len(overlaid) > 2:
             label += f", {level_text(curve.level, result.level_unit)}"
         style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 4}
-        if curve.kind == "swept_sine":  # told apart without colour, too
+        if curve.kind == "swept_sine":  # distinct without colour, too
             style = {"linewidth": 2.2, "linestyle": (0, (4, 1)) if k % 2 else "-"}
         style |= {"color": _OVERLAID[k % len(_OVERLAID)], "zorder": 1}
         drawn.append(Curve(label, *highest_in_bins(curve.frequency_hz, peak), style))

@@ -1,4 +1,4 @@
-"""What all plots share: panels, curves on axes with units that can be told apart in grey print, legends, files."""
+"""What all plots share: panels, curves on axes with units that can be distinguished in grey print, legends, files."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Chart(NamedTuple):
     log: str = ""  # the letters of logarithmic axes
     whole: str = ""  # those of axes that count: numbers between whole ones are not marked
     of: str = "curves"  # the first `MOST_CURVES` are drawn, and the legend says of how many; all where empty
-    marks: Sequence[Curve] = ()  # drawn beside the curves, however many these are
+    marks: Sequence[Curve] = ()  # drawn in addition to the curves, however many these are
     x_ends: Ends = (None, None)
     y_ends: Ends = (None, None)
     note: str = ""  # of a doubt, in the upper right corner
@@ -250,7 +250,7 @@ def draw(ax: Axes, chart: Chart) -> None:
     left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
     legend(ax, left_out or chart.legend)
     if chart.names:
-        _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
+        _annotate(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
 
 
 def _write_note(ax: Axes, note: str) -> None:
@@ -337,7 +337,7 @@ def legend(ax: Axes, title: str = "") -> None:
     Parameters
     ----------
     ax : whose labelled lines are listed.
-    title : of the legend; beside the panel without one if nothing is labelled.
+    title : of the legend; without labels it is written next to the panel.
     """
     labels = ax.get_legend_handles_labels()[1]
     if labels:
@@ -356,7 +356,7 @@ def _legend_below(figure: Figure) -> None:
     shown = {
         label: copy(mark) for ax in figure.axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
-    for mark in shown.values():  # triangles whose tips are at a place would not be beside their texts
+    for mark in shown.values():  # triangles whose tips are at a place would not be level with their texts
         if isinstance(mark, Line2D) and mark.get_marker() in _CARETS:
             mark.set_marker(_CARETS[mark.get_marker()])
     if shown:
@@ -385,7 +385,7 @@ def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
         )
 
 
-def beside(chosen: Bools) -> Bools:
+def with_neighbours(chosen: Bools) -> Bools:
     """Whether a point is chosen or next to one that is, so that curves of chosen points have no holes."""
     return np.asarray(chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1]))
 
@@ -412,7 +412,7 @@ def highest_in_bins(f: Floats, values: Floats, *, mean: bool = False) -> tuple[F
     return np.add.reduceat(f, first) / count, of_bins
 
 
-def _name_beside(ax: Axes, places: Mapping[str, tuple[float, float]]) -> None:
+def _annotate(ax: Axes, places: Mapping[str, tuple[float, float]]) -> None:
     """Names of places (data coordinates) in a column right of the panel, ordered by height, with leaders."""
     ordered = sorted(places, key=lambda name: -places[name][1])
     for name, height in zip(ordered, np.linspace(1.0, 0.0, 2 * len(ordered) + 1)[1::2], strict=True):

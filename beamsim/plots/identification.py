@@ -155,7 +155,7 @@ def harmonics(test: Dataset) -> list[Chart]:
 
 
 def transient(test: Dataset) -> list[Chart]:
-    """A record with what is predicted before and after the fit, and what the fit leaves beside the noise."""
+    """A record with its prediction before and after the fit, and the residual compared with the noise."""
     across, name, unit = ("Time", Scale(1.0, "s")), Path(test["name"].item()).stem, test["unit"].item()
     time, measured, before, predicted = (
         test[f"sample_{column}"].values for column in ("time", "measured", "before", "predicted")

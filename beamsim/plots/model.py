@@ -61,9 +61,9 @@ def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
         numbers.setdefault((float(f"{x:.3g}"), round(y, 1)), []).append(str(k))
         ax.plot([], [], linestyle="none", label=f"{k}  {text}")
     for (x, y), those in numbers.items():
-        beside = -20 if any(0.0 < other - x < near for other, _ in numbers) else 12
+        x_offset = -20 if any(0.0 < other - x < near for other, _ in numbers) else 12
         ax.annotate(
-            ", ".join(those), (x, y), xytext=(beside, 9 if y - round(y) > -0.01 else -9), textcoords="offset points",
+            ", ".join(those), (x, y), xytext=(x_offset, 9 if y - round(y) > -0.01 else -9), textcoords="offset points",
             va="center", fontsize="small", color="0.25", zorder=9, annotation_clip=False,
             bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "0.6", "linewidth": 0.6},
         )  # fmt: skip
@@ -149,17 +149,17 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
-        yield _said(part), (x, y + 0.34)
-    moved = [(part, at) for _, part in acting.supports for at in _moved(sketch, part.applied_to)]
+        yield _level_text(part), (x, y + 0.34)
+    moved = [(part, at) for _, part in acting.supports for at in _places_moved(sketch, part.applied_to)]
     moved += [(part, at) for _, part in acting.stops for name, at in stops.items() if part.moves_stop(name)]
-    carried = [
+    with_support = [
         (None, at) for name, at in stops.items() if any(_carries(sketch, part, name) for _, part in acting.supports)
     ]
-    drawn: list[tuple[Any, tuple[float, float]]] = [*moved, *carried]
+    drawn: list[tuple[Any, tuple[float, float]]] = [*moved, *with_support]
     for part, (x, y) in drawn:
         ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
         if part is not None:
-            yield f"{part.applied_to.label}: {_said(part)}", (x, y - 0.3)
+            yield f"{part.applied_to.label}: {_level_text(part)}", (x, y - 0.3)
 
 
 def _carries(sketch: Sketch, part: Any, name: str) -> bool:
@@ -171,21 +171,21 @@ def _carries(sketch: Sketch, part: Any, name: str) -> bool:
     return (on.support, on.body or default) == (support.support, support.body or default)
 
 
-def _said(part: Any) -> str:
+def _level_text(part: Any) -> str:
     """The level of what has one alone, else its kind."""
     levels = [amplitude_text(part, level) for _, level in part.levels()]
     return levels[0] if len(levels) == 1 else str(part.kind).replace("_", " ")
 
 
-def _moved(sketch: Sketch, moved: Any) -> list[tuple[float, float]]:
+def _places_moved(sketch: Sketch, moving: Any) -> list[tuple[float, float]]:
     """Where a support that moves is drawn, or a joint."""
     scenario = sketch.scenario
-    if moved.joint:
-        joined = next(each for each in (*scenario.joints, *scenario.springs_between) if each.name == moved.joint)
+    if moving.joint:
+        joined = next(each for each in (*scenario.joints, *scenario.springs_between) if each.name == moving.joint)
         return [sketch.point(place) for place in ends_of(site_in(scenario, joined))[-1:]]
-    line = sketch.lines_of(moved.body or scenario.default_body)[0]
+    line = sketch.lines_of(moving.body or scenario.default_body)[0]
     ends = dict(zip(("left", "right"), line.coordinate[[0, -1]], strict=True))
-    return [tuple(line.at(ends[moved.support], sketch.rest))] if moved.support in ends else []
+    return [tuple(line.at(ends[moving.support], sketch.rest))] if moving.support in ends else []
 
 
 def _loaded(site: LoadSite, sketch: Sketch) -> Sequence[Place]:

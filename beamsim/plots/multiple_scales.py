@@ -86,11 +86,11 @@ def plot_initial_vectors(expansion: Dataset, ax: Axes, stations: Stations) -> No
 
 def expansion_figures(result: NormalModeResult) -> dict[str, Picture]:
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
-    expansion, said = result["multiple_scales"], result.summary["multiple_scales"]
+    expansion, orders = result["multiple_scales"], result.summary["multiple_scales"]
     charts = [
         expanded_frequency(expansion),
-        differences(expansion, "frequency_difference", said["observed_order_frequency"], "frequency"),
-        differences(expansion, "initial_difference", said["observed_order_initial"], "initial vector"),
+        differences(expansion, "frequency_difference", orders["observed_order_frequency"], "frequency"),
+        differences(expansion, "initial_difference", orders["observed_order_initial"], "initial vector"),
     ]
     title = f"Mode {expansion['mode'].item()} by multiple scales"
     figures = {"multiple_scales": Picture(title, charts, sharex=True)}
@@ -122,9 +122,9 @@ def forced_orders(result: ContinuationResult) -> Chart:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
     curves = []
     levels = each_of(result["multiple_scales"], result["multiple_scales_factors"], "comparison")
-    for k, (c, said) in enumerate(zip(levels, result.summary["multiple_scales"], strict=True)):
+    for k, (c, orders) in enumerate(zip(levels, result.summary["multiple_scales"], strict=True)):
         for order, (name, dashes) in enumerate((("leading order", UNSTABLE), ("first order", "-"))):
-            observed = said["observed_orders"][order]
+            observed = orders["observed_orders"][order]
             label = f"{level_text(c['level'].item(), result.level_unit)}, {name}"
             label += f": observed order {observed:.2f}" if np.isfinite(observed) else ""
             style = {"color": curve_style(k)["color"], "linestyle": dashes, "marker": "."}

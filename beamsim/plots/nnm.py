@@ -51,7 +51,7 @@ _FATES = {
 def backbone(result: NormalModeResult) -> Chart:
     """Frequency over the stiffness factor, or largest deflection over frequency where energy or frequency changes.
 
-    Unstable stretches are dashed, jumps grey, special points marked, tongues named.
+    Unstable pieces are dashed, jumps grey, special points marked, tongues named.
     """
     if result.parameter == "stiffness_factor":
         drawn = [_columns(b, "parameter", "frequency_hz") for b in result.branches]
@@ -83,7 +83,7 @@ def _jumps(result: NormalModeResult) -> list[tuple[float, float, int, int]]:
 
 
 def _named(result: NormalModeResult, chart: Chart) -> Chart:
-    """The chart with n:m beside every resonance, each once: the first curves are the jumps."""
+    """The chart with n:m at every resonance, each once: the first curves are the jumps."""
     names: dict[str, tuple[float, float]] = {}
     for (_, _, mode, ratio), curve in zip(_jumps(result), chart.curves, strict=False):
         if ratio and mode:
@@ -203,9 +203,9 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
         marks = {"marker": "os^Dvx"[k % 6], "markersize": 4, "markerfacecolor": "none", "linewidth": 0.6}
         curves.append(Curve(name, f[:last], np.where(level > FLOOR, level, np.nan), marks))
     away = f"; unstable: {100 * drift:.3g} % away at their end" if drift > DRIFT_SHOWN else ""
-    said = f"spectrum over {motion['periods'].item()} periods{away}"
+    legend = f"spectrum over {motion['periods'].item()} periods{away}"
     return Chart(
-        ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes", y_ends=(FLOOR, 5.0), legend=said
+        ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes", y_ends=(FLOOR, 5.0), legend=legend
     )
 
 
@@ -290,7 +290,7 @@ def relaxed_figure(result: NormalModeResult) -> Picture:
 
 
 def _relaxed_frequencies(result: NormalModeResult) -> Iterator[Curve]:
-    """Shooting's backbone and tongues, and the steps by what they are beside."""
+    """Shooting's backbone and tongues, and the steps by the branch that they are nearest to."""
     for k, branch in enumerate(b for b in result.branches if b["kind"].item() != "non_brake"):
         style = {"color": DARK if branch["kind"].item() == "backbone" else "0.6", "linestyle": "-"}
         label = ("shooting", "shooting, tongues", "")[min(k, 2)]

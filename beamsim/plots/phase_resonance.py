@@ -43,7 +43,7 @@ def _held(result: NormalModeResult) -> Bools:
 
 
 def resonances(result: NormalModeResult) -> Chart:
-    """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
+    """Response curves over the backbone: frequency against amplitude, named by level, unstable pieces dashed."""
     name, of_levels, ridge = _compared(result), result["phase_resonance"], result["predicted_levels"]
     known = "resonance_curves" in result.datasets
     followed = each_of(of_levels, result["resonance_curves"], "level_index") if known else ()

@@ -29,13 +29,13 @@ from beamsim.plots.drawing import (
     HeatMap,
     Picture,
     PowersOfTen,
-    beside,
     curve_style,
     finish,
     legend,
     limit_curves,
     limit_levels,
     marked,
+    with_neighbours,
     with_unit,
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
@@ -130,8 +130,8 @@ def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str
     if quantity:  # the last word of a place
         places = {name: name.rpartition(" ")[0] for name in doubtful if name.rpartition(" ")[2] == quantity}
     texts = [f"{of} {100 * errors[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]
-    said = f"{called} not converged; error: {', '.join(texts)}{', …' * (len(places) > 4)}"
-    return said if places else ""
+    note = f"{called} not converged; error: {', '.join(texts)}{', …' * (len(places) > 4)}"
+    return note if places else ""
 
 
 def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
@@ -247,7 +247,7 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
         (~early & ~closed, "free", {"color": _FREE, "linewidth": 0.9, "zorder": 2}),
-        (beside(closed) & ~early, "in contact", {"color": _CLOSED, "linewidth": 1.8, "zorder": 3}),
+        (with_neighbours(closed) & ~early, "in contact", {"color": _CLOSED, "linewidth": 1.8, "zorder": 3}),
     )
     curves = [
         Curve(label, w, np.where(kept, v, np.nan), {"linestyle": "-", **style})
@@ -355,12 +355,11 @@ def friction_loops(result: RunResult, moved: Mapping[str, LabelledArray]) -> lis
 
 
 def spring_forces(result: RunResult, forces: Mapping[str, LabelledArray]) -> Chart:
-    """Forces of springs, by name, over their stretch: those that relax draw loops."""
-    stretch = result["histories"].by_label("spring_extension")
-    curves = [
-        Curve(name, stretch[name].values[-MOST_STATES:], force.values[-MOST_STATES:]) for name, force in forces.items()
-    ]
-    return Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")
+    """Forces of springs, by name, over their extension; relaxing springs draw loops."""
+    extension = result["histories"].by_label("spring_extension")
+    last = slice(-MOST_STATES, None)
+    curves = [Curve(name, extension[name].values[last], force.values[last]) for name, force in forces.items()]
+    return Chart(("Extension", "m"), ("Spring force", "N"), curves, of="springs")
 
 
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
@@ -416,7 +415,7 @@ def density(response: Dataset, note: str = "") -> Chart:
     """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
 
     Thick grey lines are those of the linear structures with every snubber always open and always closed. The axis is
-    the band of the input; how much of the power of a response lies outside is said with its name.
+    the band of the input; the share of the power of a response that lies outside is in its label.
     """
     on_base, (entered, *signals) = _driven_by_base(response), _signals(response)
     quantity = "absolute_acceleration" if on_base else "displacement"
@@ -686,17 +685,17 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
     response : the value, as studies name it.
     """
     every = (row for row in result["sensitivities"].rows("row") if row["response"] == response)
-    told = sorted(every, key=lambda row: -max(abs(row["change"]), abs(row["change_below"])))
-    value, rows = told[0]["value"], np.arange(len(told))
-    changes = [[row[name] for row in told] for name in ("change", "change_below")]
-    scale = scale_for(told[0]["value_unit"], [value, *changes[0], *changes[1]])
+    largest_first = sorted(every, key=lambda row: -max(abs(row["change"]), abs(row["change_below"])))
+    value, rows = largest_first[0]["value"], np.arange(len(largest_first))
+    changes = [[row[name] for row in largest_first] for name in ("change", "change_below")]
+    scale = scale_for(largest_first[0]["value_unit"], [value, *changes[0], *changes[1]])
     ax.use_sticky_edges = False  # where both ends lie on one side of the value, its line is within the picture
     for change, label, colour in zip(changes, ("number + tolerance", "number - tolerance"), (DARK, PALE), strict=True):
         bars = ax.barh(rows, np.multiply(change, scale.factor), 0.6, value * scale.factor, label=label, color=colour)
         for bar, *both in zip(bars, change, *changes, strict=True):
             bar.set_zorder(2.0 if abs(both[0]) < np.abs(both).max() else 1.5)  # the shorter one is in front
     ax.axvline(value * scale.factor, color="black", linewidth=0.9)
-    labels = [f"{row['path']} ± {amount(row['tolerance'], row['number_unit'], 3)}" for row in told]
+    labels = [f"{row['path']} ± {amount(row['tolerance'], row['number_unit'], 3)}" for row in largest_first]
     ax.set_yticks(rows, labels, fontsize="x-small")
     ax.invert_yaxis()
     _, *place, quantity = ("", *response.split("/"))[-3:]
@@ -704,9 +703,9 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
     legend(ax)
 
 
-def _tornados(result: RunResult, told: Iterable[str]) -> list[Callable[[Axes], None]]:
+def _tornados(result: RunResult, responses: Iterable[str]) -> list[Callable[[Axes], None]]:
     """Charts of the sensitivities of the values that matter most."""
-    names = [name for q in SHOWN for name in told if name.rpartition("/")[2] == q][:MOST_TORNADOS]
+    names = [name for q in SHOWN for name in responses if name.rpartition("/")[2] == q][:MOST_TORNADOS]
     return [partial(plot_tornado, result, response=name) for name in names]
 
 
@@ -730,7 +729,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if (matched := result.datasets.get("matched")) is not None:
         panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
-    if (told := result.summary.get("sensitivities")) and (tornados := _tornados(result, told)):
+    if (derivatives := result.summary.get("sensitivities")) and (tornados := _tornados(result, derivatives)):
         figures["sensitivities"] = Picture(result.title, tornados)
     places = [("snubber", name) for name in of_run.labels("snubber")[:MOST_CURVES]]
     places = places or [("probe", name) for name in of_run.labels("probe")[:1]]

@@ -241,15 +241,15 @@ class Sketch:
             (x, row), *rest = (self.point(place) for place in ends_of(site))
             (_, y), *other = (self.point(place, heights) for place in ends_of(site))
             gap = stop.gap * gaps if math.isfinite(stop.gap) else 0.0
-            if stop.gap_unit == "rad":  # beside its hinge, where the body that turns meets it
+            if stop.gap_unit == "rad":  # next to its hinge, where the body that turns meets it
                 way = 1.0 if self.lines_of(ends_of(site)[0].body)[0].x.mean() >= x else -1.0
                 side, x, rod, apart = side * way, x + 0.04 * way * self.span, [], stop.gap
                 face = y + 0.06 * side
                 places[name] = (x, face + 0.06 * side)
             elif isinstance(site, Link):
                 (over, high), approach = other[0], stop.side == "approach"
-                stretch = (high - y) - (rest[0][1] - row)
-                apart = openings.get(name, gap + (stretch if approach else -stretch))
+                extension = (high - y) - (rest[0][1] - row)
+                apart = openings.get(name, gap + (extension if approach else -extension))
                 face = y + (max(apart, 0.0) if approach else 0.0)
                 rod, places[name] = [(over, high), (x, face)], (0.5 * (x + over), 0.5 * (face + high))
                 if row == rest[0][1]:  # masses of one row
@@ -273,14 +273,14 @@ class Sketch:
 
 
 def scale_bar(ax: Axes, x: float, height: float, text: str) -> None:
-    """An upright bar beside the bodies that shows the scale of deflections and gaps.
+    """An upright bar next to the bodies that shows the scale of deflections and gaps.
 
     Parameters
     ----------
     ax : to draw on.
     x : where, in its unit.
     height : rows, of the bar.
-    text : beside the bar.
+    text : next to the bar.
     """
     ax.plot([x, x], [-0.5 * height, 0.5 * height], color="black", linewidth=2.0, clip_on=False)
     ax.annotate(

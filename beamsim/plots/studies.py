@@ -286,11 +286,11 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
 def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Chart]:
     """Of the responses that are shown of a sample, or of the best case within tolerances."""
     scatter = result.summary.get("scatter", {})
-    said = scatter.get("responses", result.summary["responses"])
+    statistics = scatter.get("responses", result.summary["responses"])
     realised = _realised(result) if scatter else {}
     for name in (name for q in quantities for name in _of(result, q)[:2]):
         values = realised[name][scatter["case"]] if name in realised else result.responses[name].values
-        of = said.get(name, {})
+        of = statistics.get(name, {})
         if "quantile_50_percent" in of and of["smallest"] < of["largest"]:
             yield histogram(result, name, values, of)
 

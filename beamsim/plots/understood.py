@@ -233,7 +233,7 @@ _INPUTS = {
     "random": _random, "sampled": _record, "matched": _matched, "swept_sine": _swept_input,
     **dict.fromkeys(("step", "half_sine", "trapezoid", "sawtooth"), _pulse),
 }  # fmt: skip
-"""What is said of an input beside its level, by its kind."""
+"""Text about an input in addition to its level, by its kind."""
 
 
 def amplitude_text(part: Any, level: float) -> str:

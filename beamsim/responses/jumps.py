@@ -103,7 +103,7 @@ def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[
     """Accelerations of points with a mass of their own just after a force jumps there, whatever the model.
 
     A jump F changes the acceleration by F / m, of which the modes of a model make F times the sum of their squared
-    shapes. What the acceleration is beside that does not depend on the model.
+    shapes. The rest of the acceleration does not depend on the model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``beamsim compare``: computed motions beside measured ones.
+"""``beamsim compare``: computed motions compared with measured ones.
 
 Never here: files and pictures.
 Begin with `analysis`.

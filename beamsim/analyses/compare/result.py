@@ -238,7 +238,7 @@ class ChannelComparison(ComparedChannel):
 
     @property
     def is_round_off(self) -> Bools:
-        """(h,) whether a harmonic of either is nothing but round-off beside the largest of its own."""
+        """(h,) whether a harmonic of either is nothing but round-off compared with the largest of its own."""
         sizes = (np.abs(self.predicted), np.abs(self.measured))
         return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
 
@@ -259,7 +259,7 @@ class ChannelComparison(ComparedChannel):
 
 
 class PeakPair(NamedTuple):
-    """A measured peak over frequency, and the computed one beside it; NaN where there is none."""
+    """A measured peak over frequency and the computed one that is paired with it; NaN if there is none."""
 
     measured_hz: float
     predicted_hz: float

@@ -1,4 +1,4 @@
-r"""A computed sweep beside measured ones: response over frequency, peaks with their quality, FRAC and FDAC.
+r"""A computed sweep compared with measured ones: response over frequency, peaks with their quality, FRAC and FDAC.
 
 Time histories of a swept sine are first tracked over its cycles: the sweep itself says when each begins. The record is
 resampled at equal steps of the phase (computed order tracking: K. R. Fyfe and E. D. S. Munck, "Analysis of computed

@@ -1,4 +1,4 @@
-"""``beamsim compare-modes``: computed natural modes beside measured ones.
+"""``beamsim compare-modes``: computed natural modes compared with measured ones.
 
 Never here: pictures.
 Begin with `analysis`.

@@ -202,7 +202,7 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     return frequencies[order][:most], shapes[:, order[:most]]
 
 
-FREQUENCY_WEIGHT = 0.01  # of a frequency's logarithm beside the MAC, where modes are paired
+FREQUENCY_WEIGHT = 0.01  # of the difference of log frequencies against the MAC, in the pairing of modes
 
 
 def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
@@ -220,7 +220,7 @@ def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
 INDISTINCT = 0.9  # MAC of two computed shapes that the places cannot tell apart
 
 
-MOST_WARNINGS = 4  # about shapes that cannot be told apart; more become one
+MOST_WARNINGS = 4  # about shapes that cannot be distinguished; more become one
 
 
 def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:

@@ -190,7 +190,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     """The branches of one level, those of the excitation's own period first; none where it was time to end."""
     f, settings = model.followed, model.settings
     first, last = f.inward(f.first), f.inward(f.last)
-    reach, beside = reaches_of(first, last, beyond=f.moved is None)
+    reach, wide_reach = reaches_of(first, last, beyond=f.moved is None)
     tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
     if not branches and budget.spent() is not INTERRUPTED:
@@ -206,9 +206,9 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     if settings.side_branches != "none":
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic is not None):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
-            branches += coexisting_branches(replace(tracer, reach=beside), list(values), branches, budget)
+            branches += coexisting_branches(replace(tracer, reach=wide_reach), list(values), branches, budget)
         if not isinstance(settings.method, HarmonicBalance):
-            branches += side_branches(branches, beside, settings.longest_period, budget)
+            branches += side_branches(branches, wide_reach, settings.longest_period, budget)
     values_at = [f.inward(value) for value in f.points_at]
     wanted = [Wanted(f.kind, value, lambda point: point.parameter, value) for value in values_at]
     pieces: list[OrbitBranch] = []
@@ -227,8 +227,8 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     first, last = f.inward(f.first), f.inward(f.last)
     within = "" if level is None else Where(level, model.scenario.level_unit, "level")
 
-    def ranges(stretches: list[tuple[float, float]]) -> Where:
-        return Where([(float(f.outward(a)), float(f.outward(b))) for a, b in stretches], f.unit)
+    def ranges(intervals: list[tuple[float, float]]) -> Where:
+        return Where([(float(f.outward(a)), float(f.outward(b))) for a, b in intervals], f.unit)
 
     parts: list[Outcome] = []
     gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)
@@ -412,7 +412,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
     Returns
     -------
     ContinuationResult
-        With the new curves beside those that were overlaid before.
+        With the new curves in addition to those that were overlaid before.
 
     Raises
     ------

@@ -150,7 +150,7 @@ class GrazingCurve(TwoParameterCurve):
         """The shooting residual and the penetration's extreme, with their Jacobian."""
         R, A, flow_map = self.shoot(u)
         flow, parameters = self.flow_at(u)
-        guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive beside the border
+        guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive next to the border
         guard[[0, 2]] = (-1.0, self.level) if self.top else (1.0, -self.level)
         height, time = lowest(flow, flow_map, self.contact, guard, self.share * flow_map.duration)
         if not np.isfinite(height):

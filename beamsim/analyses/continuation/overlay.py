@@ -66,7 +66,7 @@ def overlaid(curve: SweepCurve, name: str, source: str, title: str) -> OverlayCu
     Parameters
     ----------
     curve : of the sweep.
-    name : by which it is told from other curves.
+    name : that distinguishes it from other curves.
     source, title : of the sweep.
     """
     peaks = {}

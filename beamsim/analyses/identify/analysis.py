@@ -110,7 +110,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
 def _structure(
     scenario: Scenario, updated: Scenario, section: IdentifyStiffness, modes: ComparedModes, fitted: bool
 ) -> Findings:
-    """Frequencies and shapes measured without the snubber beside those of the model.
+    """Compare frequencies and shapes measured without the snubber with those of the model.
 
     Parameters
     ----------

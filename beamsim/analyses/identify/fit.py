@@ -27,7 +27,7 @@ from beamsim.scenario.identification import SoughtParameter, bounds_of
 from beamsim.scenario.parameters import choices_at, find_parameters, unit_of, value_at, with_values
 from beamsim.typing import Bools, Floats
 
-MOST_EVALUATIONS = 100  # of the residuals beside derivatives, in one fit
+MOST_EVALUATIONS = 100  # of the residuals in one fit, not counting those for derivatives
 _WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
 _STEP = 1e-5  # of x, for differences
 _PROFILE_WIDTH = 2.5  # standard deviations
@@ -192,8 +192,8 @@ class Fit:
     Parameters
     ----------
     numbers : p parameters.
-    measured : (p,) x to (r,) weighted residuals, and whether x is just beside the last place, for a difference; raises
-        `UnpredictableError` where there are none.
+    measured : function of (p,) x, and of whether x is a small step from the last one, for a difference quotient.
+        Returns (r,) weighted residuals, or raises `UnpredictableError` where there are none.
     """
 
     def __init__(self, numbers: Sequence[Sought], measured: Callable[[Floats, bool], Floats]) -> None:
@@ -204,8 +204,8 @@ class Fit:
         self._last: tuple[Floats, Floats] | None = None
         self._least: Best | None = None  # of all that was evaluated
 
-    def residuals(self, x: Floats, beside: bool = False) -> Floats:
-        """Those of the measurements, then those of the priors; `beside` as for the measurements."""
+    def residuals(self, x: Floats, differencing: bool = False) -> Floats:
+        """Those of the measurements, then those of the priors; `differencing` as for the measurements."""
         if self._last is None or not np.array_equal(self._last[0], x):  # a derivative is asked for where they were
             self.evaluations += 1
             priors = [
@@ -213,7 +213,7 @@ class Fit:
                 for number, each in zip(self.numbers, x, strict=True)
                 if np.isfinite(number.prior)
             ]
-            self._last = (x.copy(), np.concatenate([self.measured(x, beside), priors]))
+            self._last = (x.copy(), np.concatenate([self.measured(x, differencing), priors]))
             misfit = float(self._last[1] @ self._last[1])
             if self._least is None or misfit < self._least.misfit:
                 self._least = Best(self._last[0], misfit, converged=False)
@@ -226,12 +226,12 @@ class Fit:
         for i in range(x.size):
             points = [(0.0, here)]
             for step in (_STEP, -_STEP):
-                beside = x.copy()
-                beside[i] += step
-                if not self.lower[i] <= beside[i] <= self.upper[i]:
+                shifted = x.copy()
+                shifted[i] += step
+                if not self.lower[i] <= shifted[i] <= self.upper[i]:
                     continue
                 try:
-                    points.append((step, self.residuals(beside, True)))
+                    points.append((step, self.residuals(shifted, True)))
                 except UnpredictableError:
                     continue
             if len(points) > 1:
@@ -335,9 +335,10 @@ class Fit:
                     at_bound=bool(min(abs(x - low), abs(high - x)) < ON_BOUND),
                 )
             )
-        told = [i for i in range(len(self.numbers)) if i not in without]
-        sought = [self.numbers[i] for i in told]
-        return tuple(estimates), covariance, _confounded(sought, jacobian[:, told], covariance[np.ix_(told, told)])
+        determined = [i for i in range(len(self.numbers)) if i not in without]
+        sought = [self.numbers[i] for i in determined]
+        of_determined = covariance[np.ix_(determined, determined)]
+        return tuple(estimates), covariance, _confounded(sought, jacobian[:, determined], of_determined)
 
     def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
         r"""How far :math:`\chi^2` is above its minimum over each parameter, the others fitted again.

@@ -11,7 +11,7 @@ where that is less.
 
 A slow sweep follows the branch of periodic motions up to a fold, jumps to the motion at the same frequency that the
 branch comes to next, and so on. Peaks are the largest ones on what it follows. Folds and maxima are located on the
-branch, so that they are as smooth in the parameters as the motions are; beside known ones they are located without a
+branch, so that they are as smooth in the parameters as the motions are. Near known ones they are located without a
 new branch.
 """
 
@@ -85,7 +85,7 @@ class Prediction:
 
 
 class Compared(NamedTuple):
-    """A prediction beside the measurement, whose number of values is r."""
+    """A prediction compared with a measurement of r values."""
 
     values: Any  # predicted, in the time of the measurement and with its gain
     delay: float  # s, measured(t) = predicted(t + delay)
@@ -151,7 +151,7 @@ class Test:
 
 
 class FittedTest(NamedTuple):
-    """What was measured in a test beside what is predicted: the variables of `TESTS`."""
+    """Measured and predicted values of a test: the variables of `TESTS`."""
 
     name: str
     kind: str
@@ -322,7 +322,7 @@ class Transient(Test):
         return Prediction(system, motion, motion.event_time.size > 0)
 
     def compared(self, prediction: Prediction, gain: float, near: Compared | None) -> Compared:
-        """The prediction beside the measurement, with the delay that fits best.
+        """Compare a prediction with the measurement, at the delay that fits best.
 
         Parameters
         ----------
@@ -448,7 +448,7 @@ class _Curve:
         return BranchStep(self.orbits, a, b, _EXACT).locate(lambda p: float(p.tangent[-1]))
 
     def top(self, point: BranchPoint, peak: int) -> BranchPoint | None:
-        """The largest peak beside a point, by parabolas through three of them; None where there is none."""
+        """The largest peak near a point, by parabolas through three of them; None where there is none."""
         for _ in range(_EXACT.iterations):
             sides = [self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0)]
             slope, bend = sides[1] - sides[0], sides[0] + sides[1] - 2.0 * self.heights(point)[peak]
@@ -467,8 +467,8 @@ class _Curve:
             raise UnpredictableError("the motion after a jump was not found")
         return point
 
-    def beside(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature:
-        """A feature beside one of a neighbouring model."""
+    def matching_feature(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature:
+        """The feature that corresponds to one of a neighbouring model."""
         if known.kind == "jump" and jump is not None:
             return jump
         centre = correct_across(self.orbits, known.point.u, _EXACT) if known.kind in ("jump", "top") else None
@@ -603,7 +603,7 @@ class SweptPeaks(Test):
         Parameters
         ----------
         number : of the test in the list of the scenario.
-        test : what is said of it.
+        test : section of the scenario.
         probe : where peaks are that name no probe.
         """
         rows = [] if test.jump is None else [("jump", test.jump, test.scatter)]
@@ -645,7 +645,7 @@ class SweptPeaks(Test):
         """Jump and peaks; see `Transient.predicted`."""
         test, curve = self.test, self._curve(case, shared)
         try:
-            found = None if near is None else self._beside(curve, near)
+            found = None if near is None else self._matching_features(curve, near)
             jump, tops = found or self._whole(curve)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise UnpredictableError(f"{self.name}: {error}") from error
@@ -674,11 +674,11 @@ class SweptPeaks(Test):
         )
 
     @staticmethod
-    def _beside(curve: _Curve, near: SweepPrediction) -> tuple[Feature | None, tuple[Feature, ...]] | None:
-        """Jump and peaks beside those of a neighbouring model."""
+    def _matching_features(curve: _Curve, near: SweepPrediction) -> tuple[Feature | None, tuple[Feature, ...]] | None:
+        """Jump and peaks that correspond to those of a neighbouring model; None if they are not found."""
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            jump = None if near.jump is None else curve.beside(near.jump, None)
-            return jump, tuple(curve.beside(top, jump, k) for k, top in enumerate(near.tops))
+            jump = None if near.jump is None else curve.matching_feature(near.jump, None)
+            return jump, tuple(curve.matching_feature(top, jump, k) for k, top in enumerate(near.tops))
         return None
 
     def _whole(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
@@ -689,7 +689,7 @@ class SweptPeaks(Test):
         return jump, curve.highest()
 
     def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
-        """Numbers beside the table; see `Transient.compared`."""
+        """Compare predicted numbers with the table; see `Transient.compared`."""
         heights = np.array([what.startswith("peak") for what in self.what])
         numbers = prediction.numbers * np.where(heights, gain, 1.0)
         residuals = (numbers - self.measured) / self.sigma
@@ -724,25 +724,25 @@ class SweptPeaks(Test):
     def doubts(self, prediction: Any) -> list[str]:
         """Also warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
         stable, or the sweep is too fast (0.1 times the square of the bandwidth, in Hz, by integrated ones)."""
-        said, most = [], 0.1 * prediction.bandwidth**2
+        warnings, most = [], 0.1 * prediction.bandwidth**2
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
         if self.test.rate is not None and self.test.rate.unit == "oct/s":
             hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
         if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
-            said.append(
+            warnings.append(
                 "its peak is the one right after the jump, which overshoots however slow the sweep is; give the "
                 "amplitude to which it settles there, or leave peaks out"
             )
         if (lost := self._unstable(prediction)) is not None:
-            said.append(
+            warnings.append(
                 f"the motion at {lost:.4g} Hz is not stable: the sweep leaves it otherwise than at a fold, and what "
                 "follows is not the peak or jump of motions with its period; narrow from and to, or fit the time "
                 "history of the sweep as a transient"
             )
         elif hertz > most:
-            said.append(
+            warnings.append(
                 f"{hertz:.3g} Hz/s is fast for a bandwidth of {prediction.bandwidth:.3g} Hz: above {most:.3g} Hz/s "
                 "peaks and jumps are late and not those of steady vibrations; fit the time history of the sweep as a "
                 "transient"
             )
-        return [*super().doubts(prediction), *(f"{self.name}: {each}" for each in said)]
+        return [*super().doubts(prediction), *(f"{self.name}: {each}" for each in warnings)]

@@ -38,7 +38,7 @@ class ComparedModes(NamedTuple):
 
     @classmethod
     def of(cls, predicted_hz: Floats, measured_hz: Sequence[float], rigid: int) -> Self:
-        """Predicted frequencies beside the measured ones.
+        """Compare predicted frequencies with measured ones.
 
         Parameters
         ----------

@@ -677,7 +677,10 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
 def _table_slope(
     scenario: Scenario, snubber: str, curve: ForceCurve, force: float, segment: int, stiffness: float
 ) -> tuple[dict[str, Any], dict[Path, object], list[str]]:
-    """The slope of a table at rest beside the identified one, by its path a table of that slope, and warnings."""
+    """Compare the slope of a table at rest with the identified stiffness.
+
+    Returns the numbers, by its path a table with that slope, and warnings.
+    """
     slope = float(curve.slopes[segment - 1])
     deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
     at_a_bend = bool(np.any(np.abs(curve.deflection[1:-1] - deflection) < 1e-3 * deflection))

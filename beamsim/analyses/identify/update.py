@@ -40,7 +40,7 @@ def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
     ----------
     scenario : with the snubber.
     snubber : its name.
-    count : number of modes beside the rigid-body modes.
+    count : number of modes, without rigid-body modes.
 
     Returns
     -------

@@ -142,7 +142,7 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     Parameters
     ----------
     vibrations : with the tests and the parameters.
-    settings : what is said of the starts.
+    settings : of the fit, with its number of starts.
     progress : see `fit_nonlinear`.
 
     Returns
@@ -478,7 +478,7 @@ class _Vibrations:
         parts = [[t.first(share) if isinstance(t, Transient) else t for t in self.tests] for share in shares]
         return [Fit(self.numbers, replace(self, tests=tests, guesses=[]).residuals) for tests in parts]
 
-    def residuals(self, x: Floats, beside: bool = False) -> Floats:
+    def residuals(self, x: Floats, differencing: bool = False) -> Floats:
         """Those of all tests; raises `UnpredictableError` where one has no prediction."""
         scenario = varied(self.scenario, self.numbers, x)
         predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
@@ -492,9 +492,9 @@ class _Vibrations:
                 raise
             check_stop()
             self.responses[0] += 1
-            compared.append(test.compared(predictions[t], gains[test.number], before if beside else None))
+            compared.append(test.compared(predictions[t], gains[test.number], before if differencing else None))
         self.last, self.compared = predictions, compared
-        if not beside:  # both sides of a difference start from the motion between: what Newton's method leaves cancels
+        if not differencing:  # both sides of a difference start from one motion: Newton's residual error cancels
             self.guesses = list(zip(predictions, compared, strict=True))
         return np.concatenate([each.residuals for each in compared])
 
@@ -502,8 +502,8 @@ class _Vibrations:
         """Derivatives (r, p) of the ``count`` residuals, those of the priors at the end, and (t, p) of the delays; the
         last comparison is that at x, as before. Whether they are known: where it is asked to stop all are nan."""
 
-        def both(at: Floats, beside: bool) -> Floats:
-            return np.concatenate([self.residuals(at, beside), [each.delay for each in self.compared]])
+        def both(at: Floats, differencing: bool) -> Floats:
+            return np.concatenate([self.residuals(at, differencing), [each.delay for each in self.compared]])
 
         fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
         there = self.last, self.compared

@@ -269,7 +269,7 @@ def _requested(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dic
 
 
 def _near_expansion(job: ModePath) -> _MethodResults:
-    """The expansion at small factors and the exact motions beside it, from the linear mode on."""
+    """The expansion at small factors and the exact motions to compare it with, from the linear mode on."""
     system = job.system
     path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
     begin = processor_time()

@@ -380,7 +380,7 @@ def compare_relaxed(
         tell(progress, len(steps) / settings.steps)
         if not step.reached:
             break
-    apart, fates, jumped = _beside_exact(orbits, steps, exact)
+    apart, fates, jumped = _compared_with_exact(orbits, steps, exact)
     shapes, frequency = np.array([s.shape for s in steps]), np.array([1.0 / s.period for s in steps])
     known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact[: len(steps)]])
     return RelaxedComparison(
@@ -425,7 +425,7 @@ def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMet
     return COMPLETE if len(steps) == settings.steps else interruption("during relaxed minimisation", at=last)
 
 
-def _beside_exact(
+def _compared_with_exact(
     orbits: BrakeOrbits, steps: Sequence[RelaxedStep], exact: Sequence[BranchPoint | None]
 ) -> tuple[Floats, list[str], Bools]:
     """How steps of relaxed minimisation lie to exact motions.
@@ -444,7 +444,7 @@ def _beside_exact(
     n, apart = orbits.n, np.full(len(steps), np.nan)
     fates: list[str] = []
     jumped: list[bool] = []
-    last: Floats | None = None  # the exact motion that the step before was beside
+    last: Floats | None = None  # the exact motion compared with the previous step
     for k, (step, point) in enumerate(zip(steps, exact, strict=False)):
         if point is not None:
             apart[k] = _distance(orbits, step.shape, point.u[:n])

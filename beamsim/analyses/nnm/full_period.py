@@ -119,7 +119,7 @@ def non_brake_branch(
 ) -> OrbitBranch:
     """The motions that leave at a symmetry-breaking point, until they are brake orbits again.
 
-    The first point is the first beside the brake orbit. The two directions of the kick give motions that are each
+    The first point is the first near the brake orbit. The two directions of the kick give motions that are each
     other's reversal; one of them is followed.
 
     Parameters

@@ -194,7 +194,7 @@ HELD_SPECTRA = Layout(
     optional=True,
 )
 
-# --- Other methods beside the exact motions --------------------------------------------------------------------------
+# --- Other methods compared with the exact motions -------------------------------------------------------------------
 
 _FACTOR = ("factor",)
 _BY_ORDER, _STEP = (*_FACTOR, "order"), ("step", "order")

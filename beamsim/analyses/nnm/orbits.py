@@ -39,7 +39,7 @@ RATE = 512  # samples a period of what is followed
 
 
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
-    """A linear mode at the stations, scaled to be drawn beside another shape.
+    """A linear mode at the stations, scaled to be drawn with another shape.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def orbit_motion(
 
 
 def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str, Any]:
-    """Deflections at the stations of a motion of coordinates (nt, n), and of the linear mode beside it."""
+    """Deflections at the stations of a motion of coordinates (nt, n), and of the linear mode."""
     deflection = q @ system.deflection.T
     return {
         "station": np.arange(1, deflection.shape[1] + 1),

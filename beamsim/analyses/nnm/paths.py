@@ -38,7 +38,7 @@ START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion i
 
 @dataclass(frozen=True)
 class ModeBranches:
-    """A backbone with what was found beside it."""
+    """A backbone with the branches that leave it."""
 
     backbone: OrbitBranch
     tongues: tuple[OrbitBranch, ...] = ()
@@ -94,7 +94,7 @@ class ModePath:
         return not_none(self.system.scenario.nnm)
 
     def follow(self, progress: Progress) -> ModeBranches:
-        """The backbone, with what was found beside it, until its end or until it is asked to stop.
+        """The backbone with the branches that leave it, until its end or until it is asked to stop.
 
         Raises
         ------
@@ -235,7 +235,7 @@ class ModePath:
         return value / (2 * np.pi) if self.parameter == "frequency" else value
 
     def ended(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
-        """How a path ended, after its last point where that is told; its parameter is as people read it."""
+        """How a path ended, at its last point if it is given; with the parameter in the unit of reports."""
         if last is not None and outcome.code == INTERRUPTED.code:
             outcome = outcome.but(place=Where(last.parameter))
         return outcome.in_unit(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))

@@ -12,7 +12,7 @@ of up to about 10 % and compact blocks (circular or square). Lubricated faces: S
 A measured loop from zero to the deflection X and back is a cycle of the amplitude X/2 about its middle. With the work
 :math:`W_+` done and :math:`W_-` returned, the spring of the same energy has the stiffness
 :math:`k = (W_+ + W_-)/X^2`, and the loop the loss factor :math:`\eta = 4 (W_+ - W_-) / (\pi (W_+ + W_-))`. Loops
-that were recorded over time give Maxwell branches beside a softer curve, both fitted together.
+that were recorded over time give Maxwell branches in parallel with a softer curve, both fitted together.
 """
 
 from __future__ import annotations

@@ -341,7 +341,7 @@ def _alone(value: Value, channel: Channel, extreme: Floats) -> tuple[Floats, Flo
 
 
 def _largest_rows(numbers: Floats) -> list[int]:
-    """Of the places of a channel in order those whose values (n,) are larger than beside them, the largest ones."""
+    """Indices of the largest local maxima of the values (n,) along the places of a channel."""
     padded = np.pad(numbers, 1, constant_values=-np.inf)
     tops = np.flatnonzero((numbers >= padded[:-2]) & (numbers > padded[2:]))
     return tops[np.argsort(-numbers[tops], kind="stable")][:MOST_ROWS].tolist() or [int(numbers.argmax())]

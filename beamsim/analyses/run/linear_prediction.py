@@ -70,7 +70,7 @@ class LinearInput(NamedTuple):
 def linear_input(system: StructuralSystem) -> LinearInput | None:
     """The structure and its input; None where the input is not one random base motion or force.
 
-    Nor where there is no snubber, or a nonlinear spring or friction beside them.
+    Nor without a snubber, or with a nonlinear spring or friction.
     """
     excitation = system.scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
@@ -156,11 +156,13 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
     omega = 2 * np.pi * frequency[:, None]
     moved = transfer(system, frequency, phases)
     displacement = moved @ rows.T
-    stretch = moved @ contacts.shape.T
+    extension = moved @ contacts.shape.T
     if system.base_acceleration is not None:
-        stretch = stretch - contacts.base_influence / omega**2
-    force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, snubbers]
-    responses = np.hstack([displacement, system.base_influence - omega**2 * displacement, force, stretch[:, snubbers]])
+        extension = extension - contacts.base_influence / omega**2
+    force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * extension)[:, snubbers]
+    responses = np.hstack(
+        [displacement, system.base_influence - omega**2 * displacement, force, extension[:, snubbers]]
+    )
     return np.asarray(np.abs(responses) ** 2)
 
 
@@ -223,7 +225,7 @@ def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> 
     if at_rest is None or shut is None:
         return {}
     factors = _factors(system, penetration, at_rest)
-    told: list[dict[str, Any]] = [
+    changes: list[dict[str, Any]] = [
         {"share_of_level": factor} | ({} if level is None else {"level": factor * abs(level)}) | {"time_s": time}
         for factor, time in factors
     ]
@@ -238,13 +240,13 @@ def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> 
             for j, (law, rest) in laws
         ]
 
-    return _by_snubber(system, "share_of_level", told, needed(shut), None if same else needed(at_rest))
+    return _by_snubber(system, "share_of_level", changes, needed(shut), None if same else needed(at_rest))
 
 
 def _by_snubber(
     system: StructuralSystem,
     measure: str,
-    told: Sequence[dict[str, Any]],
+    changes: Sequence[dict[str, Any]],
     together: Sequence[float],
     alone: Sequence[float] | None,
 ) -> OfSnubbers:
@@ -254,7 +256,7 @@ def _by_snubber(
     ----------
     system : of the contacts.
     measure : the entry that orders the changes of contact.
-    told : of each contact what the linear motion says of its change.
+    changes : of each contact what the linear motion predicts of its change.
     together, alone : N, preloads that keep each snubber closed, with all closed and with the others as they are at
         rest; None where these are the same.
 
@@ -269,9 +271,9 @@ def _by_snubber(
             kept = 0.0 if law.latches else 1.0  # a latch is not lost without a preload either
             others = together[j] if alone is None else alone[j] if closed[j] else math.nan
             preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
-            of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | told[j] | preloads
+            of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | changes[j] | preloads
     measures = {name: of[measure] for name, of in of_snubber.items()}
-    return in_order(of_snubber, measures, min(of[measure] for of in told)) if of_snubber else {}
+    return in_order(of_snubber, measures, min(of[measure] for of in changes)) if of_snubber else {}
 
 
 def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:
@@ -348,5 +350,5 @@ def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
         ]
 
     each = zip(names, contacts.laws, penetration.tolist(), strict=True)
-    told = [{"sigmas": withstood(name, law, rest)} for name, law, rest in each]
-    return _by_snubber(system, "sigmas", told, needed(shut), None if shut is at_rest else needed(at_rest))
+    changes = [{"sigmas": withstood(name, law, rest)} for name, law, rest in each]
+    return _by_snubber(system, "sigmas", changes, needed(shut), None if shut is at_rest else needed(at_rest))

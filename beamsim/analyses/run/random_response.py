@@ -137,9 +137,9 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
             "transmissibility_imag": transmissibility.imag,
             "coherence": coherence,
         }
-    said = [{"unit": signal["unit"], "quantity": signal["quantity"]} for signal in signals]
+    units = [{"unit": signal["unit"], "quantity": signal["quantity"]} for signal in signals]
     over = "1" if entered.unit == "m/s^2" else "m/N"
-    return RANDOM.dataset(known, {"signal": said}, transmissibility_unit=over)
+    return RANDOM.dataset(known, {"signal": units}, transmissibility_unit=over)
 
 
 class StationaryRecord:
@@ -539,7 +539,7 @@ def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
 def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | None) -> Margins:
     """Margins of a run with a stationary input, with those on peaks by the largest values of the test.
 
-    Without run.test_duration they are by what the run reached, which is said.
+    Without run.test_duration they are by what the run reached, and marked so.
 
     Parameters
     ----------
@@ -580,15 +580,15 @@ def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> di
     median, low, high = (still if rests else float(signal[name]) for name in EXPECTED)
     test = "largest value in run.test_duration"
     if run.test_peak == "interval":
-        size, said = high, f"upper end of the 95 % interval of the {test}"
+        size, statistic = high, f"upper end of the 95 % interval of the {test}"
     elif run.test_peak == "median":
         size = low = high = median
-        said = f"median of the {test}"
+        statistic = f"median of the {test}"
     else:
         size = low = high = float(signal["three_sigma"])
-        said = "mean and three standard deviations"
+        statistic = "mean and three standard deviations"
     limit = item["limit"]
-    of_place = {"value": size, "lowest": low, "highest": high, "margin": margin_of(limit, size), "statistic": said}
+    of_place = {"value": size, "lowest": low, "highest": high, "margin": margin_of(limit, size), "statistic": statistic}
     of_place["reached"] = item["value"]
     of_place |= {"at": str(signal["name"])} if item["at"] and signal["section"] != STRESS[0] else {}
     if run.test_peak == "interval":
@@ -610,11 +610,11 @@ def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Ou
     """
     unknown = {} if random is None else random.by_label(UNKNOWN)
     reasons = {why.item(): signal for signal, why in reversed(unknown.items()) if why.item()}
-    said = "; ".join(f"{signal}: {why}" for why, signal in reasons.items()).replace("_", " ")
-    said = "the record is too short" if random is None else said
-    if settings.test_duration is None or not said:
+    reason = "; ".join(f"{signal}: {why}" for why, signal in reasons.items()).replace("_", " ")
+    reason = "the record is too short" if random is None else reason
+    if settings.test_duration is None or not reason:
         return outcome
-    sentence, remedy = f"not every largest value of the test is reliable: {said}", "run longer (run.duration)"
+    sentence, remedy = f"not every largest value of the test is reliable: {reason}", "run longer (run.duration)"
     of_motion = outcome.unless_complete
     return Outcome.of(OutcomeKind.INCOMPLETE, "largest_of_test_unknown", sentence, *of_motion, remedy=remedy)
 

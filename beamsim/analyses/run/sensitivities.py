@@ -46,7 +46,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
 STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
-SIDES = (1, -1, 2, -2)  # steps to systems that are built beside that of the run
+SIDES = (1, -1, 2, -2)  # steps to the neighbouring systems that are built
 BOTH = (
     0.0,
     8.0 / 12.0,
@@ -92,7 +92,7 @@ class Reach(NamedTuple):
 
 
 def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
-    """The derivatives of a run's values by the numbers that it names, and what is to be said of them.
+    """The derivatives of a run's values by the numbers that it names, and warnings about them.
 
     Parameters
     ----------
@@ -285,11 +285,11 @@ def _varied(
     """
     shared = system.model.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
-    step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
+    step /= max(1.0, _turned(own.flow, _neighbouring_flow(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
     starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
     for side in SIDES:
-        built, flow = _beside(scenario, own.flow, number, side * step, shared)
+        built, flow = _neighbouring_flow(scenario, own.flow, number, side * step, shared)
         outputs = FlowOutputs(flow, _turn(system.model, built.model), own.flow)
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
@@ -298,7 +298,7 @@ def _varied(
     return one, other
 
 
-def _beside(
+def _neighbouring_flow(
     scenario: Scenario, flow: ExactFlow, number: VariedParameter, change: float, shared: SharedBuilds
 ) -> tuple[StructuralSystem, ExactFlow]:
     """The system for another value of a number, and its flow.
@@ -341,7 +341,7 @@ def _turned(flow: ExactFlow, other: ExactFlow) -> float:
 
 
 def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
-    """(n, n) orthogonal: the coordinates of a system for a unit of each of one beside it.
+    """(n, n) orthogonal: the coordinates of a system for a unit of each of a neighbouring one.
 
     Those whose frequencies are far apart stay apart: turned into one another by round-off, the stiffness of the higher
     ones would outweigh that of the lower ones.

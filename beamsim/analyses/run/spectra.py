@@ -37,7 +37,7 @@ from beamsim.typing import Floats, not_none
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
-FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
+FLOOR_LINES = 16  # beyond the highest content: a line is recognised by its neighbours
 FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 LASTING = 0.8  # the same after a shock, from which on the motion lasts, as stick and slip on a belt that was started
@@ -288,7 +288,7 @@ def records_of(
     system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float],
     up_to_hz: float | None = None,
 ) -> list[MotionRecord]:  # fmt: skip
-    """Records of a part of a motion, whose spectra cover the modes kept unless it is said how far they go.
+    """Records of a part of a motion, whose spectra cover the retained modes unless a limit is given.
 
     Parameters
     ----------

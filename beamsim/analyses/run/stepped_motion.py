@@ -103,8 +103,8 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
     stored = stored_energy(flow.system, y, penetration, phases)
     if system.cubic is not None:
         base = 0.0 if system.base_displacement is None else system.base_displacement(at)
-        stretch = system.cubic.extension(y[:, : system.dynamics.size], base)
-        stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness
+        extension = system.cubic.extension(y[:, : system.dynamics.size], base)
+        stored = stored + 0.25 * extension**4 @ system.cubic.stiffness
     return EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
 
 

@@ -128,7 +128,7 @@ def _lines(spectra: Dataset, columns: Sequence[str]) -> Iterator[tuple[dict[str,
 
 
 def input_summary(inputs: Dataset) -> dict[str, dict[str, Any]]:
-    """By path of the excitation what is said of records and random inputs."""
+    """Properties of records and random inputs, by path of the excitation."""
     keys = ("rms", "unit", "sample_rate_hz", "treatment")
     return {row["path"]: {key: row[key] for key in keys if row[key] != ""} for row in inputs.rows("number")}
 
@@ -356,9 +356,9 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
 
     Returns
     -------
-    By snubber; empty where there is no linear motion to compare with: beside nonlinear springs and friction that holds
-    or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion that does
-    not start at equilibrium.
+    By snubber; empty where there is no linear motion to compare with: with nonlinear springs, with friction that sticks
+    rigidly or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion
+    that does not start at equilibrium.
     """
     system, contacts = motion.system, motion.system.dynamics.contacts
     unknown = contacts.any_sticks_rigidly or contacts.pressed.size or system.static_equilibrium is None

@@ -434,7 +434,7 @@ def fingerprint_of(scenario: Scenario, *data: Any) -> str:
 
 
 def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
-    """The scenario without unused sections; noise of several seeds has random amplitudes where nothing else is said."""
+    """The scenario without unused sections; noise of several seeds has random amplitudes by default."""
     unused = ("vary", "optimise", "identify_stiffness", "nnm")
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
     for name in ("run", "sweep"):

@@ -260,13 +260,13 @@ def _near_best(table: StudyTable) -> dict[str, Any] | None:
         return None
     case, best = table.best[0]["case"], table.best[0]["value"]
     near = table.eligible & (np.abs(values - best) <= _NEAR * abs(best))
-    said = {}
+    near_best = {}
     for parameter in (parameter for parameter in table.plan.parameters if parameter.numeric):
         within = parameter.values[near]
-        said[parameter.path] = {
+        near_best[parameter.path] = {
             "smallest": float(within.min()), "largest": float(within.max()), "at_end": _at_end(table, parameter, case)
         }  # fmt: skip
-    return said
+    return near_best
 
 
 def _front_ends(table: StudyTable) -> list[dict[str, Any]]:

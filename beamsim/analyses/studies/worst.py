@@ -178,18 +178,18 @@ def _climbed(points: _Points, judge: Judge, start: Point, steps: Iterable[float]
     for step in steps:
         while True:
             before, all_steps = points.badness(judge, at), list(at)
-            beside = dict[Point, int]()  # by point the number that differs
+            neighbours = dict[Point, int]()  # by point the number that differs
             for i, x in enumerate(at):
                 ends = dict.fromkeys((max(-1.0, x - step), min(1.0, x + step)))
-                beside |= {(*at[:i], end, *at[i + 1 :]): i for end in ends if end != x}
-            if not points.solve(beside):
+                neighbours |= {(*at[:i], end, *at[i + 1 :]): i for end in ends if end != x}
+            if not points.solve(neighbours):
                 return None
-            for point in sorted(beside, key=lambda point: points.badness(judge, point)):
+            for point in sorted(neighbours, key=lambda point: points.badness(judge, point)):
                 if points.badness(judge, point) > before:
-                    all_steps[beside[point]] = point[beside[point]]
+                    all_steps[neighbours[point]] = point[neighbours[point]]
             if not points.solve([tuple(all_steps)]):
                 return None
-            next_one = max([*beside, tuple(all_steps)], key=lambda point: points.badness(judge, point))
+            next_one = max([*neighbours, tuple(all_steps)], key=lambda point: points.badness(judge, point))
             if not points.badness(judge, next_one) > before + BETTER * abs(before):
                 break
             at = next_one

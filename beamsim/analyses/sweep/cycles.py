@@ -72,13 +72,13 @@ class SinePhase:
             omega = omega + deviation[:, 1]
             deviation[:, 1] = 0.0
         powers = np.arange(1, D + 1)
-        beside, rate = np.zeros(deviation.shape, dtype=complex), np.zeros_like(deviation)
-        beside[:, 0], rate[:, 0] = np.exp(-1j * angle), omega
+        carrier, rate = np.zeros(deviation.shape, dtype=complex), np.zeros_like(deviation)
+        carrier[:, 0], rate[:, 0] = np.exp(-1j * angle), omega
         rate[:, :-1] += deviation[:, 1:] * powers
         for p in range(1, D + 1):
-            terms = powers[:p] * deviation[:, 1 : p + 1] * beside[:, p - 1 :: -1][:, :p]
-            beside[:, p] = terms.sum(axis=1) * (-1j * order / p)
-        polynomial = np.stack([(beside[:, : p + 1] * rate[:, p::-1]).sum(axis=1) for p in range(D + 1)], axis=1)
+            terms = powers[:p] * deviation[:, 1 : p + 1] * carrier[:, p - 1 :: -1][:, :p]
+            carrier[:, p] = terms.sum(axis=1) * (-1j * order / p)
+        polynomial = np.stack([(carrier[:, : p + 1] * rate[:, p::-1]).sum(axis=1) for p in range(D + 1)], axis=1)
         size = np.abs(polynomial) * (0.5 * length[:, None]) ** np.arange(D + 1)
         used = np.flatnonzero(np.any(size > NEGLIGIBLE * size[:, :1], axis=0))
         polynomial = polynomial[:, : int(used.max()) + 1]

@@ -37,7 +37,7 @@ def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[Res
     ----------
     curve : of a swept or stepped sine.
     probe : its name.
-    modes : of the structure; without them beats at the excitation frequency are not told from resonances.
+    modes : of the structure; without them beats at the excitation frequency are not distinguished from resonances.
 
     Returns
     -------
@@ -88,10 +88,10 @@ def _named(
     above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
     rise, fall = np.empty(curve.orders.size), np.empty(curve.orders.size)
     for r in range(curve.orders.size):
-        beside = [median(r, part) for part in (below, above) if part.size]
+        sides = [median(r, part) for part in (below, above) if part.size]
         # the higher side counts: a harmonic that merely grows with frequency has no peak
         of_peak = median(r, here)
-        rise[r], fall[r] = of_peak - max(beside, default=0.0), of_peak - min(beside, default=0.0)
+        rise[r], fall[r] = of_peak - max(sides, default=0.0), of_peak - min(sides, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     order, strength = 1.0, np.nan  # where no order is tracked: the peak is at the frequency of the excitation
     if known := rise.size > 0:

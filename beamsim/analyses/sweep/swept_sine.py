@@ -1,6 +1,6 @@
 """``beamsim sweep``, kind swept_sine: a continuous sweep, evaluated cycle by cycle; its notches.
 
-A notched level is that under which limits on responses and forces are met, and which of them governs is told.
+A notched level is that under which limits on responses and forces are met; the result states which of them governs.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
 def _recorded(
     one: SweepLevel, march: SweptMotion
 ) -> tuple[list[CycleRecord], Dataset | None, Mapping[str, Any] | None]:
-    """March, with what is recorded of each stretch's cycles, and the time history where one is asked for.
+    """March and record the cycles of each chunk, and the time history if one is requested.
 
     Returns
     -------
@@ -162,15 +162,15 @@ def _recorded(
     times = between_samples(times)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
-    for stretch in march.stretches():
-        output_of = one.rows(stretch.motion.flow)
-        if stretch.reached:
-            phases = SinePhase.of_windows(stretch.windows)
-            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, one.searched)
-            parts.append(record.some(slice(stretch.reached)))
+    for chunk in march.stretches():
+        output_of = one.rows(chunk.motion.flow)
+        if chunk.reached:
+            phases = SinePhase.of_windows(chunk.windows)
+            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, one.searched)
+            parts.append(record.some(slice(chunk.reached)))
         sampled = sum(values.shape[0] for values in samples)
         here = reached(march.end, times)[sampled:]
-        samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
+        samples.append(chunk.motion.sample(here - float(windows.edge[chunk.first]), output_of))
     if rate is None:
         return parts, None, None
     values = np.concatenate(samples)
@@ -205,7 +205,7 @@ ALLOWED_EXCESS = 0.05  # of a limit
 NOTCH_NOT_HELD = "notch_not_held"
 LEVEL_KNOWN = 1e-3  # relative, to which the table is the level that was followed
 LOWERED = 0.995  # of the specification; a higher level is none that is notched
-NARROW = 0.01  # relative width below which a range between others is not told from them
+NARROW = 0.01  # relative width below which a range is not distinguished from its neighbours
 SAME_STEP = 1e-9  # relative change of the specification that is no step
 
 
@@ -390,7 +390,7 @@ def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
     """The outcome of a sweep from those of its levels, each with the name of its level.
 
     The first that is incomplete stands for all, but of limits that are exceeded the largest excess does, and every
-    other level that has an excess is named beside it.
+    other level that has an excess is named with it.
     """
     over = [(each, name) for each, name in zip(outcomes, names, strict=True) if each.code == NOTCH_NOT_HELD]
     if len(outcomes) == 1 or not over:
