@@ -17,7 +17,7 @@ REACH = 10.0  # beyond the measured range, over which times are sought
 
 @dataclass(frozen=True)
 class BranchFit:
-    """Springs and branches beside them, in the order of their times."""
+    """Springs and branches in parallel with them, in the order of their times."""
 
     springs: Floats  # N/m: one, or the slopes of a curve
     branches: tuple[MaxwellBranch, ...]
@@ -46,12 +46,12 @@ class BranchFit:
 
 
 def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], omega: Floats) -> Complexes:
-    """Complex stiffness of a spring with Maxwell branches beside it.
+    """Complex stiffness of a spring with Maxwell branches in parallel with it.
 
     Parameters
     ----------
     stiffness : of the spring, N/m.
-    branches : beside it.
+    branches : in parallel with it.
     omega : (w,) angular frequencies, rad/s.
 
     Returns
@@ -64,12 +64,12 @@ def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], ome
 
 
 def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats, ramp: float = 0.0) -> Floats:
-    """Force of a spring with Maxwell branches beside it, under a unit deflection that is held.
+    """Force of a spring with Maxwell branches in parallel with it, under a unit deflection that is held.
 
     Parameters
     ----------
     stiffness : of the spring, N/m.
-    branches : beside it.
+    branches : in parallel with it.
     time : (t,) since the deflection began, s.
     ramp : time over which the deflection rises evenly, s; 0 where it is sudden.
 

@@ -228,7 +228,7 @@ def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
 
 
 def _sums(matrix: Floats, value: Floats, rest: Floats, others: Floats) -> Floats:
-    """(k,) ``matrix @ (value + rest)`` and all that is beside it in a row of ``others`` (k, any), rounded once."""
+    """(k,) ``matrix @ (value + rest)`` and all that is next to it in a row of ``others`` (k, any), rounded once."""
     products = np.hstack([*_exact_products(matrix, value), matrix * rest, others])
     return np.array([math.fsum(row) for row in products])
 
@@ -345,7 +345,7 @@ class _Energy:
 
 
 def _unique(energy: _Energy, q: Floats, force: Floats) -> bool:
-    """Whether a minimum of the convex energy is unique: every direction from it stretches a spring.
+    """Whether a minimum of the convex energy is unique: every direction from it extends a spring.
 
     Contacts that just touch count as closed if that softens the structure, and as stops if it stiffens it. A stiff stop
     is closed where the structure would follow it, were it taken away.
@@ -359,7 +359,7 @@ def _unique(energy: _Energy, q: Floats, force: Floats) -> bool:
     softer = springs.stiffness < 0
     closed = np.where(softer, clear <= near, force * compliance > near)
     loose = _unresisted(k, springs.take(closed))
-    if energy.cubic.count:  # a cubic spring stops every motion that stretches it
+    if energy.cubic.count:  # a cubic spring stops every motion that extends it
         loose = _loose(energy.cubic.shape @ loose.T) @ loose
     stops = normal[(np.abs(clear) <= near) & ~softer & ~closed] @ loose.T
     return _held(stops)

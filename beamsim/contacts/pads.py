@@ -1,9 +1,9 @@
-r"""Pads: force-deflection curves, given or fitted, laws without tension, and Maxwell branches beside them.
+r"""Pads: force-deflection curves, given or fitted, laws without tension, and Maxwell branches in parallel with them.
 
 The curve of segments with slopes :math:`s_i \ge 0` between knots :math:`0 = b_0 < b_1 < \dots` is
 :math:`N(x) = \sum_i s_i \min(\max(x - b_i, 0), b_{i+1} - b_i)`, the last slope going on. For given knots the slopes
 that fit best follow from non-negative least squares. The knots begin as those of a dynamic programme (independent
-straight lines on stretches of the points) or evenly among the points, and move together to where the squared misfit is
+straight lines on intervals of the points) or evenly among the points, and move together to where the squared misfit is
 least near there. Up to ten segments every knot then looks for a better place between its neighbours, until
 none finds one.
 
@@ -149,11 +149,11 @@ def _slopes(x: Floats, y: Floats, knots: Floats) -> tuple[Floats, float]:
 
 
 def _starting_knots(x: Floats, y: Floats, segments: int) -> Floats:
-    """Knots between the stretches of points on which independent straight lines fit best, the first knot at zero."""
-    edge = np.unique(np.linspace(0, x.size, min(120, x.size) + 1).astype(int))  # ends of stretches to choose from
+    """Knots between the intervals of points on which independent straight lines fit best, the first knot at zero."""
+    edge = np.unique(np.linspace(0, x.size, min(120, x.size) + 1).astype(int))  # ends of intervals to choose from
     count = edge.size - 1
     segments = min(segments, count)
-    # sums up to each edge give the misfit of a line on any stretch
+    # sums up to each edge give the misfit of a line on any interval
     total = np.vstack([np.zeros(6), np.cumsum(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1), axis=0)])
     total = total[edge]
     n, sx, sy, sxx, sxy, syy = np.moveaxis(total[None] - total[:, None], 2, 0)  # [first, last]
@@ -243,7 +243,7 @@ class MaxwellBranch:
 
 
 def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
-    """A force-deflection curve beside a dashpot, which push while there is penetration: one phase a segment.
+    """A force-deflection curve in parallel with a dashpot, which push while there is penetration: one phase a segment.
 
     Examples
     --------
@@ -268,8 +268,8 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
     Parameters
     ----------
     curve : force over deflection, N and m.
-    dashpot : beside it, N s/m.
-    branches : beside both.
+    dashpot : in parallel with it, N s/m.
+    branches : in parallel with both.
 
     Returns
     -------
@@ -310,7 +310,7 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
 
 
 def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:
-    """Branches beside a two-sided law without internal states, or alone: a spring that relaxes.
+    """Branches in parallel with a two-sided law without internal states, or alone: a spring that relaxes.
 
     Examples
     --------
@@ -347,7 +347,7 @@ class _Pad:
 
     @property
     def first(self) -> int:
-        """Number of the first branch's state; before it that of the face, beside a dashpot."""
+        """Number of the first branch's state; before it that of the face, in parallel with a dashpot."""
         return 1 if self.dashpot > 0.0 else 0
 
     @property

@@ -24,7 +24,8 @@ coefficients with twice that: no motion sticks so.
 
 **Hardening.** Stops that are crushed: bilinear force with kinematic hardening, which never pulls.
 
-A spring of the hardening stiffness :math:`k_h` beside a slider behind a spring :math:`k_s = k - k_h` (Masing, Iwan).
+A spring of the hardening stiffness :math:`k_h` in parallel with a slider behind a spring :math:`k_s = k - k_h`
+(Masing, Iwan).
 With the penetration :math:`\delta` and the position p of the slider,
 
 .. math:: N = k_h\,\delta + k_s\,(\delta - p) + c\,\dot\delta, \qquad k_s\,|\delta - p| \le f = F_y\,(1 - k_h / k) .
@@ -33,7 +34,7 @@ On first loading the stiffness is k up to the yield force :math:`F_y` and :math:
 2 f, then yields back. The face stays where the force of springs and slider is zero, :math:`\delta = k_s\,p / k`: this
 is the residual crush, at most :math:`f / k_h`. The work of the slider is lost.
 
-**Unloading.** A curve :math:`N_l(\delta)` beside a slider behind a spring k, whose force h lies between 0 and
+**Unloading.** A curve :math:`N_l(\delta)` in parallel with a slider behind a spring k, whose force h lies between 0 and
 :math:`D = N_u(\delta) - N_l(\delta)`, the distance of the loading curve,
 
 .. math:: N = N_l(\delta) + h + c\,\dot\delta, \qquad h = k\,(\delta - p), \qquad 0 \le h \le D(\delta) .
@@ -195,7 +196,8 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
     Returns
     -------
     ContactLaw
-        With phases without force beside STICK, FORWARDS and BACKWARDS, which last while the other contact is open.
+        In addition to STICK, FORWARDS and BACKWARDS it has phases without force, which last while the other contact is
+        open.
 
     Examples
     --------
@@ -294,7 +296,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     stiffness : before it yields, N/m.
     yield_force : at which it yields when it is loaded first, N.
     hardening : stiffness while it yields, N/m, positive and below ``stiffness``.
-    dashpot : beside the springs in contact, N s/m.
+    dashpot : in parallel with the springs in contact, N s/m.
 
     Returns
     -------
@@ -310,7 +312,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     k_s = stiffness - hardening
     f = yield_force * k_s / stiffness
     share = k_s / stiffness  # of the slider's position, at which the face is
-    face, beside = LawRow(internal=(share,)), LawSpring(hardening, DEPTH)
+    face, parallel = LawRow(internal=(share,)), LawSpring(hardening, DEPTH)
     open_ = Phase(
         "open", (Guard(ELASTIC, LawRow(-1.0, internal=(share,))),), closed=False,
         springs=(LawSpring(hardening, face), LawSpring(k_s, LawRow(internal=(share - 1.0,)))),
@@ -322,12 +324,12 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             Guard(LOADING, LawRow(-k_s, internal=(k_s,), constant=f)),
             Guard(UNLOADING, LawRow(k_s, internal=(-k_s,), constant=f)),
         ),
-        closed=True, springs=(beside, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
+        closed=True, springs=(parallel, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
     )  # fmt: skip
 
-    springs, damping = (beside, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
+    springs, damping = (parallel, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
     loading = _yielding("loading", springs, damping, ((ELASTIC, LawRow(rate=1.0)),))
-    springs, damping = (beside, LawSpring(k_s, LawRow(constant=-f / k_s))), LawRow(rate=dashpot, constant=-f)
+    springs, damping = (parallel, LawSpring(k_s, LawRow(constant=-f / k_s))), LawRow(rate=dashpot, constant=-f)
     lets_go = LawRow(penetration=hardening, constant=-f)
     unloading = _yielding("unloading", springs, damping, ((OPEN, lets_go), (ELASTIC, LawRow(rate=-1.0))))
 
@@ -368,7 +370,7 @@ def unloading_law(
     stiffness : with which the force leaves a curve where the motion turns, N/m, above all slopes between the curves.
     recovery : force over deflection that the falling force goes down, not above ``loading``, as far as that goes; by
         default none, and the stop stays crushed.
-    dashpot : beside it in contact, N s/m.
+    dashpot : in parallel with it in contact, N s/m.
 
     Returns
     -------

@@ -108,8 +108,9 @@ def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | 
     largest_of : section and quantity of linear channels of whose extremes only the largest magnitude is asked for; of
         the others that is a bound from within.
     """
-    order, rivals = channels.order, None if largest_of is None else channels.order[channels.places[largest_of]]
-    found = motion.extrema(outputs_of(motion.flow, channels.linear), rivals=rivals)
+    order = channels.order
+    competitors = None if largest_of is None else order[channels.places[largest_of]]
+    found = motion.extrema(outputs_of(motion.flow, channels.linear), competitors=competitors)
     values, evaluations = np.array(found[:4]), found.evaluations
     if channels.squares.size:
         squares = motion.extrema(outputs_of(motion.flow, channels.squared), squares=channels.squares)

@@ -81,7 +81,7 @@ class ContactState:
         -------
         ContactState
         """
-        of, modes = equations.equations, None if known is None else _modes_beside(known, equations)
+        of, modes = equations.equations, None if known is None else _modes_from_neighbour(known, equations)
         if modes is None:
             modes = _solved_modes(equations, longest_window)
         if of.contacts.internal_states and not of.contacts.coupled(equations.phases):
@@ -345,7 +345,7 @@ def _with_series(
     return forced
 
 
-def _modes_beside(known: ContactState, equations: StateEquations) -> BlockForm | None:
+def _modes_from_neighbour(known: ContactState, equations: StateEquations) -> BlockForm | None:
     """The modes of a contact state from those of one that has few other phases; None where that is not exact."""
     of = equations.equations
     neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, equations.phases)
@@ -380,7 +380,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     undamped = _undamped_modes(system, acting, across)
     if crossed or contacts.coupled(phases):
         return _general_modes(equations, acting, undamped, window, across)
-    omega2, psi, stretch, d = undamped
+    omega2, psi, extension, d = undamped
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
     free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
@@ -388,7 +388,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     if 2 * n < N:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size:
-        some = _UndampedModes(omega2[together], psi[:, together], stretch[:, together], d[np.ix_(together, together)])
+        some = _UndampedModes(omega2[together], psi[:, together], extension[:, together], d[np.ix_(together, together)])
         modes = modes.joined(_coupled_modes(some, N, window))
     return modes if across is None else _joined_with_rest(modes, equations, acting, (omega2, psi), across)
 
@@ -468,7 +468,7 @@ def _general_modes(
     system, contacts = equations.equations.system, equations.equations.contacts
     n, together = system.size, contacts.coupled(equations.phases)
     inside, held = contacts.internal_states if together else 0, 0 if across is None else across.shape[1]
-    _, psi, stretch, _ = undamped
+    _, psi, extension, _ = undamped
     scale, A, out, back = _FirstOrder.of(undamped, equations.equations.states)
     r, first = scale.size, 2 * scale.size + inside
     usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
@@ -476,8 +476,8 @@ def _general_modes(
     A, out, back = np.pad(A, (more, more)), np.pad(out, ((0, 0), more)), np.pad(back, (more, (0, 0)))
     if acting.crossed:
         aside = psi.T @ (acting.along - acting.shape).T
-        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ stretch / scale
-        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ stretch
+        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ extension / scale
+        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ extension
     if across is not None:
         strained = (acting.along.T * acting.stiffness) @ (acting.shape @ across)
         A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * across + strained) / usual
@@ -513,7 +513,9 @@ def _internal_coupling(
     """
     contacts, drive = equations.equations.contacts, equations.internal_drive
     moved = contacts.shape @ undamped.shapes
-    moved[acting.contact] = undamped.stretch  # of stiff ones in slow motions, and none in motions that do not move them
+    moved[acting.contact] = (
+        undamped.extension
+    )  # of stiff ones in slow motions, and none in motions that do not move them
     penetration = -contacts.sign[:, None] * moved
     along = equations.push @ undamped.shapes if acting.crossed else -penetration
     return (
@@ -528,7 +530,7 @@ class _UndampedModes(NamedTuple):
 
     omega_squared: Floats  # (e,) rad^2/s^2
     shapes: Floats  # (n, e) orthonormal
-    stretch: Floats  # (a, e) deflection at each acting contact
+    extension: Floats  # (a, e) deflection at each acting contact
     damping: Floats  # (e, e)
 
 
@@ -544,22 +546,22 @@ def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floa
         held = held @ np.linalg.svd(across.T @ held)[2][across.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
-        stretch = phi @ held @ psi
+        extension = phi @ held @ psi
     else:
         # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
         springs = np.sqrt(k)[:, None] * phi
-        stretched, omega, turned = np.linalg.svd(
+        extended, omega, turned = np.linalg.svd(
             np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
         )
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
-        # so are the stretches of the springs: that of a stiff one in a low mode is below the round-off of phi @ psi
-        stretch = phi @ held @ psi
+        # so are the extensions of the springs: that of a stiff one in a low mode is below the round-off of phi @ psi
+        extension = phi @ held @ psi
         elastic = k > 0.0
-        stretch[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
+        extension[elastic] = (extended[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
     free = unfelt.shape[1]
-    shapes, stretch = np.hstack([unfelt, held @ psi]), np.hstack([np.zeros((k.size, free)), stretch])
-    damping = shapes.T @ system.damping @ shapes + (stretch.T * acting.dashpot) @ stretch
-    return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, stretch, damping)
+    shapes, extension = np.hstack([unfelt, held @ psi]), np.hstack([np.zeros((k.size, free)), extension])
+    damping = shapes.T @ system.damping @ shapes + (extension.T * acting.dashpot) @ extension
+    return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, extension, damping)
 
 
 def _with_rigid_motions(system: PiecewiseLinearSystem, feeling: Floats) -> tuple[Floats, Floats]:

@@ -490,7 +490,7 @@ class ExactFlow:
         return found
 
     def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
-        """Derivatives of the inputs at times, from order 0 on, and beside them those of their slopes.
+        """Derivatives of the inputs at times, from order 0 on, followed by those of their slopes.
 
         After a state (N,) they make up the columns z of `beamsim.system.equations`.
 

@@ -68,7 +68,7 @@ class Known(NamedTuple):
     when: Any  # (2, W, J) s
     first: Any  # (J + 1,) of the outputs of each function
     squared: Any  # whether the functions are half the sums of the squares of their outputs
-    rank: Any  # (2, J) of what competes for being the largest: each alone, or rivals with their negatives
+    rank: Any  # (2, J) of what competes for being the largest: each alone, or competitors with their negatives
     best: Any  # (W, ranks) the largest values of these
 
 
@@ -83,12 +83,13 @@ class Extrema(NamedTuple):
 
 
 def search_extrema(
-    batches: Iterable[Sums], outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None
-) -> Extrema:
+    batches: Iterable[Sums], outputs: int, windows: int = 1, squares: Ints | None = None,
+    competitors: Ints | None = None,
+) -> Extrema:  # fmt: skip
     """The largest and smallest values of outputs in windows.
 
     They are values that are reached, and no other is beyond them by more than `TOLERANCE` of their size; of sums of
-    squares of that of their largest value. Of rivals this holds of the largest magnitude of all.
+    squares of that of their largest value. Of competitors this holds of the largest magnitude of all.
 
     Parameters
     ----------
@@ -96,14 +97,14 @@ def search_extrema(
     outputs : number of them.
     windows : number W.
     squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
-    rivals : those of the K of which only the largest magnitude of all is asked for.
+    competitors : those of the K of which only the largest magnitude of all is asked for.
 
     Returns
     -------
     Extrema
         Of the K groups; without groups K is the number of outputs. Infinite in windows of which nothing is known.
     """
-    known, evaluations = nothing_known(outputs, windows, squares, rivals), 0
+    known, evaluations = nothing_known(outputs, windows, squares, competitors), 0
     for sums in batches if known.rank.size else ():
         check_stop()
         scaled = in_shares(sums)
@@ -113,13 +114,15 @@ def search_extrema(
     return Extrema(-low, when_low, high, when_high, evaluations)
 
 
-def nothing_known(outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None) -> Known:
+def nothing_known(
+    outputs: int, windows: int = 1, squares: Ints | None = None, competitors: Ints | None = None
+) -> Known:
     """What a search knows at its beginning; see `search_extrema` for the parameters."""
     first = np.append(np.arange(outputs) if squares is None else squares, outputs)
     shape, least = (2, windows, first.size - 1), np.finfo(float).min
     rank = np.arange(2 * shape[2]).reshape(2, -1)
-    if rivals is not None:
-        rank[:, rivals] = rank[0, rivals[:1]]
+    if competitors is not None:
+        rank[:, competitors] = rank[0, competitors[:1]]
     best = np.full((windows, rank.size), least)
     return Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best)
 
@@ -235,7 +238,7 @@ def search(sums, reach, known, resolution):
     ----------
     sums, known : the outputs, and what is known of them.
     reach : (2, n, J) bounds on the functions on the parts and on their negatives; infinite where all are looked at.
-    resolution : by how much turning points, of which all are sought, may differ from what is beside them; negative
+    resolution : by how much turning points, of which all are sought, may differ from their neighbours; negative
         where only the largest values are sought.
 
     Returns
@@ -257,38 +260,38 @@ def search(sums, reach, known, resolution):
             continue
         _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, known.first[open[0]], known.first[open[count - 1] + 1], ends, by_output, output, noise)
-        _see(known, sums, i, open[:count], output, noise, ends)
+        _evaluate_functions(known, sums, i, open[:count], output, noise, ends)
         evaluations += 2 * count
         pieces, cut = inside, False
         for j in open[:count]:
             seen, one[0] = False, j
             for sign in range(2):
-                top, scale = _top(known, sign, window, j)
+                top, scale = _incumbent(known, sign, window, j)
                 if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
                     continue
                 if not cut:
                     pieces, cut = _cut(sums, i, ends), True
                 if not seen:
-                    _see(known, sums, i, one, output, noise, pieces)
+                    _evaluate_functions(known, sums, i, one, output, noise, pieces)
                     evaluations, seen = evaluations + pieces.u.size, True
                 key = (sign, window, j, i)
                 waiting, turns = (
                     _with_room(waiting, used[0] + pieces.u.size),
                     _with_room(turns, used[1] + pieces.u.size),
                 )
-                _left(known, key, pieces, resolution, waiting, turns, used)
+                _subdivide(known, key, pieces, resolution, waiting, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
                     row = waiting[used[0]]
-                    top, scale = _top(known, sign, window, j)
+                    top, scale = _incumbent(known, sign, window, j)
                     if row[2] <= _limit(top, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
                     _fill_waves(sums, i, row[4], inside)
-                    _see(known, sums, i, one, output, noise, inside)
+                    _evaluate_functions(known, sums, i, one, output, noise, inside)
                     evaluations += PARTS - 1
                     waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
-                    _left(known, key, inside, resolution, waiting, turns, used)
+                    _subdivide(known, key, inside, resolution, waiting, turns, used)
     return turns[: used[1]], evaluations
 
 
@@ -299,7 +302,7 @@ def _fill_open(known, reach, window, i, open):
     for j in range(open.size):
         below = True
         for sign in range(2):
-            top, _ = _top(known, sign, window, j)
+            top, _ = _incumbent(known, sign, window, j)
             below = below and reach[sign, i, j] <= top and not math.isnan(known.when[sign, window, j])
         if not below:
             open[count] = j
@@ -323,7 +326,7 @@ def variation(sums):
         _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, 0, K, ends, by_output, output, noise)
         look = _cut(sums, i, ends)
-        _see_outputs(first, first[:K], output, noise, look)
+        _evaluate_outputs(first, first[:K], output, noise, look)
         for b in range(B):
             slopes[b] = (1.0 - look.near[b]) * _integral_of_slope(sums, i, b, look)
         for k in range(K):
@@ -478,11 +481,11 @@ def _fill_waves(sums, i, top, look):
 
 
 @kernel
-def _see(known, sums, i, which, output, noise, look):
+def _evaluate_functions(known, sums, i, which, output, noise, look):
     """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
     is known, of equal values the first counts."""
     value, bound, window = look.value, look.bound, sums.window[i]
-    _see_outputs(known.first, which, output, noise, look)
+    _evaluate_outputs(known.first, which, output, noise, look)
     for j in which:
         k = known.first[j]
         if known.squared:
@@ -495,8 +498,8 @@ def _see(known, sums, i, which, output, noise, look):
             error = VALUE * bound[FOURTH, k] * h * h * h * h
             high = max(high, max(max(left, right), max(after, before)) + error)
             low = min(low, min(min(left, right), min(after, before)) - error)
-        bound[HIGHEST, k] = _beside(high, bound[ASIDE, k], 1.0, known.squared) - bound[ROUND_OFF, k]
-        bound[HIGHEST + 1, k] = _beside(-low, bound[ASIDE, k], -1.0, known.squared) - bound[ROUND_OFF, k]
+        bound[HIGHEST, k] = _add_remainder(high, bound[ASIDE, k], 1.0, known.squared) - bound[ROUND_OFF, k]
+        bound[HIGHEST + 1, k] = _add_remainder(-low, bound[ASIDE, k], -1.0, known.squared) - bound[ROUND_OFF, k]
         for p in range(look.u.size):
             for sign in range(2):
                 reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
@@ -507,7 +510,7 @@ def _see(known, sums, i, which, output, noise, look):
 
 
 @summing
-def _see_outputs(first, which, output, noise, look):
+def _evaluate_outputs(first, which, output, noise, look):
     """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
     for k in range(first[which[0]], first[which[which.size - 1] + 1]):
         for p in range(look.u.size):
@@ -554,7 +557,7 @@ def _add_squares(look, first, last):
 
 
 @kernel
-def _top(known, sign, window, j):
+def _incumbent(known, sign, window, j):
     """The largest value of all that a function competes with, and the size of these."""
     of_window = known.best[window]
     return of_window[known.rank[sign, j]], of_window[known.rank[0 if known.squared else sign, j]]
@@ -586,7 +589,7 @@ def _divide(interval, u):
 
 
 @kernel
-def _left(known, key, look, resolution, waiting, turns, used):
+def _subdivide(known, key, look, resolution, waiting, turns, used):
     """Parts that may hold more than what is known, written behind those that wait, the first part last.
 
     Parameters
@@ -600,7 +603,7 @@ def _left(known, key, look, resolution, waiting, turns, used):
     """
     sign = 1.0 if key[0] == 0 else -1.0
     value, k = look.value, known.first[key[2]]
-    top, scale = _top(known, key[0], key[1], key[2])
+    top, scale = _incumbent(known, key[0], key[1], key[2])
     fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
     for p in range(look.u.size - 2, -1, -1):
         begin, h = look.u[p], look.u[p + 1] - look.u[p]
@@ -610,7 +613,7 @@ def _left(known, key, look, resolution, waiting, turns, used):
         reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
         limit = _limit(top, scale, reached, resolution)
         highest, place, curvature, flattest, steepest = _cubic(left, right, first, last)
-        bound = _beside(highest + VALUE * error, aside, sign, known.squared) - noise
+        bound = _add_remainder(highest + VALUE * error, aside, sign, known.squared) - noise
         climbs = flattest > SLOPE * error or steepest < -SLOPE * error
         if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
             continue
@@ -628,7 +631,7 @@ def _left(known, key, look, resolution, waiting, turns, used):
 
 
 @kernel
-def _beside(bound, aside, sign, squared):
+def _add_remainder(bound, aside, sign, squared):
     """Bound on a function from that on what is in the cubic and that on what is not."""
     if not squared:
         return bound + aside

@@ -81,7 +81,7 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
 
 
 def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
-    """F of the module's equation; zero within groups and between eigenvalues that are not told from each other."""
+    """F of the module's equation; zero within groups and between eigenvalues that count as equal."""
     values = np.diag(E)
     apart, size = values[None, :] - values[:, None], np.abs(values)
     alike = np.abs(apart) <= SAME_EIGENVALUE * np.maximum(size[:, None], size[None, :]) + ROUND_OFF * size.max()
@@ -100,7 +100,7 @@ def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
 ACCEPTED_PROJECTOR = 1e6  # norm that is accepted where merging does not get below the largest
 NEGLIGIBLE_COUPLING = 1e-12  # of a state in another one, which may stay
-SAME_EIGENVALUE = 1e-9  # relative distance of eigenvalues that are not told from each other
+SAME_EIGENVALUE = 1e-9  # relative distance of eigenvalues that count as equal
 ROUND_OFF = 1e-15  # of the largest eigenvalue
 SEPARATE_PAIR = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
 WIDE_GAP = 1e3  # ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
@@ -512,10 +512,10 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
         below = (pole[near[busy]] + new).imag < 0.0  # its conjugate is the one that is still missing
         new = np.where(below, (pole[near[busy]] + new).conj() - pole[near[busy]], new)
         size = np.where(below, np.inf, np.abs(step))
-        beside = np.clip(near[busy] + np.array([[0], [-1], [1]]), 0, n - 1)
-        offsets = (pole[near[busy]] - pole[beside]) + new
+        neighbours = np.clip(near[busy] + np.array([[0], [-1], [1]]), 0, n - 1)
+        offsets = (pole[near[busy]] - pole[neighbours]) + new
         nearest = np.argmin(np.abs(offsets), axis=0), np.arange(busy.size)  # from which the distance is known best
-        near[busy], offset[busy] = beside[nearest], offsets[nearest]
+        near[busy], offset[busy] = neighbours[nearest], offsets[nearest]
         scale = np.abs(offset[busy])
         done = (size <= LAST_STEP * scale) | ((size <= STEP_OF_ROUND_OFF * scale) & (size >= 0.5 * last[busy]))
         last[busy] = size

@@ -185,7 +185,7 @@ class ContactDirection:
     shape: Floats  # (m, n)
     base_participation: Floats  # (m,) of the motion of each place for a unit motion of the base
     along: Contacts | None = None  # contacts whose laws' forces are added
-    cubic: Floats | None = None  # (nc,) stiffness of cubic springs beside the contacts
+    cubic: Floats | None = None  # (nc,) stiffness of cubic springs in addition to the contacts
 
     @cached_property
     def scales_forces(self) -> bool:

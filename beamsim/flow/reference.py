@@ -319,11 +319,11 @@ class _Equations:
     def _pulls(self, t: float, y: Floats) -> tuple[Floats, float]:
         """Forces of the cubic springs, N, and the power, W, that the base's motion puts into them."""
         assert self.cubic is not None
-        stretch = self.cubic.shape @ y[: self.flow.system.size]
+        extension = self.cubic.shape @ y[: self.flow.system.size]
         if self.base is None:
-            return self.cubic.stiffness * stretch**3, 0.0
+            return self.cubic.stiffness * extension**3, 0.0
         displacement, velocity = (float(of(t)) for of in self.base)
-        pulls = self.cubic.stiffness * (stretch + self.cubic.base_influence * displacement) ** 3
+        pulls = self.cubic.stiffness * (extension + self.cubic.base_influence * displacement) ** 3
         return pulls, float(pulls @ self.cubic.base_influence) * velocity
 
     def __call__(self, t: float, y: Floats) -> Floats:

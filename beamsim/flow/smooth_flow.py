@@ -180,7 +180,7 @@ class SmoothFlow(PeriodicFlow):
         )  # fmt: skip
 
     def cubic_extension(self, y: Floats, times: Floats) -> Floats:
-        """(nt, nc) stretch of the cubic springs at states (nt, N)."""
+        """(nt, nc) extension of the cubic springs at states (nt, N)."""
         d, _ = self.loads.base_motion(self.omega, self.level, times)
         return self.springs.extension(y[:, : self.system.size], d)
 

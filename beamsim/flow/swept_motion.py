@@ -1,7 +1,7 @@
 """Swept motions: what the loads are along a sweep, and the level that a controller gives them.
 
-Within a stretch the frequency hardly changes, so that the loads are slow polynomials times one exponential
-(:func:`beamsim.inputs.swept.swept_signals`). Times count from the start of the stretch: a long sweep loses no digits.
+Within a chunk the frequency hardly changes, so that the loads are slow polynomials times one exponential
+(:func:`beamsim.inputs.swept.swept_signals`). Times count from the start of the chunk: a long sweep loses no digits.
 
 The sweep is followed a few cycles at a time. Where a limit would be exceeded, the motion is computed ahead under levels
 that are tried, and goes on under the largest that meets the limits there: an exact prediction in place of the estimates
@@ -33,7 +33,7 @@ from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
 from beamsim.typing import TINY, Floats, Ints
 
 CYCLES_OF_CHUNK = 256
-STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
+STEP = 1.05  # ratio of neighbouring carriers: relative to its carrier a cycle turns by no more than 0.16 rad
 
 
 SweptLoads = Callable[[SweepWindows, float], tuple[Forcing, tuple[Signal, ...]]]
@@ -63,7 +63,7 @@ def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, car
 
 
 @dataclass(frozen=True)
-class SweptStretch:
+class SweptChunk:
     """The motion over some cycles of a sweep; its times count from their beginning."""
 
     motion: Trajectory
@@ -100,9 +100,9 @@ class SweptMotion(March):
     states: int = field(init=False, default=0)  # contact states visited
     end: float = field(init=False, default=0.0)  # s, reached
 
-    def stretches(self) -> Iterator[SweptStretch]:
-        """March, stretch by stretch, until the end of the sweep or of the work that is allowed."""
-        carrier, told = carriers(self.windows.frequency_hz), self.progress
+    def chunks(self) -> Iterator[SweptChunk]:
+        """March, chunk by chunk, until the end of the sweep or of the work that is allowed."""
+        carrier, report = carriers(self.windows.frequency_hz), self.progress
         flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
         visited: set[bytes] = set()
         for first, last in self._parts(carrier):
@@ -117,8 +117,8 @@ class SweptMotion(March):
                 before, flow = flow, under_windows(flow, self.loads, windows, carrier[first])
                 motion.enter(flow, before)
                 begun = Log.sized(0, motion.y.size, 0)
-            if told is not None:
-                self.progress = partial(self._report, told, since, last)
+            if report is not None:
+                self.progress = partial(self._report, report, since, last)
             log = Log.join([begun, self.on(flow, motion, windows.duration)])
             trajectory = motion_of(flow, motion, log, self)
             self.outcome = _later(trajectory.outcome, since)
@@ -126,17 +126,17 @@ class SweptMotion(March):
             self.states = len(visited)
             self.end = since + trajectory.end
             self.processor_time_s += processor_time() - begin
-            yield SweptStretch(trajectory, windows, first, windows.edge)
+            yield SweptChunk(trajectory, windows, first, windows.edge)
             if not self.outcome.complete:
                 return
 
-    def _report(self, told: Callable[[float], None], since: float, last: int, time: float) -> None:
-        """Tell the share of the cycles that is done, at most that of the last one of the stretch."""
+    def _report(self, report: Callable[[float], None], since: float, last: int, time: float) -> None:
+        """Tell the share of the cycles that is done, at most that of the last one of the chunk."""
         reached = float(np.searchsorted(self.windows.edge, since + time))
-        told(min(reached, last) / self.windows.cycles)
+        report(min(reached, last) / self.windows.cycles)
 
     def _parts(self, carrier: Floats) -> Iterator[tuple[int, int]]:
-        """First and last (left out) cycle of the stretches, with one carrier each."""
+        """First and last (left out) cycle of the chunks, with one carrier each."""
         ends: Ints = np.append(np.flatnonzero(np.diff(carrier)) + 1, carrier.size)
         first = 0
         for end in ends.tolist():
@@ -359,14 +359,14 @@ def corners(x: Floats, y: Floats, tolerance: float) -> Ints:
     >>> corners(np.arange(5.0), np.array([0.0, 1.0, 2.0, 1.0, 0.0]), 0.1)
     array([0, 2, 4])
     """
-    kept, stretches = {0, x.size - 1}, [(0, x.size - 1)]
-    while stretches:
-        first, last = stretches.pop()
+    kept, intervals = {0, x.size - 1}, [(0, x.size - 1)]
+    while intervals:
+        first, last = intervals.pop()
         inner = slice(first + 1, last)
         line = y[first] + (y[last] - y[first]) * (x[inner] - x[first]) / (x[last] - x[first])
         distance = np.abs(y[inner] - line)
         if distance.size and distance.max() > tolerance:
             middle = first + 1 + int(distance.argmax())
             kept.add(middle)
-            stretches += [(first, middle), (middle, last)]
+            intervals += [(first, middle), (middle, last)]
     return np.array(sorted(kept), dtype=np.int64)

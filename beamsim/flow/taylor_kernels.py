@@ -64,7 +64,7 @@ class Series(NamedTuple):
 
     q: Any  # (ORDER + 1, n, C)
     v: Any  # (ORDER + 1, n, C)
-    x: Any  # (ORDER + 1, nc, C) stretch of the cubic springs
+    x: Any  # (ORDER + 1, nc, C) extension of the cubic springs
     x2: Any  # (ORDER + 1, nc) square of that of the motion
     x3: Any  # (ORDER + 1, nc, C) its cube
     d: Any  # (ORDER + 1, C) displacement of the base

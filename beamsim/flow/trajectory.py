@@ -263,8 +263,9 @@ class Trajectory:
             yield self.flow.visited_state(number), np.flatnonzero(states == number)
 
     def extrema(
-        self, output_of: RowsOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
-    ) -> Extrema:
+        self, output_of: RowsOf, edges: Floats | None = None, squares: Ints | None = None,
+        competitors: Ints | None = None,
+    ) -> Extrema:  # fmt: skip
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
         They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
@@ -278,7 +279,8 @@ class Trajectory:
             no motion they are infinite. All are searched together.
         squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
             j of them in place of K.
-        rivals : outputs of which only the largest magnitude of all is asked for; of the others what is met on the way.
+        competitors : outputs of which only the largest magnitude of all is asked for; of the others what is met
+            on the way.
 
         Returns
         -------
@@ -289,7 +291,7 @@ class Trajectory:
         lasts = (self.length > 0.0) | (not self.flow.system.contacts.any_sticks_rigidly)
         sums = (sums for _, sums in self.sums(output_of, lasts if lasts.any() else ~lasts, edges, scale))
         outputs = output_of(self.flow.system.contacts.start).shape[0]
-        found = search_extrema(sums, outputs, 1 if edges is None else edges.size - 1, squares, rivals)
+        found = search_extrema(sums, outputs, 1 if edges is None else edges.size - 1, squares, competitors)
         low, when_low, high, when_high = (x if edges is not None else x[0] for x in found[:4])
         unit = scale if squares is None else scale**2
         return Extrema(unit * low, when_low, unit * high, when_high, found.evaluations)
@@ -341,7 +343,7 @@ class Trajectory:
     def turning_points(self, output_of: RowsOf, segments: Ints) -> TurningPoints:
         """All maxima and minima of one output, certified to 1e-10 of its largest value, and its values at the ends.
 
-        Those that are left out differ from what is beside them by less than `TOLERANCE` of the largest value.
+        Those that are left out differ from their neighbours by less than `TOLERANCE` of the largest value.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ On the steep line of a log-log table that stands for a step, the level changes w
 integrated in time from the quieter end of the line instead, where the motion is the one that belongs to a constant
 level.
 
-Where two stretches meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
+Where two intervals meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
 :math:`J_d`. The jumps are impulses :math:`J_v \\delta + J_d \\delta'` of the acceleration; they are replaced by
 :math:`J_v w + J_d w'`, where w is a smooth pulse of unit area a few cycles long. Outside the pulse the motion is not
 changed, and everywhere d, v and the acceleration that is applied are derivatives of one another.
@@ -42,7 +42,7 @@ from beamsim.inputs.profiles import Leg, Profile
 from beamsim.summaries import Entry, Number
 from beamsim.typing import Complexes, Floats, Ints
 
-SAME_TURNS = 1e-9  # cycles that are not told apart
+SAME_TURNS = 1e-9  # cycles that count as equal
 
 
 @cache

@@ -62,8 +62,8 @@ def _record(
             over = np.log(_peaks(samples, time[1], frequency, quality) / target)
             if step and (worst := float(np.abs(over).max())) < best:
                 best, record = worst, samples
-            beside = np.pad(over, 1, mode="edge")
-            amplitude *= np.exp(-(GAIN if step else 1.0) * (0.25 * (beside[:-2] + beside[2:]) + 0.5 * over)[::2])
+            padded = np.pad(over, 1, mode="edge")
+            amplitude *= np.exp(-(GAIN if step else 1.0) * (0.25 * (padded[:-2] + padded[2:]) + 0.5 * over)[::2])
         if 20.0 * best / np.log(10.0) <= CLOSE_DB:
             break
     return time, _at_rest_after(time, record)

@@ -221,8 +221,8 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
         dimension = LEVEL_DIMENSIONS[excitation.quantity or "acceleration"]
         signal = in_si(signal, excitation.unit, dimension, "excitation.unit")
     except ScenarioError as error:
-        told = "" if excitation.unit or excitation.quantity_ else _other_quantity(signal.unit, excitation.takes)
-        problems += (replace(problem, remedy=problem.remedy + told) for problem in error.problems)
+        hint = "" if excitation.unit or excitation.quantity_ else _other_quantity(signal.unit, excitation.takes)
+        problems += (replace(problem, remedy=problem.remedy + hint) for problem in error.problems)
     if not (excitation.time_unit or signal.axis_unit):
         message = f"is missing, and {excitation.file} states no unit of its times"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
@@ -320,7 +320,7 @@ def read_curve(
     *,
     steps: bool = False,
 ) -> tuple[Floats, Floats, str | None]:
-    """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is said.
+    """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is stated.
 
     Parameters
     ----------

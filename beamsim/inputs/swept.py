@@ -255,7 +255,7 @@ class _LegExpansion:
 
 
 def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats, Floats]:
-    """Of a sine of unit amplitude and phase zero in the middle of each window: the power series (W, D + 1) beside
+    """Of a sine of unit amplitude and phase zero in the middle of each window: the power series (W, D + 1) times
     ``e^{i omega sigma}``, the deviation of the phase (W, D + 1), and a bound (W,) on the remainder of the series."""
     rate, omega = leg.signed_rate, 2 * np.pi * middle
     deviation = np.zeros((middle.size, D + 1))  # of the phase
@@ -294,7 +294,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
 
 
 def _modulated(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats]:
-    """Real polynomials as power series (W, D + 1) beside ``e^{i omega sigma}``, and a bound on the remainder."""
+    """Real polynomials as power series (W, D + 1) times ``e^{i omega sigma}``, and a bound on the remainder."""
     k = polynomial.shape[1]
     spin = np.ones((omega.size, D + 1), dtype=complex)
     for p in range(1, D + 1):
@@ -359,8 +359,8 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
     tuple
         One signal, or three of a base: m/s^2, m/s and m.
     """
-    beside = windows.omega - carrier
-    fine = np.abs(beside) * windows.length * (8 / (2 * np.pi))
+    difference = windows.omega - carrier
+    fine = np.abs(difference) * windows.length * (8 / (2 * np.pi))
     shortest = (windows.length / np.maximum(fine, 1.0)).min()
     # none is longer than 8 times the shortest: responses to powers of time are in the scale of the longest
     fine = np.maximum(fine, np.where(fine > 1.0, windows.length / (8.0 * shortest), 1.0))
@@ -372,13 +372,13 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
     start[0] = 0.0
     half = 0.5 * windows.length[window] / pieces[window]
     sigma = offset + half - 0.5 * windows.length[window]  # of the middle of the piece
-    turn, degree, rest = float(np.max(np.abs(beside[window]) * half)), 0, 1.0
+    turn, degree, rest = float(np.max(np.abs(difference[window]) * half)), 0, 1.0
     while degree < LARGEST_DEGREE or rest * turn > 1e-15 * (degree + 1):
         degree += 1
         rest *= turn / degree
     turning = np.ones((window.size, degree + 1), dtype=complex)
     for p in range(1, degree + 1):
-        turning[:, p] = turning[:, p - 1] * (1j * beside[window] / p)
+        turning[:, p] = turning[:, p - 1] * (1j * difference[window] / p)
     turning *= np.exp(1j * windows.omega[window] * sigma)[:, None]
     signals = []
     coefficients = [windows.coefficient]

@@ -136,7 +136,7 @@ def _quantities(item: h5py.Dataset) -> list[str]:
 def read_matlab(path: Path) -> list[MeasuredSignal]:
     """The vectors of a MATLAB file, those of structs named ``struct.field``.
 
-    A text ``NAME_unit`` beside a vector, or ``unit`` in a struct with one vector and its axis, is its unit.
+    A text ``NAME_unit`` next to a vector, or ``unit`` in a struct with one vector and its axis, is its unit.
 
     Raises
     ------
@@ -159,11 +159,11 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
 
 
 def _matlab_unit(name: str, arrays: Mapping[str, Any], texts: Mapping[str, str]) -> str:
-    """Unit of a vector by the texts beside it, else by its name."""
+    """Unit of a vector by the texts next to it, else by its name."""
     folder, _, last = name.rpartition("/")
-    beside = [other for other in arrays if other.rpartition("/")[0] == folder and not _is_axis(other)]
+    siblings = [other for other in arrays if other.rpartition("/")[0] == folder and not _is_axis(other)]
     names = [f"{last}_unit", f"{last}_units", f"{last}unit", f"{last}units"]
-    if beside == [name] and folder:
+    if siblings == [name] and folder:
         names += ["unit", "units"]
     found = (stated(texts.get(f"{folder}/{each}".lstrip("/").lower(), "")) for each in names)
     return next(filter(None, found), "") or _heading(name)[1]

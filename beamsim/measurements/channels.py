@@ -207,7 +207,7 @@ def channel_named(
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close}?" if close and not chosen else f"name one: {listed}"
         raise ScenarioError.at(at, f"{path} {verdict} {name} {words}", remedy)
-    return _checked(chosen[0], path)
+    return _refuse_unusable_samples(chosen[0], path)
 
 
 def history_named(
@@ -239,7 +239,7 @@ def history_named(
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
 
 
-def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
+def _refuse_unusable_samples(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
     if signal.x.size < 2:
         raise unusable(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     try:

@@ -1,7 +1,7 @@
 """Text tables: rows of cells, their columns, and which column is an axis of which others.
 
 Spreadsheets, measuring systems and programs write such tables with any separator, decimal mark and encoding. CSV
-readers of other packages are told the decimal mark and remove thousands marks wherever they stand (pandas with
+readers of other packages are given the decimal mark and remove thousands marks wherever they stand (pandas with
 ``thousands=","`` makes 15 of 1,5), so the text is judged here, and `csv` only takes lines apart.
 """
 
@@ -305,7 +305,7 @@ def _first_sample(rows: Sequence[TextRow]) -> int:
         raise InputFileError("has no samples: no line starts with a number", "export the measurement again")
     if len(rows[first].cells) != width:
         first = next((k for k in begin if len(rows[k].cells) == width), first)
-    # a row with numbers beside its first cell, right above the samples, is a sample with a fault
+    # a row with numbers next to its first cell, right above the samples, is a sample with a fault
     while first > 1 and len(rows[first - 1].cells) == width and any(map(could_be_number, rows[first - 1].cells)):
         first -= 1
     return first

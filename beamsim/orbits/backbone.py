@@ -27,7 +27,7 @@ STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 CLEAR = 0.95  # share of energy above which a motion is outside every tongue
 FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
 GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
-LOOKED_BESIDE = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there, at the
+SHARES_AT_JUMP = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there, at the
 # lower one over periods and shapes as well, until it has the higher one
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
@@ -49,7 +49,7 @@ STEP_AT_STIFF_GRAZING = 1e-11  # at a grazing of a stiff stop a branch turns wit
 
 @dataclass
 class Backbone:
-    """Iterate over it for the backbone's points; tongues, jumps and the outcome are kept beside.
+    """Iterate over it for the backbone's points; tongues, jumps and the outcome are kept as attributes.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class Backbone:
         return self._continued(a, full, gradual=False)
 
     def _stepped(self, a: BranchPoint, step: float) -> BranchPoint | None:
-        """The motion after a step in the parameter, or the one beside it that the mode dominates more."""
+        """The motion after a step in the parameter, or the neighbouring one that the mode dominates more."""
         remaining = abs(self.end - a.parameter)
         b = None
         for part in STEPS:
@@ -161,11 +161,11 @@ class Backbone:
                 break
         if b is None:
             return None
-        beside = self._beside(a, b)
-        if beside is None:
+        dominated = self._on_dominated_branch(a, b)
+        if dominated is None:
             return b
-        self._cut(a, beside)
-        return beside
+        self._cut(a, dominated)
+        return dominated
 
     def _filled(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
         """The points after a; where few steps would make the curve coarse, others between those that no jump parts."""
@@ -226,20 +226,20 @@ class Backbone:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
         return next(self._solved(self._predictions(a, value), value, FURTHEST), None)
 
-    def _beside(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
+    def _on_dominated_branch(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
 
-        It is looked for where the share of the mode falls to one of the levels `LOOKED_BESIDE`.
+        It is looked for where the share of the mode falls to one of the levels `SHARES_AT_JUMP`.
         """
         lost = self.share(a) - self.share(b)
-        crossed = [level for level in LOOKED_BESIDE if self.share(b) < level <= self.share(a)]
+        crossed = [level for level in SHARES_AT_JUMP if self.share(b) < level <= self.share(a)]
         if not crossed or lost <= GRADUAL * abs(b.parameter - a.parameter):
             return None
         # 0.05: of the energy, that the mode has more of in a motion which is worth a jump
         least = self.share(b) + 0.05
         found = self._solved(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
         point = next((point for point in found if self.share(point) > least), None)
-        if point is None and LOOKED_BESIDE[1] in crossed:
+        if point is None and SHARES_AT_JUMP[1] in crossed:
             point = self._searched(b.parameter)
         return point if point is not None and self.share(point) > least else None
 
@@ -330,7 +330,7 @@ class Backbone:
                     # searched further, to 1.5, since nothing else was found
                     for b in self._solved([self.orbits.unknowns(shape, period, value)], value, 1.5):
                         best = b if best is None or self.share(b) > self.share(best) else best
-            if best is not None and self.share(best) > LOOKED_BESIDE[0]:
+            if best is not None and self.share(best) > SHARES_AT_JUMP[0]:
                 break
         return best
 

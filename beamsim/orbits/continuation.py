@@ -203,7 +203,7 @@ def solve_at(
 
 
 def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settings) -> BranchPoint | None:
-    """The solution beside a guess, across the branch: a fold close by is no obstacle.
+    """The solution near a guess, across the branch: a fold close by is no obstacle.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def interpolated(
     """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the chord.
 
     Beyond b (s > 1) its error is of order ds^4, the tangent's of order ds^2. Where the tangents point back, and where
-    the cubic would be stretched too far, they are on a straight line: the chord, and the tangent of b beyond it.
+    the cubic would bend too far, they are on a straight line: the chord, and the tangent of b beyond it.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def interpolated(
 
 
 def _on_tangent(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Floats:
-    """A guess on a point's tangent, at ``row . (u / scale) = target``; beside a corner it is closer than the chord."""
+    """A guess on a point's tangent, at ``row . (u / scale) = target``; next to a corner it is closer than the chord."""
     t = point.tangent * point.scale / scale
     w, along = point.u / scale, float(row @ t)
     # 0.1: cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
@@ -411,10 +411,10 @@ class BranchStep(Generic[ProblemT_co]):
                 left, _, right = np.linalg.svd(A + share * (B - A))
                 c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
                 y = np.append(interpolated(a, b, share) / scale, 0.0)
-                at, *beside = (
+                at, *shifted = (
                     np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(BRANCHING_STEP * plane))
                 )
-                bend = (np.array(beside).T - at[:, None]) / BRANCHING_STEP
+                bend = (np.array(shifted).T - at[:, None]) / BRANCHING_STEP
                 # 20: steps of Newton's method, with one derivative of the slopes
                 for count in range(20):
                     R, A, data = equations(y[:-1])
@@ -439,7 +439,7 @@ class BranchStep(Generic[ProblemT_co]):
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:
-    """How far the chord from a to b is from any sum of a stretch along a's tangent and one along b's, against itself.
+    """How far the chord from a to b is from any sum of a step along a's tangent and one along b's, against itself.
 
     A smooth branch, and one with a corner in between, keeps to such sums; a step onto another branch does not.
     """
@@ -458,11 +458,11 @@ def _astray(a: BranchPoint, b: BranchPoint) -> float:
 
 def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
     """Whether the step from a to b passes the first point of the branch."""
-    chord, beside = (b.u - a.u) / start.scale, (start.u - a.u) / start.scale
+    chord, offset = (b.u - a.u) / start.scale, (start.u - a.u) / start.scale
     length = float(np.linalg.norm(chord))
-    share = float(beside @ chord) / length**2
-    # 0.1: of a step, how far beside it the first point may lie that it passes
-    if not 0.0 <= share <= 1.0 or float(np.linalg.norm(beside - share * chord)) > 0.1 * length:
+    share = float(offset @ chord) / length**2
+    # 0.1: of a step, how far from it the first point may lie that it passes
+    if not 0.0 <= share <= 1.0 or float(np.linalg.norm(offset - share * chord)) > 0.1 * length:
         return False
     return float(chord @ start.tangent) > 0.8 * length
 

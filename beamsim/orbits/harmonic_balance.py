@@ -18,7 +18,7 @@ is singular at rigid-body and undamped natural frequencies, the same complex spr
 The solutions are the same and :math:`Z_S` is regular wherever the springs feel every undamped mode.
 
 Stability is that of the same motion by shooting: the balance gives the start, Newton's method corrects it, and the
-transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the motion
+transition matrix over a period has the multipliers. Where Newton comes to no motion near it, those are of the motion
 that begins as the motion does, as good as its harmonics are. At a fold, where the two branches end at slightly
 different values, shooting is corrected across its branch instead of at the same value.
 """
@@ -388,10 +388,10 @@ class ForcedBalance:
         orbits, state = self.shooting(point.parameter), motion.states(np.zeros(1))[0]
         guess = np.append(state, orbits.omega)
         for correct in (solve_at, correct_across):
-            beside = correct(orbits, guess, Settings())
+            shot = correct(orbits, guess, Settings())
             # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
-            if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
-                return orbits.multipliers(beside)
+            if shot is not None and float(np.max(np.abs((shot.u - guess) / shot.scale))) < 0.2:
+                return orbits.multipliers(shot)
         return orbits.flow.with_loads(orbits.omega, orbits.level).flow_map(state, motion.period).multipliers
 
     def shooting(self, value: float) -> ForcedOrbits:
@@ -422,7 +422,7 @@ class ForcedBalance:
     def from_flow_map(
         self, flow: PeriodicFlow, flow_map: FlowMap, value: float, forward: float = 1.0
     ) -> BranchPoint | None:
-        """The balanced motion beside one over a period.
+        """The balanced motion close to one over a period.
 
         Parameters
         ----------

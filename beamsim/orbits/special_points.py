@@ -25,7 +25,7 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 MOST_HALVINGS = 12
-BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
+PAST_GRAZING = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
 WINDOWS = 64  # of a period, in each of which the largest penetration is looked for
 
 
@@ -199,22 +199,22 @@ def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *
 
 
 def _explains(step: BranchStep[OrbitProblem], graze: BranchPoint) -> bool:
-    """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
+    """Whether the one point explains the whole difference: motions on both sides of it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.
     """
     problem, a, b, share = step.problem, step.a, step.b, step.share(graze)
     if problem.same_events(a, graze):
-        near, other = step.point_at(share + BESIDE * (1.0 - share), (share, graze, 1.0, b)), b
+        near, other = step.point_at(share + PAST_GRAZING * (1.0 - share), (share, graze, 1.0, b)), b
     elif problem.same_events(graze, b):
-        near, other = step.point_at(share * (1.0 - BESIDE), (0.0, a, share, graze)), a
+        near, other = step.point_at(share * (1.0 - PAST_GRAZING), (0.0, a, share, graze)), a
     else:
         return False
     return near is not None and problem.same_events(near, other)
 
 
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
-FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it leaves, over that one's size
+FIRST_AMPLITUDE = 0.01  # of a motion of another branch next to the one that it leaves, over that one's size
 
 
 def _doubling(mu: Complexes) -> Complexes:
@@ -361,8 +361,8 @@ def _parts(step: BranchStep[OrbitProblem], corner: tuple[bool, bool]) -> Iterato
 
     Two folds: where the parameter's cubic through both ends with their tangents turns, though both ends point the same
     way. Two period doublings, or two Neimark–Sacker points: where a multiplier close to -1, or a complex one to the
-    unit circle, stays inside, or outside, at both ends. Beside a grazing point (``corner``, for either end) multipliers
-    change with the square root of the distance: the motion a quarter away is half-way between them.
+    unit circle, stays inside, or outside, at both ends. Next to a grazing point (``corner``, for either end)
+    multipliers change with the square root of the distance: the motion a quarter away is half-way between them.
     """
     problem, a, b = step.problem, step.a, step.b
     if a is b:
@@ -404,7 +404,7 @@ def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:
     return x
 
 
-def beside(
+def correct_on_other_branch(
     problem: ContinuationProblem, u: Floats, row: Floats, sizes: Sequence[float], settings: Settings
 ) -> Iterator[BranchPoint]:
     """Motions of another branch, at given distances from a motion in a direction; their tangents point away from it.
@@ -443,7 +443,7 @@ def switch_at_period_doubling(problem: ForcedOrbits, special: SpecialPoint) -> t
     v = vectors[:, int(np.argmin(np.abs(mu + 1.0)))].real
     row = np.append(v, 0.0) / doubled.scale(special.point.u)[0]
     sizes = [factor * FIRST_AMPLITUDE for factor in (1.0, 0.1, 0.01, 5.0)]
-    first = beside(doubled, special.point.u, row / np.linalg.norm(row), sizes, Settings(iterations=15))
+    first = correct_on_other_branch(doubled, special.point.u, row / np.linalg.norm(row), sizes, Settings(iterations=15))
     return next(((doubled, point) for point in first), None)
 
 
@@ -470,5 +470,5 @@ def switch_at_branch_point(problem: ForcedOrbits, special: SpecialPoint, chord: 
     across = np.array([-along[1], along[0]]) @ kernel
     across /= np.linalg.norm(across)
     sizes = [factor * FIRST_AMPLITUDE for factor in (1.0, 0.1, 5.0)]
-    sides = (beside(problem, u, row, sizes, Settings(iterations=15)) for row in (across, -across))
+    sides = (correct_on_other_branch(problem, u, row, sizes, Settings(iterations=15)) for row in (across, -across))
     return [point for first in sides if (point := next(first, None)) is not None]

@@ -149,10 +149,10 @@ class SpringFamily:
         by_factor = 0.5 * float(c.stiffness @ ((now - before) * (now + before)))
         push = -(c.shape.T @ (c.sign * c.stiffness * now))
         if self.cubic is not None:
-            stretch, k = self.cubic.shape @ q, self.cubic.stiffness
-            bent = 0.25 * float(k @ stretch**4)
+            extension, k = self.cubic.shape @ q, self.cubic.stiffness
+            bent = 0.25 * float(k @ extension**4)
             value, by_factor = value + factor * bent, by_factor + bent
-            push += self.cubic.shape.T @ (k * stretch**3)
+            push += self.cubic.shape.T @ (k * extension**3)
         return value, s.stiffness * q - s.constant_load + factor * push, by_factor
 
 

@@ -2,7 +2,7 @@
 
 The main branch begins at the first value. Where it ends before the last (an isolated loop, a corner that the follower
 does not pass), another begins from a motion that a transient comes to where nothing is known yet: first at the far end,
-then in the middle of the longest stretch that is left. A branch that runs into a known one ends there.
+then in the middle of the longest interval that is left. A branch that runs into a known one ends there.
 
 Motions that transients from rest do not come to are sought in two ways: by transients from states that reach the
 contacts, and by following motions down in level from one at which contact exists. Other branches leave these: at
@@ -62,7 +62,7 @@ TRANSIENT = 80  # periods that these are followed for
 SETTINGS = Settings(iterations=25)
 BACK_TO_PERIOD = "back_to_period"
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
-COVERED = 1e-3  # of the range: stretches shorter than this count as covered
+COVERED = 1e-3  # of the range: intervals shorter than this count as covered
 COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
 
 
@@ -90,7 +90,7 @@ class Tracer:
         return None
 
     def sought(self, value: float) -> Iterator[BranchPoint | None]:
-        """Motions at a value beside those that are followed, with repetitions; None where one was sought in vain.
+        """Motions at a value, other than those that are followed, with repetitions; None where one was sought in vain.
 
         Harmonic balance has them from shooting, and none with cubic springs.
         """
@@ -187,7 +187,7 @@ class Budget:
         return max(self.points - self.used, 2)
 
     def allows_another(self, branches: int) -> bool:
-        """Whether one more branch may be followed beside so many; the limit that forbids it is kept."""
+        """Whether one more branch may be followed in addition to so many; the limit that forbids it is kept."""
         spent = self.spent()
         if spent is None and branches < self.branches:
             return True
@@ -231,7 +231,7 @@ def reaches_of(first: float, last: float, beyond: bool) -> tuple[tuple[float, fl
     Returns
     -------
     main : lowest and highest value that a main branch must not leave.
-    beside : those of branches that begin beside the main ones, a little beyond the range.
+    secondary : those of branches that begin next to the main ones, a little beyond the range.
     """
     low, high = sorted((first, last))
     main = low, high
@@ -255,7 +255,7 @@ def progress_that_grows(report: Progress) -> Callable[[float], None]:
 
 
 def gaps_between(spans: Iterable[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
-    """The stretches of a range that the spans do not cover, long enough to matter.
+    """The intervals of a range that the spans do not cover, long enough to matter.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def gaps_between(spans: Iterable[tuple[float, float]], low: float, high: float) 
     Returns
     -------
     list
-        Begin and end of each stretch, increasing; none is shorter than the share `COVERED` of the range.
+        Begin and end of each interval, increasing; none is shorter than the share `COVERED` of the range.
     """
     gaps, at = [], low
     for a, b in sorted(spans):
@@ -278,7 +278,7 @@ def gaps_between(spans: Iterable[tuple[float, float]], low: float, high: float) 
 
 
 def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[tuple[float, float]]:
-    """The stretches between two values that no branch reached.
+    """The intervals between two values that no branch reached.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def trace_range(
     Returns
     -------
     list
-        Empty where no motion was found at any value that was tried; some stretches may be left (`missing`).
+        Empty where no motion was found at any value that was tried; some intervals may be left (`missing`).
     """
     low, high = sorted((first, last))
     grown = progress_that_grows(report)
@@ -334,7 +334,7 @@ def trace_range(
             break
         begin = last
         if last in tried or not any(last in gap for gap in gaps):
-            # the middle of the longest stretch between gaps' ends and failed places
+            # the middle of the longest interval between gaps' ends and failed places
             cuts = [[a, *sorted(x for x in tried if a < x < b), b] for a, b in gaps]
             pieces = [piece for each in cuts for piece in pairwise(each)]
             a, b = max(pieces, key=lambda piece: piece[1] - piece[0])
@@ -594,7 +594,7 @@ class Leaving:
 
     branch: OrbitBranch
     event: SpecialPoint
-    at_stable: bool  # whether motions beside it on the branch are stable
+    at_stable: bool  # whether neighbouring motions on the branch are stable
 
     @property
     def multiple(self) -> int:
@@ -607,7 +607,7 @@ def side_branches(
 ) -> list[OrbitBranch]:
     """The branches that leave others, each once, and those that leave them.
 
-    Those beside stable motions come first, and among these the ones far from those that were followed.
+    Those next to stable motions come first, and among these the ones far from those that were followed.
 
     Parameters
     ----------
@@ -661,8 +661,8 @@ def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
     for event in branch.special:
         if event.kind in ("period_doubling", "branch_point"):
             k = places[id(event.point)]
-            beside = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
-            bifurcations.append(Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
+            neighbours = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
+            bifurcations.append(Leaving(branch, event, any(branch.problem.orbit(p).stable for p in neighbours)))
     return [leaving for leaving in bifurcations if leaving.multiple <= longest]
 
 

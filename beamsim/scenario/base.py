@@ -162,14 +162,14 @@ class Schema(BaseModel):
     )
 
     known_by: ClassVar[tuple[str, ...]] = ()
-    """Keys that tell it apart from the other members of a union, see `Variants`; ``section: sandwich`` where it is told
-    apart by the kind of what is under the key."""
+    """Keys that distinguish it from the other members of a union, see `Variants`; ``section: sandwich`` where the kind
+    of what is under the key distinguishes it."""
 
     not_compared: ClassVar[tuple[str, ...]] = ()
     """Keys that make no difference between two of it."""
 
     stated: ClassVar[Mapping[str, str]] = {}
-    """By key the attribute with what `plain` writes there in any case, because units said it; None for nothing."""
+    """By key the attribute with what `plain` writes there in any case, because units state it; None for nothing."""
 
     def check(self) -> None:
         """Compare fields with each other; raises `InvalidValueError`."""
@@ -183,7 +183,7 @@ class Schema(BaseModel):
         yield from ()
 
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
-        """Refuse a key beside one of others."""
+        """Refuse a key together with one of others."""
         names, fields = self.keys(), type(self).model_fields
         given = []
         for each in (*others, key):
@@ -346,7 +346,7 @@ def tag_of(member: Any) -> str:
 
 @dataclass(frozen=True)
 class Variants:
-    """Marks a union whose members are told apart by the form of the raw value.
+    """Marks a union whose members are distinguished by the form of the raw value.
 
     A mapping by its key ``kind`` where that differs, and by the keys in `Schema.known_by`; the member that has none of
     these takes every other mapping. Besides there may be words, a list, a mapping by names, and a number or text. With

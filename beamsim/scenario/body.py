@@ -354,9 +354,9 @@ class MovedSupport(Schema):
     @property
     def label(self) -> str:
         """What text calls it: support left."""
-        said = f"support {self.support}" if self.joint is None else f"joint {self.joint}"
+        holder = f"support {self.support}" if self.joint is None else f"joint {self.joint}"
         of = f" of {self.body}" if self.body else ""
-        return said + of + (f" {self.direction}" if self.direction not in (None, "z") else "")
+        return holder + of + (f" {self.direction}" if self.direction not in (None, "z") else "")
 
     @property
     def rotates(self) -> bool:
@@ -498,7 +498,7 @@ class RayleighDamping(Schema):
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
 
     def check(self) -> None:
-        """Reject factors beside ratios, and ratios that factors of at least 0 do not give."""
+        """Reject factors together with ratios, and ratios that factors of at least 0 do not give."""
         self.exclude("ratios", "mass", "stiffness", remedy="keep ratios, or mass and stiffness, not both")
         if not self.ratios:
             return

@@ -59,7 +59,7 @@ class Chain(Body):
 
     @property
     def dashpots(self) -> tuple[float, ...]:
-        """One beside each spring, N s/m."""
+        """One in parallel with each spring, N s/m."""
         return self.dashpots_ or (0.0,) * len(self.springs)
 
     @property

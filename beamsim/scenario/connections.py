@@ -66,9 +66,9 @@ class SpringBetween(BetweenPlaces, Named):
     """A spring between points of two bodies or of one, or between two masses of a chain, neighbours or not."""
 
     between: TwoPlaces = ()
-    """The two places; the stretch is positive when the second moves up from the first."""
+    """The two places; the extension is positive when the second moves up from the first."""
     masses: Annotated[tuple[q.Count, ...], PAIR] = ()
-    """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
+    """Instead of between the numbers of two masses of a chain; the extension is positive when they separate."""
 
     @property
     def ends(self) -> tuple[str, TwoPlaces]:
@@ -91,10 +91,10 @@ def has_own_law(item: Schema) -> bool:
 
 
 class LinearSpring(Schema):
-    """Force = stiffness times stretch."""
+    """Force = stiffness times extension."""
 
     kind: Literal["linear"] = "linear"
-    """Force = stiffness times stretch."""
+    """Force = stiffness times extension."""
     stiffness: q.NonNegativeStiffness
     """Stiffness."""
     maxwell: tuple[Maxwell, ...] = ()
@@ -107,10 +107,10 @@ class LinearSpring(Schema):
 
 
 class CubicSpring(Schema):
-    """Force = stiffness times stretch cubed."""
+    """Force = stiffness times extension cubed."""
 
     kind: Literal["cubic"] = "cubic"
-    """Force = stiffness times stretch cubed."""
+    """Force = stiffness times extension cubed."""
     stiffness: q.CubicStiffness
     """Stiffness; negative softens."""
 
@@ -122,7 +122,7 @@ class PiecewiseLinearSpring(Schema):
     """A continuous piecewise-linear force through the origin."""
 
     kind: Literal["piecewise_linear"] = "piecewise_linear"
-    """Piecewise-linear force, continuous, zero at zero stretch."""
+    """Piecewise-linear force, continuous, zero at zero extension."""
     breakpoints: Annotated[tuple[Stretch, ...], Field(min_length=1)]
     """Stretches at which the slope changes, increasing."""
     stiffnesses: tuple[q.NonNegativeStiffness, ...]
@@ -144,14 +144,14 @@ class PiecewiseLinearSpring(Schema):
 
     @property
     def number_at_rest(self) -> int:
-        """Index of the slope at zero stretch; of the smaller one if zero is a breakpoint."""
+        """Index of the slope at zero extension; of the smaller one if zero is a breakpoint."""
         at = bisect_left(self.breakpoints, 0.0)
         on_it = at < len(self.breakpoints) and self.breakpoints[at] == 0.0
         return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
 
     @property
     def linear_stiffness(self) -> float:
-        """N/m, of the linear model: the slope at zero stretch."""
+        """N/m, of the linear model: the slope at zero extension."""
         return self.stiffnesses[self.number_at_rest]
 
 
@@ -649,7 +649,7 @@ class FrictionBetween(BetweenPlaces, FrictionBase):
     """Dry friction between places of two bodies or of one."""
 
     between: TwoPlaces
-    """The two places; the friction force of a positive stretch holds the second back."""
+    """The two places; the friction force of a positive extension holds the second back."""
 
 
 AnyFriction = Annotated[FrictionAtPlace | FrictionBetween, BY_FORM]

@@ -169,8 +169,8 @@ class Driven(Input):
     @property
     def quantity(self) -> Quantity:
         """What the levels are: as stated, otherwise as their units say, otherwise the default of the place."""
-        said: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
-        return next((of for of in said if of is not None), self.takes[0])
+        readings: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
+        return next((of for of in readings if of is not None), self.takes[0])
 
     def check(self) -> None:
         """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
@@ -402,11 +402,11 @@ def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
         for key, name in type(part).keys().items():
             held = part.__dict__.get(name)
             for k, level in enumerate(held if isinstance(held, tuple) else (held,)):
-                said = (stated or level.quantity) if isinstance(level, q.LevelValue) else None
-                if said is not None and said not in fits:
+                of_level = (stated or level.quantity) if isinstance(level, q.LevelValue) else None
+                if of_level is not None and of_level not in fits:
                     place = (*path, key, k) if isinstance(held, tuple) else (*path, key)
                     remedy = "give a plain number: 0.5" if factors else "give it in the unit of excitation.level"
-                    yield problem(place, f"is a level of {said}, {but}", remedy)
+                    yield problem(place, f"is a level of {of_level}, {but}", remedy)
 
 
 class NoExcitation(Input):
@@ -711,22 +711,22 @@ class SampledInput(Driven, RecordPreparation):
     @property
     def quantity(self) -> Quantity:
         """What the values are: as stated, otherwise as the unit says, otherwise the default of the place."""
-        return self.quantity_ or self._said_by_unit or self.takes[0]
+        return self.quantity_ or self._quantity_of_unit or self.takes[0]
 
     @property
-    def _said_by_unit(self) -> Quantity | None:
+    def _quantity_of_unit(self) -> Quantity | None:
         of: Any = None if self.unit is None else q.meant(q.LevelType().read(f"1 {self.unit}"))
         return of  # type: ignore[no-any-return]
 
     def check(self) -> None:
         """Refuse a unit of another quantity, what cannot act there, and corners of a motion."""
         try:
-            said = self._said_by_unit
+            stated = self._quantity_of_unit
         except UnitError as error:
             raise InvalidValueError(error.message, error.remedy, ("unit",)) from None
-        if said is not None and self.quantity_ not in (None, said):
+        if stated is not None and self.quantity_ not in (None, stated):
             raise InvalidValueError(
-                f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",)
+                f"is a unit of {stated}, where {self.quantity_} is meant", "change one of them", ("unit",)
             )
         super().check()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
@@ -1036,7 +1036,7 @@ class Forces(Input):
 
     @property
     def stationary(self) -> bool:
-        """Whether there is noise among them, and beside it at most tones."""
+        """Whether there is noise among them, and at most tones in addition."""
         noise = [force for force in self.forces if not isinstance(force, Harmonic | MultiTone)]
         return bool(noise) and all(force.stationary for force in noise)
 

@@ -100,7 +100,7 @@ def side_at(scenario: Whole, place: Path) -> Side | None:
 def body_of(scenario: Whole, place: Path) -> str:
     """Name of the body that something at a place is on; empty where none is named and there are several.
 
-    It is that in which the place is, which is named beside it, or that of the snubber which is.
+    It is that in which the place is, which is named next to it, or that of the snubber which is.
     """
     value: Any = scenario
     named: str = scenario.body_at(place) or scenario.default_body

@@ -89,7 +89,7 @@ class Rigidity(Schema):
     dy: q.PlateStiffness
     """Bending stiffness per width that resists curvature along y."""
     nu: q.PoissonsRatio = 0.0
-    """Poisson's ratio nu_xy: contraction along y over the stretch along x; nu_yx = nu dy / dx."""
+    """Poisson's ratio nu_xy: contraction along y over the extension along x; nu_yx = nu dy / dx."""
     dxy_: q.PlateStiffness | None = Field(default=None, alias="dxy")
     """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
 
@@ -279,7 +279,7 @@ class PlateBody(Body):
                     yield (
                         f"{path_text(at)} acts at a point inside a plate, where thin-plate theory has no finite "
                         "bending stress: the stress at that point grows with the number of elements; take it a "
-                        "thickness or more beside it"
+                        "thickness or more next to it"
                     )
 
     def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:

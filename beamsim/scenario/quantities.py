@@ -104,8 +104,8 @@ class Bounded(FieldType):
     def _bounds_text(self, low: float | None, high: float | None) -> str:
         """What a number must do to lie between bounds, of which one may be missing."""
         if high is None:
-            said = f"{low:g} or more" if self.above is None else f"above {low:g}"
-            return {"0 or more": "not be negative", "above 0": "be positive"}.get(said, f"be {said}")
+            bound = f"{low:g} or more" if self.above is None else f"above {low:g}"
+            return {"0 or more": "not be negative", "above 0": "be positive"}.get(bound, f"be {bound}")
         if self.above is None:
             return f"be from {low:g} to {high:g}"
         return f"be above {low:g} and {'at most' if self.below is None else 'below'} {high:g}"
@@ -425,7 +425,10 @@ class RateType(FieldType):
 
 @dataclass(frozen=True)
 class NumberOrText(FieldType):
-    """A number, or text that the field it is meant for will read; ``words`` are allowed beside numbers with a unit."""
+    """A number, or text that the field it is meant for will read.
+
+    ``words`` are allowed in addition to numbers with a unit.
+    """
 
     example: str = "150 kN/m"
     words: bool = False
@@ -452,7 +455,7 @@ class Whole(FieldType):
 
     minimum: int
     maximum: int = LARGEST_COUNT
-    word: str = ""  # beside numbers
+    word: str = ""  # allowed in addition to numbers
     what: str = "whole number"
 
     @property

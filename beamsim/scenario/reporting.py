@@ -377,14 +377,14 @@ class Limits(Schema):
         for name, place, points in self.given_curves():
             path = (*at, name, place)
             needed, remedy = _what_a_curve_lacks(scenario, name)
-            said = None if name == "srs" or isinstance(points, CurveFile) else q.meant(points[0][1])
+            stated = None if name == "srs" or isinstance(points, CurveFile) else q.meant(points[0][1])
             if needed:
                 yield problem(path, f"needs {needed}", remedy)
             elif name != "srs" and not isinstance(points, CurveFile):
-                other = [k for k, (_, level) in enumerate(points) if q.meant(level) != said]
+                other = [k for k, (_, level) in enumerate(points) if q.meant(level) != stated]
                 if other:
                     yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
-            snubbers, forces = [each.name for each in scenario.all_snubbers], not needed and said in _FORCES
+            snubbers, forces = [each.name for each in scenario.all_snubbers], not needed and stated in _FORCES
             places = [*(each.name for each in scenario.effective_probes), *([INPUT] if name in ("srs", "psd") else [])]
             if name == "srs":
                 moved = (each.applied_to for _, each in scenario.excitation.items)
@@ -451,11 +451,11 @@ def unit_problems(at: Path, limit: float, dimension: units.Dimension | None, but
     ------
     Problem
     """
-    said = q.meant(limit)
-    if dimension is None and said is not None:
+    stated = q.meant(limit)
+    if dimension is None and stated is not None:
         yield problem(at, "has a unit, and the output has one of its own", "give a plain number in that unit")
-    elif dimension is not None and said not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
-        yield problem(at, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
+    elif dimension is not None and stated not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
+        yield problem(at, f"is in {stated or 'no unit'}, {but}", f"write {dimension.example}")
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:

@@ -128,12 +128,12 @@ def _units_of_shape(body: Body, at: Path, numbers: tuple[float, ...]) -> Problem
     """Numbers with the unit of another one of the shape."""
     dimensions = q.SHAPE_DISPLACEMENTS if at[-1] == "displacement" else q.SHAPE_VELOCITIES
     for index, number in enumerate(numbers):
-        said, power = q.meant(number), body.power_of_start(index)
-        if said is not None and int(said) != power:
+        stated, power = q.meant(number), body.power_of_start(index)
+        if stated is not None and int(stated) != power:
             wanted = dimensions[power] if power < len(dimensions) else None
             yield problem(
                 (*at, index),
-                f"is {dimensions[int(said)].with_article}, but must be "
+                f"is {dimensions[int(stated)].with_article}, but must be "
                 f"{f'the coefficient of x^{power}' if wanted is None else wanted.with_article}",
                 "write a bare number in SI units" if wanted is None else f"write for example {wanted.example}",
             )
@@ -265,7 +265,7 @@ class SpectrumSettings(Schema):
             )
 
     def _problems_of_frequencies(self, scenario: Whole, at: Path, *, stepped: bool) -> Problems:
-        """Frequencies that cannot be told apart, or lie beyond the highest that a spectrum can have.
+        """Frequencies that cannot be distinguished, or lie beyond the highest that a spectrum can have.
 
         Parameters
         ----------
@@ -522,7 +522,7 @@ class Run(Schema):
 
 
 def _names_of_input(scenario: Whole) -> Problems:
-    """Names of places with a spectrum that is listed beside that of the input, which is called input."""
+    """Names of places with a spectrum that is listed next to that of the input, which is called input."""
     for section in ("probes", "snubbers", "outputs"):
         for k, item in enumerate(getattr(scenario, section)):
             if item.name == INPUT:

@@ -125,7 +125,7 @@ class DisplayUnits(Schema):
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
         if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
             counts["acceleration"] = {units.ACCELERATION.unit: 1}
-        most = {  # of equally many g, in which tests are written beside a gravity in m/s^2, and then the smallest
+        most = {  # of equally many g, in which tests are written next to a gravity in m/s^2, and then the smallest
             name: max(of, key=lambda u: (of[u], units.is_in_gravities(u), -units.size_of(u, DIMENSIONS[name])))
             for name, of in counts.items()
             if of and getattr(self, name) is None
@@ -192,7 +192,7 @@ class SolvedFiles:
     """The files of a scenario that was read from a result file."""
 
     records: Mapping[str, Record]  # by key
-    beside: FilePath  # folder of the result file
+    result_folder: FilePath  # folder of the result file
     may_be_opened: bool = True  # False where a result is only shown
 
     def folder_of(self, path: Path) -> FilePath:
@@ -209,7 +209,7 @@ class SolvedFiles:
         name = str(record["file"])
         folders = {
             FilePath(record["folder"]): "that of the case",
-            self.beside: "that of the result",
+            self.result_folder: "that of the result",
             FilePath().absolute(): "the current folder",
         }  # each once, under the name that is nearest to the user
         there = [folder for folder in reversed(folders) if (folder / name).is_file()]
@@ -226,7 +226,7 @@ class SolvedFiles:
             message = f"in {folders[there[0]]}, {there[0]}, is not the file that was solved: {reason}"
             remedy = "bring back the file as it was, or run the case again"
         else:
-            searched = ", ".join(f"{said} ({folder})" for folder, said in reversed(folders.items()))
+            searched = ", ".join(f"{label} ({folder})" for folder, label in reversed(folders.items()))
             message = f"is not found; searched: {searched}"
             remedy = "give the command in the folder of the case, or put the file next to the result"
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))

@@ -770,11 +770,11 @@ def _read(scenario: Whole, place: Path, value: Value, at: Path) -> Value:
     if isinstance(read, q.LevelValue):
         field: Any = field_type_at(scenario, place)
         known = dict(field.quantities)
-        there, said = dimension_of_level(scenario, place, known), known.get(str(read.quantity))
-        if said is not None and said != there:
+        there, stated = dimension_of_level(scenario, place, known), known.get(str(read.quantity))
+        if stated is not None and stated != there:
             remedy = f"write for example {there.example}"
             raise InvalidValueError(
-                f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at
+                f"= {value} is {stated.with_article}, and {path_text(place)} is {there.with_article}", remedy, at
             )
         return float(read)
     return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case

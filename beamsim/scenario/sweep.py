@@ -547,9 +547,9 @@ class SweptSine(_UpAndDown):
         if self.notch_to is not None:
             self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
-            if (said := q.meant(level)) is not None:
+            if (stated := q.meant(level)) is not None:
                 raise InvalidValueError(
-                    f"is given in a unit of {said}, but multiplies the levels of the profile",
+                    f"is given in a unit of {stated}, but multiplies the levels of the profile",
                     "give plain numbers: levels: [0.5, 1, 2]",
                     ("levels", index),
                 )

@@ -376,7 +376,7 @@ ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = tuple(
 """Keys of one mapping that exclude each other: those given replace those inherited."""
 
 REPLACED_WHOLE = frozenset({"applied_to", "at", "mounted_on", "start", "released_force", "reduction"})
-"""Mappings told apart by the keys they have; merging two of them would make neither."""
+"""Mappings distinguished by the keys they have; merging two of them would make neither."""
 
 
 def read_file(path: FilePath) -> Any:
@@ -555,11 +555,11 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
             ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
         except ScenarioError as error:
             problems += error.problems
-    said, changed = _Inside({}), root
+    added, changed = _Inside({}), root
     for path, value in sorted(ready, key=lambda item: len(path_parts(item[0]))):
         try:
             for place in _places(changed, path):
-                within: Any = said
+                within: Any = added
                 for depth, part in enumerate(place[:-1], 1):
                     within = within.setdefault(part, _Inside({})) if isinstance(within, dict) else within[part]
                     if within is None:
@@ -567,7 +567,7 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
                             f"contradicts {path_text(place[:depth])} = null", "leave one of the two out"
                         )
                 within[place[-1]] = copy.deepcopy(value)
-            changed = merge(root, said)
+            changed = merge(root, added)
         except InvalidValueError as error:
             remedy = in_a_body(root, path_parts(path)) or error.remedy
             problems.append(problem((path,), error.message, remedy))

@@ -13,7 +13,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.signals.records import project
 from beamsim.typing import TINY, Complexes, Floats, Ints
 
-LONGEST_MOTION = 4  # periods of the excitation, of motions that are told apart
+LONGEST_MOTION = 4  # periods of the excitation, of motions that are distinguished
 ROUNDED = 1e-3  # of a period, by which times in files are rounded
 BELOW_NYQUIST = 0.499  # of the sample rate, up to which harmonics are fitted
 MEDIAN_OF_NOISE = 1.1774  # median amplitude of noise over the standard deviation of its real and imaginary parts

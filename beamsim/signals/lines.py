@@ -95,7 +95,7 @@ def lines_of(
     them. Of a motion in closed form the projection is that of the continuous motion, see
     `beamsim.signals.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
     as far as its spectrum goes, with the residual as noise floor; below one period only the mean is known. The mean is
-    always listed, at most 50 lines beside it.
+    always listed, at most 50 lines in addition to it.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class QualityPeak(NamedTuple):
     frequency_hz: float
     level: float
     quality: float
-    """Q; nan where the band is open or ends beside the peak (the response jumps, or samples are too few), and where the
+    """Q; nan where the band is open or ends at the peak (the response jumps, or samples are too few), and where the
     sweep was too fast for it."""
     too_fast: bool = False  # whether the rate of the sweep is why Q is not known
 

@@ -26,7 +26,7 @@ from beamsim.scenario.body import Located
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replaced
-from beamsim.structures.modes import orthonormal_in_mass, unstretched
+from beamsim.structures.modes import allowed_rigid_motions, orthonormal_in_mass
 from beamsim.structures.places import (
     SLOPE,
     BaseDirection,
@@ -361,13 +361,13 @@ def join(
     stiffness = np.array([c.stiffness for c in springs], dtype=float)
     dashpots = [c for c in couplings if c.dashpot]
     damping: Any = csr_array((apart.size, apart.size)) if apart.damping is None else apart.damping
-    beside = csr_array(apart.rows([c.site for c in dashpots]))
-    damping = damping + beside.T @ (beside * np.array([c.dashpot for c in dashpots])[:, None])
+    rates = csr_array(apart.rows([c.site for c in dashpots]))
+    damping = damping + rates.T @ (rates * np.array([c.dashpot for c in dashpots])[:, None])
     scaled = csr_array(rows * np.sqrt(stiffness / apart.stiffness_scale)[:, None])
     mass = (basis.T @ (apart.mass @ basis)).tocsc()
     holding = np.vstack([held, rows])
     holding = holding[np.any(holding != 0, axis=1)]
-    kept = unstretched(apart.rigid, holding @ apart.rigid, np.linalg.norm(holding, axis=1))
+    kept = allowed_rigid_motions(apart.rigid, holding @ apart.rigid, np.linalg.norm(holding, axis=1))
     return SeveralBodies(
         name="",
         mass=mass,

@@ -127,18 +127,18 @@ def _moments(
     at_ends = np.einsum("esd,esn->edn", bent, curvature)  # forces and moments on the nodes of each element
     at_ends -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))
     element, xi = mesh.locate(x)
-    beside: list[Floats] = []  # moments of the point forces left of a station in its element
+    left_of_station: list[Floats] = []  # moments of the point forces left of a station in its element
     for places, sizes, p in forces:
         e, within = mesh.locate(places)
         at_nodes = np.zeros((h.size, 4))
         np.add.at(at_nodes, e, shape_functions(within, h[e]) * sizes[:, None])
         at_ends -= at_nodes[:, :, None] * p
         lever = np.where(element[:, None] == e, np.clip(xi[:, None] - within, 0.0, None), 0.0) @ (sizes * h[e])
-        beside.append(lever[:, None] * p)
+        left_of_station.append(lever[:, None] * p)
 
     moment = -at_ends[element, 1] + at_ends[element, 0] * (xi * h[element])[:, None]
     moment += np.einsum("xd,xdn->xn", shape_functions(xi, h[element], -2), a[element])
-    for part in beside:
+    for part in left_of_station:
         moment += part
     # At the right-hand end use the nodal moment itself, without the round-off of the integration.
     moment[np.isclose(x, 1.0, rtol=0, atol=AT_RIGHT_END)] = at_ends[-1, 3]

@@ -24,7 +24,7 @@ from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats, Ints
 
 
-def _stretches(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
+def _extension_rows(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
     """(links, count) how far links draw the masses at their ends (from 0) apart; a number beyond them is a wall."""
     masses = np.arange(count)
     return np.array([1.0 * (masses == b) - (masses == a) for a, b in ends]).reshape(-1, count)
@@ -33,7 +33,7 @@ def _stretches(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
 def floating_groups(rows: Floats) -> list[Ints]:
     """Masses, from 0, that springs join and that neither a wall nor the ground holds, group by group.
 
-    ``rows`` (springs, masses) are how far a unit displacement of each mass stretches each spring.
+    ``rows`` (springs, masses) are how far a unit displacement of each mass extends each spring.
     """
     joined = (rows != 0).astype(float)
     held = joined[joined.sum(axis=1) == 1].any(axis=0)
@@ -145,11 +145,11 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     stiffness = np.array([k for _, _, k in springs], dtype=float)
     mass_scale = float(np.mean(masses))
     stiffness_scale = float(stiffness.max(initial=0.0)) or 1.0
-    rows = _stretches(count, [(a, b) for a, b, _ in springs])
+    rows = _extension_rows(count, [(a, b) for a, b, _ in springs])
     damping: Any = None
     if any(chain.dashpots):
-        beside = _stretches(count, row[: len(chain.dashpots)])
-        damping = csc_array(beside.T @ (np.array(chain.dashpots, dtype=float)[:, None] * beside))
+        rates = _extension_rows(count, row[: len(chain.dashpots)])
+        damping = csc_array(rates.T @ (np.array(chain.dashpots, dtype=float)[:, None] * rates))
     groups = floating_groups(rows)
     rigid = np.zeros((count, len(groups)))
     for j, group in enumerate(groups):

@@ -185,7 +185,7 @@ def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Mod
 
 
 def _worst_rows(structure: MatricesStructure) -> CheckRow:
-    """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
+    """Rows whose pivot is smallest compared with their diagonal entry: what holds them cancels most digits."""
     factors = structure.factorised_stiffness
     if structure.rigid.shape[1]:
         factors = symmetric_lu(structure.stiffness + 1e-3 * structure.mass, structure.order)

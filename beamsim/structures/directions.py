@@ -52,8 +52,8 @@ def along_the_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
     for (node, _), rows in blocks.items():
         used = sorted(set(table.systems[rows].tolist()))
         if len(used) > 1 or used[0] not in known:
-            told = f"puts node {node} in system {' and '.join(map(str, used))}, but systems lists"
-            raise MethodError("dofs", f"{told} {', '.join(map(str, known)) or 'none'}", "give it one of the listed")
+            message = f"puts node {node} in system {' and '.join(map(str, used))}, but systems lists"
+            raise MethodError("dofs", f"{message} {', '.join(map(str, known)) or 'none'}", "give it one of the listed")
         own = [DIRECTIONS.index(table.dofs[i][1]) % 3 for i in rows]
         point = np.full(3, np.nan) if table.coordinates is None else table.coordinates[rows[0]]
         axes = axes_at(known[used[0]], point, node)[np.ix_(own, own)]
@@ -104,8 +104,8 @@ def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:
         message = f"has no coordinates of node {node}, which is in the cylindrical system {system.number}"
         raise MethodError("dofs", message, "give its x, y and z")
     along = axes[:2] @ (point - origin)
-    beside = float(np.linalg.norm(along))
-    if beside <= ROUND_OFF * float(np.linalg.norm([point - origin, on_axis - origin])):
+    length = float(np.linalg.norm(along))
+    if length <= ROUND_OFF * float(np.linalg.norm([point - origin, on_axis - origin])):
         return axes
-    cosine, sine = along / beside
+    cosine, sine = along / length
     return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ axes)

@@ -178,7 +178,7 @@ def _turning(structure: Structure, couplings: Sequence[Coupling], motions: Float
 
 
 def _opening(structure: Structure, basis: ReducedBasis, coupling: Coupling) -> Floats:
-    """(n,) how far a joint opens, beside the motion of its ends, for a unit of each coordinate."""
+    """(n,) how far a joint opens, in addition to the motion of its ends, for a unit of each coordinate."""
     largest = float(np.abs(structure.rows(list(coupling.ends)) @ basis.vectors).max())
     return np.asarray(structure.row(coupling.site) @ basis.vectors / max(largest, np.finfo(float).tiny))
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
-from beamsim.structures.modes import mode_of_unit_deflection, orthonormal_in_mass, unstretched
+from beamsim.structures.modes import allowed_rigid_motions, mode_of_unit_deflection, orthonormal_in_mass
 from beamsim.structures.places import Distributed
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
@@ -245,7 +245,9 @@ class PlateMesh:
         return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-12])])
 
 
-def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: Ints, stretch: Floats) -> dict[str, Any]:
+def on_supports(
+    mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: Ints, extension: Floats
+) -> dict[str, Any]:
     """Fields of a `MeshedBody` that follow from the matrices of all dofs and what holds them.
 
     Parameters
@@ -253,7 +255,7 @@ def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: In
     mesh : of the body.
     matrices : scaled mass and factor of all dofs, and their damping, N s/m, or None.
     held : dofs that the supports hold.
-    stretch : (c, k) how far each of the mesh's rigid motions stretches what else holds the body.
+    extension : (c, k) how far each of the mesh's rigid motions extends what else holds the body.
 
     Returns
     -------
@@ -262,7 +264,7 @@ def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: In
     """
     mass, factor, drag = matrices
     free, motions = np.setdiff1d(np.arange(mesh.size), held), mesh.rigid_motions
-    allowed = unstretched(motions, np.vstack([motions[held], stretch]))
+    allowed = allowed_rigid_motions(motions, np.vstack([motions[held], extension]))
     return {
         "mesh": mesh,
         "free": free,

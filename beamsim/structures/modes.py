@@ -28,16 +28,16 @@ class Modes:
 NO_EXTENSION = 1e-10  # extension of a spring per unit motion, below which the motion does not extend it
 
 
-def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) -> Floats:
-    """(k, r) combinations of rigid-body motions that what holds the structure allows.
+def allowed_rigid_motions(motions: Floats, extension: Floats, length: Floats | float = 1.0) -> Floats:
+    """(k, r) rigid-body motions that the supports and springs of the structure leave free.
 
     Known by construction, so that the frequencies of these motions are zero and not round-off.
 
     Parameters
     ----------
     motions : (N, k) all rigid-body motions, on all degrees of freedom.
-    stretch : (c, k) how far each of them stretches what holds.
-    length : (c,) of the rows that give the stretch.
+    extension : (c, k) how far each of them extends what holds.
+    length : (c,) of the rows that give the extension.
 
     Returns
     -------
@@ -45,9 +45,9 @@ def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) 
         Each motion that is left, by its shares of the k.
     """
     unit = np.linalg.norm(motions, axis=0)
-    if not stretch.size:
+    if not extension.size:
         return np.diag(1 / unit)
-    _, s, vt = np.linalg.svd(stretch / np.reshape(length, (-1, 1)) / unit)
+    _, s, vt = np.linalg.svd(extension / np.reshape(length, (-1, 1)) / unit)
     return np.asarray(vt[int(np.sum(s > NO_EXTENSION)) :].T / unit[:, None])
 
 

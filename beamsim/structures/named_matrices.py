@@ -55,7 +55,7 @@ class DofTable:
 
     @cached_property
     def number(self) -> dict[Dof, int]:
-        """Row of each node and direction; modal coordinates of one node are told apart by their order alone."""
+        """Row of each node and direction; modal coordinates of one node are distinguished by their order alone."""
         return {dof: i for i, dof in enumerate(self.dofs) if dof[1] != MODAL}
 
     @cached_property
@@ -237,7 +237,7 @@ class NamedMatrices:
 
 
 def moves_freely(stiffness: Any, motion: Floats, within: float = 1e-6) -> bool:
-    """Whether the forces of a motion are round-off beside those that the entries of K would give one by one.
+    """Whether the forces of a motion are round-off compared with those that the entries of K would give one by one.
 
     Parameters
     ----------
@@ -293,8 +293,8 @@ def with_base_node(
 
 def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
     """The matrix with one more row and column."""
-    beside = csc_array(column[:, None])
-    return block_array([[matrix, beside], [beside.T, csc_array([[corner]])]], format="csc")
+    border = csc_array(column[:, None])
+    return block_array([[matrix, border], [border.T, csc_array([[corner]])]], format="csc")
 
 
 def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:

@@ -163,7 +163,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Link:
-    """Two places that something acts between; it stretches when the second moves away from the first, upwards."""
+    """Two places that something acts between; it extends when the second moves away from the first, upwards."""
 
     first: Place
     second: Place
@@ -199,7 +199,7 @@ def ends_of(site: LoadSite) -> tuple[Place, ...]:
 
 
 def signed_ends(site: Site) -> list[tuple[float, Place]]:
-    """The places of a site, each with the sign of the stretch there for a unit motion of it."""
+    """The places of a site, each with the sign of the extension there for a unit motion of it."""
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 

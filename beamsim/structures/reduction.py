@@ -278,7 +278,7 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     Returns
     -------
     float
-        Scaled angular frequency; zero or nan as said above.
+        Scaled angular frequency; zero or nan as stated above.
     """
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
@@ -417,7 +417,7 @@ class LeftOut:
         )  # fmt: skip
 
     def response(self, s: float) -> Complexes:
-        """(n, m) of the reduced model to the loads at scaled frequency s, just beside undamped modes' resonances."""
+        """(n, m) of the reduced model to the loads at scaled frequency s, close to undamped modes' resonances."""
         damping = self.damping / self.model.frequency_scale
         own = self.basis.omega**2 - s**2 + 1j * s * damping.diagonal()
         own[np.abs(own) <= 1e-12 * s**2] = 1e-12 * s**2 + (s == 0.0)

@@ -245,9 +245,9 @@ class _LoadedPart:
         forces, names = iter(self.forces), {each.name for each in before}
         for coupling in couplings_of(scenario):
             if coupling.ends[0].body in names:
-                stretch = float(bodies.own_row(coupling.site) @ v)
+                extension = float(bodies.own_row(coupling.site) @ v)
                 held = coupling.stiffness is None
-                total -= 2 * next(forces) * stretch if held else (coupling.stiffness or 0.0) * stretch**2
+                total -= 2 * next(forces) * extension if held else (coupling.stiffness or 0.0) * extension**2
         return total
 
 

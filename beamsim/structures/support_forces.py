@@ -52,7 +52,7 @@ class Support:
     at: Site | None = None  # of a joint or spring
     held: Mapping[str, Floats] = field(default_factory=dict)  # by body (all its dofs,) motion of what supports fix
     free: Mapping[str, Floats] = field(default_factory=dict)  # by body (N,) motion of the others, of a joint that holds
-    stretches: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
+    extensions: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
     determined: bool = True  # whether nothing else holds the same
 
     @property
@@ -63,7 +63,7 @@ class Support:
     @property
     def on_base(self) -> bool:
         """Whether it is the base that holds the structure there: not the ground, and not another body."""
-        to_ground = not self.is_constraint and any(spring.to_ground for spring in self.stretches)
+        to_ground = not self.is_constraint and any(spring.to_ground for spring in self.extensions)
         return not to_ground and not isinstance(self.at, Link)
 
     @cached_property
@@ -78,8 +78,8 @@ class Support:
         forces = {name: self._member(name).body.forces_of(u) for name, u in self.motion.fields.items()}
         if self.body:
             body = self._member(self.body).body
-            rows = [of * body.unsupported_row(spring.ends[0]) for spring, of in self.stretches.items()]
-            for row, factors in zip(rows, map(_of_spring, self.stretches), strict=True):
+            rows = [of * body.unsupported_row(spring.ends[0]) for spring, of in self.extensions.items()]
+            for row, factors in zip(rows, map(_of_spring, self.extensions), strict=True):
                 forces[self.body] = forces.get(self.body, 0.0) + np.outer(factors, row)
         return forces
 
@@ -95,8 +95,8 @@ class Support:
         for name, of_body in self.forces.items():
             total += of_body @ self._member(name).expansion
         if not self.body:
-            for spring, stretch in self.stretches.items():
-                total += np.outer(_of_spring(spring), stretch * self.structure.row(spring.site))
+            for spring, extension in self.extensions.items():
+                total += np.outer(_of_spring(spring), extension * self.structure.row(spring.site))
         return total
 
     @cached_property
@@ -119,8 +119,8 @@ class Support:
         return self._by_springs(other) if self.body == other.body == body else np.zeros(3)
 
     def _by_springs(self, other: Support) -> Floats:
-        both = self.stretches.keys() & other.stretches.keys()
-        return sum((_of_spring(s) * self.stretches[s] * other.stretches[s] for s in both), np.zeros(3))
+        both = self.extensions.keys() & other.extensions.keys()
+        return sum((_of_spring(s) * self.extensions[s] * other.extensions[s] for s in both), np.zeros(3))
 
     def moved(self, other: Support) -> Floats:
         """(3,) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of another support, or of itself."""
@@ -150,9 +150,9 @@ class Support:
             total[0] += body.forces_of(u)[1] @ body.rigid_motion(seen)
             if name in self.free:
                 total[1] -= body.base_load(seen)[1] @ self.free[name]
-        for spring, stretch in self.stretches.items():
+        for spring, extension in self.extensions.items():
             if spring.to_ground:
-                total[1] += _of_spring(spring)[0] * stretch * structure.base_motion_at(spring.ends[0], motion)
+                total[1] += _of_spring(spring)[0] * extension * structure.base_motion_at(spring.ends[0], motion)
         return total
 
     def direct(self, place: Place | Distributed) -> float:
@@ -182,9 +182,9 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
     for name, body in ((member.body.name, member.body) for member in structure.members):
         for hold in body.holds(structure.seen_from(name, base)):
             moved = {} if hold.motion is None else {name: hold.motion}
-            stretches = {} if hold.spring is None else {hold.spring: -1.0}
+            extensions = {} if hold.spring is None else {hold.spring: -1.0}
             given = (structure, hold.name, hold.direction, hold.base_motion)
-            held.append(Support(*given, body=name, held=moved, stretches=stretches))
+            held.append(Support(*given, body=name, held=moved, extensions=extensions))
     return (*held, *_of_couplings(structure, base))
 
 
@@ -198,15 +198,15 @@ def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support
         direction = SLOPE if end.direction == SLOPE else DEFLECTION
         moves_with_base = len(coupling.ends) == 1 and not coupling.to_ground
         base_motion = structure.base_motion_at(end, base) if moves_with_base else 0.0
-        free, determined, stretches = {}, True, {coupling: -1.0}
+        free, determined, extensions = {}, True, {coupling: -1.0}
         if coupling.stiffness is None:
             moved, determined = next(motions)
             free = {member.body.name: u for member, u in zip(structure.members, moved, strict=True)}
-            stretches = {
+            extensions = {
                 s: sum(float(m.body.own_row(s.site) @ free[m.body.name]) for m in structure.members) for s in springs
             }
         yield Support(
-            structure, coupling.name, direction, base_motion, at=coupling.site, free=free, stretches=stretches,
+            structure, coupling.name, direction, base_motion, at=coupling.site, free=free, extensions=extensions,
             determined=determined,
         )  # fmt: skip
 

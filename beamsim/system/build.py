@@ -117,7 +117,7 @@ def time_dependent_loads(model: ReducedModel, pushing: _Pushing) -> TimeDependen
         motion = _signal_of(model, *model.acting.base, base_motion, accounts)
         inertia, ground = model.base_load(model.base)
         loads.append((-inertia, motion.acceleration))
-        if model.structure.base_load(model.base)[1].any():  # springs to ground stretch by the base's displacement, too
+        if model.structure.base_load(model.base)[1].any():  # springs to ground extend by the base's displacement, too
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
     on_ground = pushing.contacts.on_ground.any() or (pushing.cubic and pushing.cubic.base_influence.any())
@@ -351,7 +351,7 @@ def _as_mounted(contacts: Contacts) -> Contacts:
 
 @dataclass(frozen=True)
 class _Pushing:
-    """What pushes on a structure beside loads."""
+    """What pushes on a structure in addition to loads."""
 
     tables: Mapping[str, TableOfStop]  # by path of the snubbers that have one
     stops: Contacts  # the snubbers
@@ -444,7 +444,7 @@ def _acting(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
 
 
 def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], stops: Contacts) -> None:
-    """Refuse friction without a tangential spring beside what relaxes or sticks with one, and under a moving base."""
+    """Refuse friction without a tangential spring next to what relaxes or sticks with one, and under a moving base."""
     laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
     laws += zip((stop.name for stop in model.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if law.arrays.coupled.any()]

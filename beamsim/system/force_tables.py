@@ -194,7 +194,7 @@ def read_forces(
 ) -> tuple[Floats, Floats, Floats | None]:
     """Deflections, m, forces, N, and times, s, where there is a column of them.
 
-    Columns are told apart by the dimension of the units in their headings.
+    Columns are distinguished by the dimension of the units in their headings.
 
     Parameters
     ----------

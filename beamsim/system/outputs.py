@@ -122,7 +122,9 @@ class _Asked:
         moved = self.model.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
-        for each in self.model.moving_supports:  # what moves with a support has its motion beside that of free dofs
+        for (
+            each
+        ) in self.model.moving_supports:  # what moves with a support has its motion in addition to that of free dofs
             load[0, self.model.acting.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
@@ -256,13 +258,13 @@ class _Asked:
         if kinetic:
             form[:n, :n] = fields.T @ (body.mass @ fields) * body.mass_scale
         else:
-            stretched = np.asarray(body.factor @ fields)
-            form[:n, :n] = stretched.T @ stretched * body.stiffness_scale
+            factored = np.asarray(body.factor @ fields)
+            form[:n, :n] = factored.T @ factored * body.stiffness_scale
         for k, one in enumerate(moved):
             if body.name in one.forces:
                 form[:n, n + k] = form[n + k, :n] = fields.T @ one.forces[body.name][part]
                 form[n + k, n:] = [one.on_body(body.name, other)[part] for other in moved]
-        scale = np.ones(n + len(moved))  # of supports metres beside sqrt(kg) m
+        scale = np.ones(n + len(moved))  # of supports metres next to sqrt(kg) m
         scale[n:] = np.sqrt(np.diag(form)[n:] / max(np.diag(form)[:n].max(), np.finfo(float).tiny))
         scale[scale == 0.0] = 1.0
         values, vectors = np.linalg.eigh((form + form.T) / (2 * np.outer(scale, scale)))

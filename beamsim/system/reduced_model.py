@@ -293,7 +293,7 @@ class ReducedModel:
         return np.asarray(self.shapes([load_site_in(self.scenario, load)])[0])
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
-        """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
+        """(m, n) deflection, of links extension, at sites for a unit of each coordinate, 1/sqrt(kg)."""
         key, scale = (self.basis, tuple(sites)), np.sqrt(self.structure.mass_scale)
         return self.shared.once("shapes", key, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
 

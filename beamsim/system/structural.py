@@ -52,7 +52,7 @@ from beamsim.system.equations import (
 from beamsim.system.reduced_model import ReducedModel, base_direction, force_sites, gravity_loads
 from beamsim.typing import Floats, Ints
 
-DIFFERENT = 1.3  # factor between damping ratios that are told apart
+DIFFERENT = 1.3  # factor between damping ratios that count as different
 UNCOUPLED = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
 SLOW = 1e-6  # rad/s, at which Maxwell branches have relaxed
 LIGHT = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
@@ -138,7 +138,7 @@ MODES = Layout(
         "closed_damping_ratios": Variable(
             _MODE, "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included"
         ),
-        # none where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
+        # none where there is no equilibrium, or where contacts hold, are pressed by others, or soften next to it
         "resting_frequencies_hz": Variable(
             _MODE, "Hz",
             "natural frequencies with every contact as it is at static equilibrium, friction included", optional=True,
@@ -322,7 +322,7 @@ class StructuralSystem:
 
         Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
         penetration, distance to the face, and displacement and velocity of the structure there; of springs with laws of
-        their own and of friction contacts stretch and force; the outputs that the scenario asks for; and the bending
+        their own and of friction contacts extension and force; the outputs that the scenario asks for; and the bending
         stress along the bodies.
         """
         cubic = 0 if self.cubic is None else self.cubic.count
@@ -400,10 +400,10 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
         force = sizes.rows(1, displacement=spring.linear * spring.shape,
             base_displacement=spring.linear * spring.base_influence, contact=of_contacts, cubic=pull,
         )  # fmt: skip
-        stretch = sizes.rows(1, displacement=spring.shape, base_displacement=spring.base_influence)
+        extension = sizes.rows(1, displacement=spring.shape, base_displacement=spring.base_influence)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
-            Channel(section, spring.name, "extension", spring.gap_unit, stretch),
+            Channel(section, spring.name, "extension", spring.gap_unit, extension),
             Channel(section, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
         ]
     return channels
@@ -492,7 +492,7 @@ def _loads(model: ReducedModel) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
-# Relative change of every natural frequency, below which closed stops are said to have no effect: no test shows less.
+# Relative change of every natural frequency, below which closed stops count as without effect: no test shows less.
 SMALLEST_EFFECT = 1e-3
 _WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect"
 _UNDAMPED = (

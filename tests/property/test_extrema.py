@@ -108,7 +108,7 @@ def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
     size = np.maximum(np.abs(found.low), np.abs(found.high))
     alike = np.flatnonzero(size.reshape(-1, size.shape[-1]).max(axis=0) > 0.0)[::2]
     others = np.setdiff1d(np.arange(size.shape[-1]), alike)
-    fewer = whole.extrema(outputs, edges, rivals=alike)
+    fewer = whole.extrema(outputs, edges, competitors=alike)
     least = np.maximum(np.abs(fewer.low), np.abs(fewer.high))
     assert np.all(least <= size * (1.0 + 1e-10))
     np.testing.assert_allclose(least[..., alike].max(axis=-1), size[..., alike].max(axis=-1), rtol=1e-10)

@@ -76,7 +76,7 @@ class Swept:
 
         self.windows, self.output_of = windows, output_of or (lambda flow: lambda phases: flow.equations.rows(0))
         self.march = SweptMotion(system, loads, windows, start, **limits)
-        self.stretches = list(self.march.stretches())
+        self.stretches = list(self.march.chunks())
         parts = [
             record_cycles(
                 s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)

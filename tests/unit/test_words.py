@@ -1,6 +1,7 @@
 """Names of definitions: those that were replaced by terms of the field do not come back."""
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -91,3 +92,41 @@ def test_a_name_that_comes_back_is_found(source):
 def test_a_common_word_is_refused_where_it_named_something_else_alone():
     found = list(definitions(ast.parse("class Law:\n    parts: int\nclass Kit:\n    parts: int"), "beamsim/a.py"))
     assert len(list(breaches(found, [("parts", "beamsim/a.py:Law", "one_sided_springs")]))) == 1
+
+
+PRIVATE = re.compile(r"(?<![a-z])(said|told|beside|carried|parting)(?![a-z])")  # also between the underscores of names
+PLAIN = ("scenario", "structures", "system", "contacts", "inputs", "measurements", "flow", "orbits", "signals")
+
+
+def private_words(text, place):
+    """A line for each of the five words that stood for many things, in names, messages, comments or prose."""
+    for number, line in enumerate(text.splitlines(), 1):
+        for found in PRIVATE.finditer(line.lower()):
+            yield f"{place}:{number}: {found[0]}"
+
+
+def test_plain_packages_have_no_private_words():
+    """In names, strings, docstrings and comments."""
+    found = []
+    for package in PLAIN:
+        for path in sorted((ROOT / "beamsim" / package).rglob("*.py")):
+            found += private_words(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
+    assert found == []
+
+
+def test_documents_have_no_private_words():
+    """Names in code font are checked where they are defined."""
+    documents = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CHANGELOG.md"]
+    prose = {path.name: re.sub(r"`[^`\n]*`", "", path.read_text(encoding="utf-8")) for path in documents}
+    assert [line for name, text in prose.items() for line in private_words(text, name)] == []
+
+
+@pytest.mark.parametrize(
+    "text", ["what was said", "self._said_by_unit", "springs beside the stop", "Parting of motions"]
+)
+def test_a_private_word_that_comes_back_is_found(text):
+    assert len(list(private_words(text, "a.py"))) == 1
+
+
+def test_words_that_contain_a_private_one_are_not_refused():
+    assert list(private_words("besides, a folder departing from foretold", "a.py")) == []

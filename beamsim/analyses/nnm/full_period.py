@@ -21,7 +21,7 @@ from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
-from beamsim.orbits.special_points import beside
+from beamsim.orbits.special_points import correct_on_other_branch
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, asked_to_stop, tell, until_asked
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
@@ -136,7 +136,7 @@ def non_brake_branch(
     """
     n, at, orbits = brake.n, origin.point.u, free_of(brake, origin.point.u)
     row = np.concatenate([np.zeros(n), origin.kick, np.zeros(2)])
-    begun = beside(orbits, np.concatenate([at[:n], np.zeros(n), at[-2:]]), row, FIRST_KICKS, settings)
+    begun = correct_on_other_branch(orbits, np.concatenate([at[:n], np.zeros(n), at[-2:]]), row, FIRST_KICKS, settings)
     start = next((point for point in begun if reach[0] <= point.parameter <= reach[1]), None)
     points: list[BranchPoint] = []
     outcome = Outcome.of(OutcomeKind.STOPPED, "no_orbit_beside", "no non-brake orbit was found near the brake orbit")

@@ -95,7 +95,7 @@ def _swept(one: SweepLevel, curve: SweepCurve, span: tuple[float, float], progre
     """A part of a swept sine, as far as it goes."""
     march = swept_march(one, curve.notching, progress).motion
     parts: list[tuple[float, Trajectory]] = []
-    for chunk in march.stretches():
+    for chunk in march.chunks():
         since, motion = float(march.windows.edge[chunk.first]), chunk.motion
         if since + motion.end > span[0]:
             parts.append((since, motion.held()))

@@ -162,7 +162,7 @@ def _recorded(
     times = between_samples(times)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
-    for chunk in march.stretches():
+    for chunk in march.chunks():
         output_of = one.rows(chunk.motion.flow)
         if chunk.reached:
             phases = SinePhase.of_windows(chunk.windows)
