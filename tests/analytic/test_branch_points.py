@@ -186,7 +186,6 @@ def uncoupled(oscillators, low=1.8, high=2.5, **more):
     return load_scenario({"chain": masses, "snubbers": stops, "excitation": shaken, "sweep": sweep})
 
 
-@pytest.mark.slow
 def test_two_equal_oscillators_that_nothing_joins_take_the_motions_of_their_branches(monkeypatch):
     """Both fold at once, where the branches of one on each of its motions cross; events at one time have no order.
 
@@ -209,7 +208,6 @@ def test_two_equal_oscillators_that_nothing_joins_take_the_motions_of_their_bran
     assert "branch_point" in kinds
 
 
-@pytest.mark.slow
 def test_periods_double_at_once_in_equal_oscillators():
     """Two multipliers pass -1 together, so that no product of them changes its sign."""
     found = []

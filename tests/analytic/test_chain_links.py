@@ -195,7 +195,6 @@ def test_a_softened_spring_moves_slower_than_a_hardened_one():
     assert soft > 1.5 * hard
 
 
-@pytest.mark.slow
 def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
     breakpoints, slopes = LAWS["softening"]
     spring = {"masses": [1, 2], "kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}

@@ -71,7 +71,6 @@ def test_highest_of_polynomials_is_exact():
     assert values.max() < top * (1 - 1e-6)
 
 
-@pytest.mark.slow
 def test_continuation_with_a_cubic_spring_and_a_stop():
     """The peaks of its motions are those of an integration over a period. It has no warning: no contact is missed."""
     sweep = {"kind": "continuation", "from": "1.3 Hz", "to": "1.31 Hz", "seek_at": 0, "side_branches": "none"}

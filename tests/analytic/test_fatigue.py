@@ -81,7 +81,6 @@ def cycles_of(history) -> list[tuple[float, float]]:
     return cycles + [(abs(b - a), 0.5) for a, b in pairwise(left)]
 
 
-@pytest.mark.slow
 def test_damage_of_a_long_motion_is_that_of_an_independent_count():
     """At a quarter of the length 6.889e-6, where the stress is largest almost none, and the worst at three quarters."""
     case = BEAM | {

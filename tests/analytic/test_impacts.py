@@ -229,7 +229,6 @@ def test_failure_within_a_run_is_doubted():
         assert [text.startswith("the damage of beam = ") for text in doubts] == [True] * doubted
 
 
-@pytest.mark.slow
 def test_intervals_of_a_random_input():
     """That of the rate is Student's t interval of the counts in equal blocks; the others hold their value."""
     psd = "[{frequency: 20, density: 0.5 g^2/Hz}, {frequency: 300, density: 0.5 g^2/Hz}]"

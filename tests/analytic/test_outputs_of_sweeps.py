@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
@@ -62,7 +62,7 @@ def case(excitation, **more):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("excitation", slow_after(1, [BASE, {"kind": "forces", "forces": FORCES}]))
+@first_apart("excitation", 1, [BASE, {"kind": "forces", "forces": FORCES}])
 def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
     outputs = [*OUTPUTS, *ENERGIES]
     settled = beamsim.run(

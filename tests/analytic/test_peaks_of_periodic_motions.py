@@ -31,7 +31,7 @@ def case(name, **more):
     return {"beam": beam, "snubbers": snubbers, "excitation": base, "reduction": {"modes": 6}} | more
 
 
-@pytest.mark.parametrize("name", [*list(CASES)[:2], pytest.param("table", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*list(CASES)[:2], "table"])
 def test_a_run_from_an_orbit_has_its_peaks(name, tmp_path):
     """Samples and a parabola through a jump gave 145 for 132 m/s^2, and 58 for 296 N at a stiff stop; 2048 samples and
     finer ones about the likely peaks 131.737881327 for 131.737880285."""

@@ -124,7 +124,6 @@ def test_of_what_is_never_exceeded_the_probability_is_bounded(solved_by):
     assert "sensitivity" not in result.summary  # ranges of histories that a method drew say nothing of a number
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
     """19 of 20."""
     solved_by(lambda *springs: sum(springs))
@@ -134,7 +133,6 @@ def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
     assert spread < 2.0 * np.mean([of["coefficient_of_variation"] for of in every])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("region", ["plane", "box"])
 def test_subset_simulations_are_as_sure_as_they_say(region):
     """Of 200: their mean, and how often the interval holds it; levels that share ancestors vary together."""

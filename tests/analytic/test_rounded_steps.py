@@ -1,7 +1,9 @@
 """Steps of what moves and of forces that are reached as (1 - cos) / 2, by an undamped oscillator in closed form."""
 
+from itertools import product
+
 import numpy as np
-import pytest
+from sampling import first_apart
 
 import beamsim
 from beamsim.scenario import Scenario
@@ -34,9 +36,9 @@ PLACES = {  # where the step acts, its level, what the oscillator has beside, it
 }
 
 
-@pytest.mark.parametrize("method", ["exact", "reference"])
-@pytest.mark.parametrize("duration", [None, 0.16])
-@pytest.mark.parametrize("name", PLACES)
+@first_apart(
+    ("method", "duration", "name"), len(PLACES), product(["exact", "reference"], [None, 0.16], PLACES)
+)  # fmt: skip
 def test_oscillator(name, duration, method):
     at, level, snubbers, square, gain = PLACES[name]
     pulse = {} if duration is None else {"duration": duration}

@@ -280,7 +280,6 @@ def test_low_passed_peaks_reach_summary_histories_and_limits():
     assert "low_passed_acceleration" not in raw["histories"]
 
 
-@pytest.mark.slow
 def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
     """Order 8 has weak lines near 7.95 and 8.06 on its sides; each is compared with its own in the finer model."""
     pad = {"name": "pad", "position": 0.6, "side": "below", "stiffness": 1e5, "law": "no_tension", "gap": 1e-3,

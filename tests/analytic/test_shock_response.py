@@ -156,7 +156,6 @@ def test_a_decay_within_a_panel_is_integrated():
     assert peaks[0] == pytest.approx(impulse[at > until].max(), rel=1e-3)
 
 
-@pytest.mark.slow
 def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
     exact = beamsim.run(panel(run={"convergence": "off", "sample_rate": "40 kHz"}))
     more = {"convergence": "off", "method": "reference", "integrator": "DOP853", "rtol": 1e-9}

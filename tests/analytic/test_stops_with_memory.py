@@ -1,7 +1,10 @@
 """What a mass does at stops with memory, against small steps with clipped springs: openings, forces, contacts."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from sampling import first_apart
 
 import beamsim
 from beamsim.scenario import Scenario
@@ -132,9 +135,7 @@ LAWS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("method", METHODS, ids=["exact", "reference"])
-@pytest.mark.parametrize("speed", [0.1, 0.0, -0.001])
-@pytest.mark.parametrize("law", LAWS)
+@first_apart(("speed", "method", "law"), len(LAWS), product([0.1, 0.0, -0.001], METHODS, LAWS))
 def test_what_is_pressed_at_the_start_is_not_made_there(law, speed, method):
     """By a gap of less than zero, here at a point of the tables, or by a preload; moving in, out or neither."""
     pressed = case(LAWS[law], -1e-3, speed, run={**method, "duration": 1e-3})
@@ -320,7 +321,6 @@ def test_the_gap_of_a_crushed_stop_in_a_swept_sine_is_that_of_its_run():
     assert curve["peak_gap"].sel(snubber="s").values.max() > 1e-3 - lowest + 0.1e-3
 
 
-@pytest.mark.slow
 def test_the_gap_of_a_crushed_stop_along_a_branch_has_its_crush():
     """Which stays as it is along a branch of elastic motions."""
     stop = {"name": "s", "mass": 1, "side": "above", "gap": 1e-3,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from scipy.special import exp1, wofz
 from sweep_windows import frequency_at
 
@@ -35,8 +35,6 @@ SWEEPS = {
     }.items()
 } | {"2 oct/min, both": [Leg(5, 100, np.log(2) / 30, True), Leg(100, 5, np.log(2) / 30, True)]}
 
-SLOWER = ("5 Hz/s", "2 oct/min")
-
 
 def sine(legs, profile, phase, t):
     """The acceleration without corrections, from the law of the sweep."""
@@ -59,15 +57,12 @@ def values(windows, coefficient, sigma):
 
 
 # slower sweeps both ways, which have the legs of those one way
-@pytest.mark.parametrize(
-    "sweep",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * name.startswith(SLOWER))
-        for name in SWEEPS
-        if name.startswith("100 Hz/s") or name.endswith("both")
-    ],
-)
-@pytest.mark.parametrize("kind", slow_after(2, reversed(PROFILES)))
+@first_apart(
+    ("kind", "sweep"),
+    6,
+    [(kind, name) for name in SWEEPS if name.startswith("100 Hz/s") or name.endswith("both")
+     for kind in reversed(PROFILES)],
+)  # fmt: skip
 def test_displacement_velocity_and_acceleration_belong_together(kind, sweep):
     legs, profile = SWEEPS[sweep], PROFILES[kind]
     corrections = jumps(legs, profile, 0.3)

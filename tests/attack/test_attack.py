@@ -4,9 +4,7 @@ import pytest
 import seeded_faults
 from comparison import compare, own_motion
 from random_systems import AIMED, ASSEMBLIES, MORE, random_case
-
-# the independent stepper compiles for 20 s
-pytestmark = pytest.mark.slow
+from sampling import first_apart
 
 
 def assert_agreement(seeds, folder):
@@ -51,7 +49,7 @@ FOUND = {
 }
 
 
-@pytest.mark.parametrize("seed", FOUND)
+@first_apart("seed", 1, FOUND)
 def test_what_was_found_before(tmp_path, seed):
     assert compare(seed, tmp_path).differences == []
 

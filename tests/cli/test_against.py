@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sampling import first_apart
 from shipped import PATHS, asked, config_path, shipped
 
 import beamsim
@@ -168,12 +169,10 @@ LAWS = {
                               grounded(kind="cubic", stiffness=4000.0)),
 }  # fmt: skip
 """Snubbers, friction and springs of two masses on a shaken base."""
+APART = ("no tension", "table and Maxwell branches", "hardening", "friction", "friction under a dashpot")
 
 
-@pytest.mark.parametrize(
-    "law",
-    [pytest.param(law, marks=pytest.mark.slow) if "cubic" in law else law for law in LAWS],  # integrated twice
-)
+@first_apart("law", 5, sorted(LAWS, key=lambda law: law not in APART))
 def test_every_law_has_a_reference(law):
     """Friction without a spring broke away once and never again; that under a stop was refused."""
     snubbers, friction, springs = LAWS[law]
@@ -216,8 +215,7 @@ def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch
     assert ended.outcome == result.outcome
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", RUNS, ids=lambda path: path.stem)
+@first_apart("path", 1, sorted(RUNS, key=lambda path: path.stem != "rubbing_stop"), ids=lambda path: path.stem)
 def test_every_shipped_run_agrees_with_the_reference(path):
     """Over 150 periods of the fastest mode; over more, up to 400, until four contacts were made or lost."""
     scenario = shipped(path)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -137,20 +137,21 @@ def test_validate():
     assert json.loads(invoke("validate", "case.yaml", "--json").stdout)["valid"] is True
 
 
-@pytest.mark.parametrize("kind", slow_after(3, TemplateKind))
+@first_apart("kind", 3, TemplateKind)
 def test_new_writes_a_valid_case(kind, here):
-    done = invoke("new", "mine.yaml", "--kind", kind)
+    name = f"{kind.value}.yaml"
+    done = invoke("new", name, "--kind", kind)
     assert done.exit_code == 0, done.output
-    assert f"`beamsim {kind.command} mine.yaml`" in done.stdout
-    valid = invoke("validate", "mine.yaml")
+    assert f"`beamsim {kind.command} {name}`" in done.stdout
+    valid = invoke("validate", name)
     assert valid.exit_code == 0, valid.output
-    (here / "mine.yaml").write_text("precious")
-    refused = invoke("new", "mine.yaml", "--kind", kind)
+    (here / name).write_text("precious")
+    refused = invoke("new", name, "--kind", kind)
     assert refused.exit_code == 2
     assert "--force" in refused.stderr
-    assert (here / "mine.yaml").read_text() == "precious"
-    assert invoke("new", "mine.yaml", "--kind", kind, "--force", "--json").exit_code == 0
-    first, _, rest = (here / "mine.yaml").read_text().partition("\n")
+    assert (here / name).read_text() == "precious"
+    assert invoke("new", name, "--kind", kind, "--force", "--json").exit_code == 0
+    first, _, rest = (here / name).read_text().partition("\n")
     assert rest == template(kind)
     schema = here / first.removeprefix("# yaml-language-server: $schema=")
     assert json.loads(schema.read_text(encoding="utf-8")) == json.loads(invoke("schema").stdout)

@@ -63,7 +63,7 @@ def same(a, b):
                     assert value == two[group].attrs[key], key
 
 
-@pytest.mark.parametrize("kind", ["swept_sine", pytest.param("stepped", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
 def test_sweep_writes_prints_and_draws(here, kind):
     options = [] if kind == "swept_sine" else ["--set", STEPPED]
     done = call("case.yaml", "-v", *options)
@@ -148,7 +148,6 @@ def test_resume_says_where_there_is_nothing_to_resume(here):
     assert "nothing to resume" not in call("a.h5", "--no-plots", "--resume").stderr
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):
     many = "sweep.levels=[" + ", ".join(f"{0.1 + 0.02 * k:.2f}" for k in range(8)) + "]"

@@ -12,8 +12,6 @@ import pytest
 from beamsim.version import __version__
 
 pytest.importorskip("distributed")
-pytestmark = pytest.mark.slow
-
 CASE = """\
 chain: {masses: [1 kg], springs: [1 kN/m]}
 snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.coexisting.analysis import Marches
@@ -66,7 +66,7 @@ def same_results(whole):
     assert summary["disturbances"]
 
 
-@pytest.mark.parametrize("last", slow_after(1, [10, 17]))  # amid the starts, and amid the disturbances
+@first_apart("last", 1, [10, 17])  # amid the starts, and amid the disturbances
 def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heeded):
     begun = []
 
@@ -93,7 +93,6 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heede
     assert "nothing to compute" in invoke("sweep", "case.yaml", "--resume").output
 
 
-@pytest.mark.slow
 def test_a_killed_one_goes_on_where_it_was(whole):
     command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", "2", "--no-plots"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:

@@ -45,7 +45,6 @@ def test_level_with_backlash_is_linear_until_it_touches(results):
     assert branch["stable"].values.sum() < branch["stable"].values.size
 
 
-@pytest.mark.slow
 def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(results):
     result = results["continuation_folds"]
     first, second = sorted(result.fold_curves, key=lambda c: c["start_hz"].item())
@@ -71,7 +70,6 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     assert min(abs(f - at) for f in folds) < 1e-5 * at
 
 
-@pytest.mark.slow
 def test_curves_of_folds_name_the_branch_of_their_own_level():
     """They were numbered within their level."""
     folds = "{kind: gap, snubber: stop, from: 0.99, to: 1.01}"
@@ -85,7 +83,6 @@ def test_curves_of_folds_name_the_branch_of_their_own_level():
         assert np.min(np.abs(np.array(events) / curve["start_hz"].item() - 1)) < 1e-9
 
 
-@pytest.mark.slow
 def test_reported_peaks_are_the_largest_of_all_motions(results):
     """A motion of period 2 goes further than those of period 1: 1.961 m against 1.884 m at the first mass."""
     result = results["continuation_folds"]
@@ -104,7 +101,6 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     assert row in [text.split() for _, text in table_rows(result)]
 
 
-@pytest.mark.slow
 def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]
@@ -118,7 +114,6 @@ def test_the_sweep_rides_on_the_stable_motions(results):
     assert up.frequency_hz.max() < 95.0
 
 
-@pytest.mark.slow
 def test_too_few_harmonics_are_not_trusted(tmp_path):
     few = "sweep.method={kind: harmonic_balance, harmonics: 3}"
     done = sweep(CHAIN, "-o", tmp_path, "--set", few, "--no-plots")
@@ -134,7 +129,6 @@ def test_too_few_harmonics_are_not_trusted(tmp_path):
     assert kinds.count("period_doubling") == 2
 
 
-@pytest.mark.slow
 def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     rate = "sweep={kind: swept_sine, from: 78 Hz, to: 84 Hz, rate: 20 oct/min, direction: both}"
     stepped = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
@@ -177,7 +171,6 @@ def test_limits_are_checked(tmp_path):
     assert sweep(*case, "--check").exit_code == 2
 
 
-@pytest.mark.slow
 def test_a_study_of_continuations(tmp_path):
     case = tmp_path / "study.yaml"
     case.write_text(

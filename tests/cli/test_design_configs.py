@@ -93,7 +93,6 @@ def test_a_tolerance_alone_is_the_run_with_it():
     assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5
 
 
-@pytest.mark.slow
 def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_agrees():
     pytest.importorskip("openturns")
     result = beamsim.design_study(shipped(config_path("exceedance")))
@@ -112,7 +111,6 @@ def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_a
 # --- searches ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
     """The best design alone gives what the search says of it."""
     result = beamsim.design_study(shipped(config_path("optimise_snubber")))
@@ -125,7 +123,6 @@ def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
     assert [item["verdict"] for item in result.summary["margins"].values()] == ["ok", "ok"]
 
 
-@pytest.mark.slow
 def test_a_search_finds_in_600_cases_what_a_grid_of_10000_finds():
     """Gap and stiffness at which force and displacement, each over its size, are least together: a rugged valley."""
     limits = {"snubbers.tip.gap": (-0.2e-3, 0.5e-3), "snubbers.tip.stiffness": (20e3, 500e3)}

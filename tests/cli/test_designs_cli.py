@@ -67,7 +67,6 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
     assert load("case.h5").outcome.usable
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="processes that have ended are not counted there")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_processor_time_of_a_command_is_what_the_system_counts_for_it(workers, here):
@@ -282,7 +281,6 @@ def children(parent):
     return found
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(here):
     longer = CASE.replace("points: 3", "points: 30").replace("0.05 s", "0.3 s")

@@ -12,8 +12,6 @@ import pytest
 import beamsim
 from tests.helpers.commands import invoke
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).parents[2]
 GIVEN = {  # by document what its readers have already: commands, and names
     "README.md": ([["run", "configs/one_sided_65hz.yaml"], ["nnm", "configs/nnm_first.yaml"]], {}),

@@ -87,7 +87,6 @@ def named(tmp_path):
     ]
 
 
-@pytest.mark.slow  # another process draws and computes
 def test_showing_a_result_opens_no_file_that_it_names(named, tmp_path):
     files, results = named
     out, measured = tmp_path / "out", tmp_path / "measured.csv"
@@ -113,7 +112,6 @@ def test_showing_a_result_opens_no_file_that_it_names(named, tmp_path):
     assert set(here) <= {*results, measured, *written}
 
 
-@pytest.mark.slow  # another process draws and computes
 def test_a_file_that_may_be_opened_is_observed(named, tmp_path):
     files, results = named
     _, opened = observed([("animate", results[0], "--open-files", "-q", "-o", tmp_path / "out" / "motion.html")])

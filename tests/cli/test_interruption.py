@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -49,7 +49,7 @@ def mode():
     return nnm(load_scenario(MODE))
 
 
-@pytest.mark.parametrize("points", slow_after(1, [1, 20]))
+@first_apart("points", 1, [1, 20])
 def test_a_mode_keeps_the_points_it_has(mode, points):
     request = After(points)
     with asked_by(request.stop):
@@ -114,7 +114,6 @@ def test_a_stepped_sine_keeps_the_frequencies_it_has():
     assert part.curves["up_0"].frequency_hz.tolist() == [60.0, 62.0]
 
 
-@pytest.mark.slow
 def test_a_fit_keeps_the_best_so_far():
     scenario = load_scenario(config_path("identify_nonlinear"))
     tests = read_tests(scenario, config_path("identify_nonlinear").parent)
@@ -127,7 +126,6 @@ def test_a_fit_keeps_the_best_so_far():
     assert "profiles" not in part.datasets
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("asked", [1, 300, 3000])
 def test_a_fit_to_sweeps_ends_wherever_it_is_asked(asked):
     """A branch that ends on request is none that fails: the fit was refused, or ended in an internal error."""
@@ -197,7 +195,7 @@ def under_way(tmp_path):
     ("command", "path", "read", "number", "code"),
     [
         ("nnm", MODE, load, signal.SIGINT, 130),
-        pytest.param("sweep", RESPONSE, load, signal.SIGTERM, 143, marks=pytest.mark.slow),
+        ("sweep", RESPONSE, load, signal.SIGTERM, 143),
     ],
 )
 def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):
@@ -522,9 +520,12 @@ STAGES = [  # input, module and function in which the signal comes, what is said
 ]
 
 
-@pytest.mark.parametrize(("excited", "module", "function", "missing"), STAGES)
-def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, missing, invoked, monkeypatch):
+@first_apart(("excited", "module", "function", "missing"), 3, STAGES[::4] + [x for k, x in enumerate(STAGES) if k % 4])
+def test_a_signal_in_the_evaluation_keeps_the_motion(
+    excited, module, function, missing, invoked, tmp_path, monkeypatch
+):
     """The signal comes where the function is called: it does not return, and a complete older result stays."""
+    monkeypatch.chdir(tmp_path)
     home = __import__(f"beamsim.{module}", fromlist=["?"])
     real, returned = getattr(home, function), []
 
@@ -610,7 +611,6 @@ LONG = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("at", [0.3, 0.7, 1.5, 2.5, 5.0])
 @pytest.mark.parametrize("name", LONG)

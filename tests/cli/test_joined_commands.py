@@ -121,9 +121,6 @@ def imported(folder):
 OTHERS = {"cut in two": lambda _: TWO, "in segments": lambda _: SEGMENTED, "imported": imported}
 
 
-FAST = {(name, "cut in two") for name in ("run", "swept sine")} | {("run", "imported")}
-
-
 @pytest.fixture(scope="module")
 def summaries(tmp_path_factory):
     """Makes the summary of a command on a beam; that of the beam itself is computed once for all the others."""
@@ -140,11 +137,7 @@ def summaries(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("name", "other"),
-    [
-        pytest.param(name, other, marks=() if (name, other) in FAST else pytest.mark.slow, id=f"{name}, {other}")
-        for name in COMMANDS
-        for other in OTHERS
-    ],
+    [pytest.param(name, other, id=f"{name}, {other}") for name in COMMANDS for other in OTHERS],
 )
 def test_the_same_beam_otherwise_gives_the_same_figures(summaries, name, other):
     one, two = summaries(name, "itself"), summaries(name, other)

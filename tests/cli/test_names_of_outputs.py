@@ -90,7 +90,6 @@ def test_a_video_needs_ffmpeg(stored, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
 def test_a_video_is_written(stored, tmp_path):
     done = invoke("animate", stored / "case.h5", "-o", tmp_path / "x.mp4")

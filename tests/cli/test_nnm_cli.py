@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from shipped import PATHS, config_path, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
@@ -28,7 +28,7 @@ def followed(name):
 LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # test_configs.py
 
 
-@pytest.mark.parametrize("path", slow_after(4, [p for p in NNM if p.stem not in LONG]), ids=lambda path: path.stem)
+@first_apart("path", 4, [p for p in NNM if p.stem not in LONG], ids=lambda path: path.stem)
 def test_every_mode_config(path):
     result = followed(path.stem)
     assert result.complete
@@ -75,7 +75,6 @@ def test_nnm_table(tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.slow
 def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     """From 62 to 75 Hz tongues follow each other closely; the motions of the mode are found between them, too."""
     changes = {"nnm.continue_in.from": "80 uJ", "nnm.continue_in.to": "700 uJ"}

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
@@ -55,10 +55,7 @@ def test_thesis_method_beside_shooting(compared):
     assert tighter["passages"].values.sum() > relaxed["passages"].values.sum()
 
 
-@pytest.mark.parametrize(
-    ("name", "steps", "period"),
-    slow_after(1, [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)]),
-)
+@first_apart(("name", "steps", "period"), 1, [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)])
 def test_thesis_method_on_the_thesis_chains(name, steps, period):
     """Steps and tolerance of the thesis, periods as computed apart (4.011 and 3.97 s printed)."""
     changes = {"nnm.method": {"kind": "relaxed_minimisation", "steps": steps, "tolerance": 1e-6}}
@@ -69,7 +66,6 @@ def test_thesis_method_on_the_thesis_chains(name, steps, period):
     assert 1 / relaxed["frequency_hz"].values[-1] == pytest.approx(period, abs=1e-3)
 
 
-@pytest.mark.slow
 def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     """The bare beam: the minimiser goes into the 5:1 tongue with mode 2 and stays there. Exit code 3, steps kept."""
     done = invoke("nnm", config_path("nnm_thesis_mode_1"), "--set", "nnm.method=relaxed_minimisation", "--set",
@@ -100,7 +96,6 @@ def test_expansion_writes_a_file(tmp_path):
     )
 
 
-@pytest.mark.slow
 def test_spectrum_over_fifty_periods(compared, beam):
     """Steps of a fiftieth of the frequency; lines at the harmonics alone, as large as the harmonics of one period."""
     motion = compared["motion"]
@@ -158,10 +153,9 @@ def test_jumps_that_nothing_explains(compared):
         ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:17: nnm.continue_in.kind = energy, but "
          "relaxed_minimisation goes in"),
         ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "relaxed_minimisation"], "use method: shooting"),
-        pytest.param(
+        (
             [ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"],
             "choose one between 52.39",
-            marks=pytest.mark.slow,
         ),
         ([FIRST, "--compare", "guesswork"], "relaxed_minimisation"),
     ],
@@ -173,7 +167,6 @@ def test_what_only_the_model_can_refuse(arguments, text, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 def test_a_range_of_many_decades_is_covered(tmp_path):
     """Steps grow with the stiffness factor and are no hundredth of the range: pi + pi / sqrt(1 + k e) for one mass."""
     case = tmp_path / "mass.yaml"

@@ -100,7 +100,6 @@ def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     assert "nothing to compute" in invoke("sweep", "case.yaml", "--resume").output
 
 
-@pytest.mark.slow
 def test_a_killed_search_goes_on_where_it_was():
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
     command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", "2", "--no-plots"]
@@ -114,7 +113,6 @@ def test_a_killed_search_goes_on_where_it_was():
     same_tables("whole.h5", "case.h5")
 
 
-@pytest.mark.slow
 def test_cases_that_are_sweeps_are_solved_by_processes():
     shaken = CASE.replace("run: {duration: 50 ms, start: {displacement: [0], velocity: [0.5 m/s]}}", (
         "excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 5 Hz}\n"

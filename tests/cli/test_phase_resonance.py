@@ -57,7 +57,6 @@ def test_predicted_and_found(held):
     assert energy[0] < first < second < energy[-1]
 
 
-@pytest.mark.slow
 def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch):
     assert np.all(held["phase_resonance"]["energy_error"].values > 0.0)
     assert held["phase_resonance"]["energy_error"].values.max() < 1e-10
@@ -71,7 +70,6 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
     assert lost["phase_resonance"]["found"].values.all()  # and kept
 
 
-@pytest.mark.slow
 def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     """Where no motion is found on the way from one point of the backbone to the next, halves of it are tried."""
     tried = []
@@ -88,7 +86,6 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_a_level_is_found_beside_motions_on_which_the_force_does_no_work():
     """They are in tongues, through which the search for the level goes; it was refused."""
     asked = {"nnm.phase_resonance": {"levels": ["0.3 g"], "periods": 1, "span": "1 %"}}
@@ -145,7 +142,6 @@ def test_held_motion(held):
     assert held["held"]["displacement"].sel(probe="tip").values.size == held["held"]["time"].values.size == 2 * 12 * 512
 
 
-@pytest.mark.slow
 def test_scales_with_the_level():
     """Without gap: twice the level, twice the motion, one frequency."""
     changes = {
@@ -185,7 +181,6 @@ def test_point_force_on_a_chain():
     assert result["level_for_amplitude"].item() == pytest.approx(5e-3, rel=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "where", "text"),
     [
@@ -231,7 +226,6 @@ def test_pictures_and_table(held):
     assert any(cells[:1] == ["stable"] and "yes" in cells for cells in rows)
 
 
-@pytest.mark.slow
 def test_command(tmp_path):
     overrides = ["nnm.continue_in.from=6 mJ", "nnm.continue_in.to=7 mJ", "nnm.phase_resonance.levels=[0.65 g]",
                  "nnm.phase_resonance.periods=6"]  # fmt: skip

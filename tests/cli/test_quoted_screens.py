@@ -18,8 +18,6 @@ QUOTED = {  # by document and beginning of the first line the commands whose out
         "sweep configs/sweeps/sweep_test.yaml",
         "compare sweep_test.h5 configs/measurements/sweep_test.csv --reference base --cycles 3",
     ),
-}
-LONG = {
     ("docs/sensitivities.md", "peak force of tip: "): "run configs/studies/sensitivities.yaml",
     ("docs/shock.md", "base motion: spectrum"): "run configs/loads/shock_matched.yaml",
     ("docs/coexisting.md", "                  share of starts"): "sweep configs/continuation/coexisting_motions.yaml",
@@ -31,7 +29,6 @@ LONG = {
     ),
     ("docs/studies.md", "Two motions, 70 Hz"): "sweep configs/studies/design_two_motions.yaml",
 }
-EVERY = QUOTED | {of: pytest.param(of, commands, marks=pytest.mark.slow) for of, commands in LONG.items()}
 
 
 def quoted(document, begins):
@@ -65,8 +62,8 @@ def test_a_stale_line_is_found():
 
 @pytest.mark.parametrize(
     ("of", "commands"),
-    [each if hasattr(each, "marks") else (of, each) for of, each in EVERY.items()],
-    ids=[f"{document} {begins.split()[0]}" for document, begins in EVERY],
+    QUOTED.items(),
+    ids=[f"{document} {begins.split()[0]}" for document, begins in QUOTED],
 )
 def test_a_quoted_screen_is_what_is_printed(of, commands, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "configs", tmp_path / "configs")

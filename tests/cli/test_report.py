@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from PIL import Image
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.errors import MethodError
@@ -96,7 +96,7 @@ def tried(file, tmp_path):
     return json.loads(unescape(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1]))
 
 
-@pytest.mark.parametrize("name", slow_after(5, KINDS))
+@first_apart("name", 5, KINDS)
 def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
     file = reported(name, tmp_path)
     text = file.read_text(encoding="utf-8")
@@ -143,7 +143,6 @@ def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):
 
 
 @needs_browser
-@pytest.mark.slow  # starts a browser
 @pytest.mark.parametrize("name", ["run_random", "designs", "nnm"])
 def test_plots_and_animation_react_in_a_browser_without_errors(name, tmp_path):
     said = tried(reported(name, tmp_path), tmp_path)
@@ -186,7 +185,6 @@ def hostile_report(folder):
 
 
 @needs_browser
-@pytest.mark.slow  # starts a browser
 def test_hostile_texts_run_no_script_and_fetch_nothing(tmp_path):
     file = hostile_report(tmp_path)
     text = file.read_text(encoding="utf-8")
@@ -203,7 +201,6 @@ def test_hostile_texts_run_no_script_and_fetch_nothing(tmp_path):
 
 
 @needs_browser
-@pytest.mark.slow  # starts a browser
 def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(tmp_path):
     file = reported("run_chain", tmp_path)
     text = file.read_text(encoding="utf-8")
@@ -215,7 +212,6 @@ def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(tmp_path):
 
 
 @needs_browser
-@pytest.mark.slow  # starts a browser
 def test_a_broken_script_is_noticed(tmp_path):
     file = reported("run_chain", tmp_path)
     text = file.read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from tests.helpers.commands import invoke
@@ -84,7 +84,7 @@ def same(texts, values):
     return np.array_equal(numbers, np.array(values, dtype=float), equal_nan=True)
 
 
-@pytest.mark.parametrize("name", CASES)
+@first_apart("name", 3, CASES)
 def test_info_and_plot(name, files, tmp_path):
     path = files(name)
     said = invoke("info", path)
@@ -113,7 +113,7 @@ def test_the_result_opens_whatever_it_is(name, files):
         assert result.title == file.attrs["title"]
 
 
-@pytest.mark.parametrize("name", CASES)
+@first_apart("name", 3, CASES)
 def test_csv_holds_every_number(name, files, tmp_path):
     path = files(name)
     done = invoke("export", path, "--format", "csv", "-o", tmp_path, "--json")
@@ -152,7 +152,7 @@ def lookup(struct, path):
     return np.asarray(struct)
 
 
-@pytest.mark.parametrize("name", CASES)
+@first_apart("name", 3, CASES)
 def test_mat_holds_every_number(name, files, tmp_path):
     from scipy.io import loadmat
 
@@ -253,7 +253,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         assert not done.stdout
 
 
-@pytest.mark.parametrize("name", slow_after(4, CASES))
+@first_apart("name", 4, CASES)
 @pytest.mark.parametrize("command", [("info",), ("plot",)])
 def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, monkeypatch):
     """The first group or dataset that is taken away makes the file unreadable, never a traceback."""

@@ -9,6 +9,7 @@ from pkgutil import resolve_name
 
 import pytest
 import yaml
+from sampling import first_apart
 
 from beamsim.kinds import KINDS
 from beamsim.plots.style import shown_in
@@ -93,7 +94,7 @@ NAMES = ("beam", "one mode", "notched", "random", "shaped", "worn", "coexisting"
          "run_random", "run_springs", "stepped", "sweep")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NAMES)
+@first_apart("name", 9, NAMES)
 def test_screens_say_what_their_files_hold(name, screen_of):
     assert contradictions(*screen_of(name)) == []
 

@@ -102,7 +102,6 @@ def test_nonsense_is_refused_with_a_remedy(file, changes, text):
         compare_forced_expansion(load_scenario(config_path(file), changes))
 
 
-@pytest.mark.slow
 def test_command(tmp_path):
     done = invoke("sweep", OSCILLATOR, "--compare", "multiple_scales", "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output

@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.scenario import Scenario
@@ -74,7 +74,7 @@ def ritz(edges: str, count: int, degree: int = 22) -> np.ndarray:
     return np.sqrt(squared[squared > 1e-3][:count])
 
 
-@pytest.mark.parametrize("edges", slow_after(8, COMBINATIONS))
+@first_apart("edges", 8, COMBINATIONS)
 def test_all_combinations_of_edges_converge_from_above(edges: str) -> None:
     assert len(COMBINATIONS) == 21
     coarse, middle, fine = (finite_elements(edges, n, 4) for n in (4, 8, 16))
@@ -126,7 +126,6 @@ def test_free_plate_meets_published_converged_values_to_five_digits() -> None:
     np.testing.assert_allclose(finite_elements("CFFF", 16, 6, grading=2.0), ritz("CFFF", 6, 24), rtol=6e-5)
 
 
-@pytest.mark.slow
 def test_an_edge_reaction_misses_about_its_stated_error():
     """7 %, where 6.1 % are stated: its order is below the 2 that errors of plates count on."""
     case = {

@@ -79,7 +79,6 @@ def test_absurd_numbers_are_accepted_or_refused(file):
     assert_accepted_or_refused(file, lambda number: [ABSURD[number % len(ABSURD)]])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("file", PLACES, ids=lambda file: file.stem)
 def test_all_absurd_numbers_are_accepted_or_refused(file):
     assert_accepted_or_refused(file, lambda number: ABSURD)

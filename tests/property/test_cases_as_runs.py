@@ -1,9 +1,11 @@
 """A case has the same outcome, warnings, margins and values in a study as alone, whatever solves it."""
 
 import math
+from itertools import product
 from pathlib import Path
 
 import pytest
+from sampling import first_apart
 from shipped import PATHS, shipped
 
 import beamsim
@@ -89,10 +91,9 @@ def demand_same(result, case, study):
 
 
 @pytest.mark.parametrize("convergence", ["off", "on"])
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=f"{path.parent.name}/{path.stem}", marks=[] if path.stem in QUICK else pytest.mark.slow)
-     for path in CASES],
+@first_apart(
+    "path", len(QUICK), sorted(CASES, key=lambda path: path.stem not in QUICK),
+    ids=lambda path: f"{path.parent.name}/{path.stem}",
 )  # fmt: skip
 def test_a_shipped_case_is_judged_in_a_study_as_alone(path, convergence):
     section = "run" if shipped(path).sweep is None else "sweep"
@@ -112,18 +113,16 @@ limits: {peak_force: 50 N, peak_acceleration: 100 g, gap: 5 mm, rms_displacement
 """Its dashpot pulls, root mean squares are those of spectra, and acceleration jumps at touch-down."""
 
 
-@pytest.mark.parametrize("convergence", ["off", "on"])
-@pytest.mark.parametrize(
-    "more",
-    [
-        {}, {"reduction": {"modes": 1}, "excitation.frequency": "400 Hz"}, {"run.low_pass": "2 kHz"},
-        {"run.method": "reference", "run.duration": "1 ms", "reduction.modes": 2}, {"run.max_events": 3},
-        {"snubbers[0].stiffness": "1e9 N/m"},
-        {"run.spectrum": {"last": "20 ms"}, "snubbers[0].force_deflection": [[0, 0], [1e-6, 1]],
-         "snubbers[0].stiffness": None}, {"run.from": "10 ms", "run.impacts": {}}, {"excitation.level": "40 g"},
-    ],
-    ids=["plain", "reduction", "low_pass", "reference", "events", "stiff", "table", "from", "large"],
-)  # fmt: skip
+MORE = [
+    {}, {"reduction": {"modes": 1}, "excitation.frequency": "400 Hz"}, {"run.low_pass": "2 kHz"},
+    {"run.method": "reference", "run.duration": "1 ms", "reduction.modes": 2}, {"run.max_events": 3},
+    {"snubbers[0].stiffness": "1e9 N/m"},
+    {"run.spectrum": {"last": "20 ms"}, "snubbers[0].force_deflection": [[0, 0], [1e-6, 1]],
+     "snubbers[0].stiffness": None}, {"run.from": "10 ms", "run.impacts": {}}, {"excitation.level": "40 g"},
+]  # fmt: skip
+
+
+@first_apart(("more", "convergence"), 3, product(MORE, ["off", "on"]))
 def test_a_case_that_is_warned_of_or_not_reliable_is_so_in_a_study(more, convergence):
     demand_same(*alone_and_in_a_study(beamsim.load_scenario(BEAM, {**more, "run.convergence": convergence})))
 
@@ -140,7 +139,7 @@ UNRELIABLE = {"reduction": {"modes": 1}, "excitation.frequency": "400 Hz"}
 GAPS = {"vary": {"kind": "grid", "parameters": [{"path": "snubbers.tip.gap", "values": [0.0, 1e-4]}]}}
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", [1, 2])
 def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_path):
     """It said ok in all cases, with exit code 0."""
     case = beamsim.load_scenario(BEAM, {**UNRELIABLE, **GAPS, "run.convergence": "off"})
@@ -193,7 +192,6 @@ def demand_same_studies(one, other):
     assert one.outcome == other.outcome
 
 
-@pytest.mark.slow
 def test_workers_change_nothing():
     plan = beamsim.plan_designs(near_limit(minimise="peak_force"))
     demand_same_studies(design_study(plan, workers=2), design_study(plan))
@@ -226,7 +224,6 @@ def of_seeds(path):
 SEEDED = [path for path in PATHS if hasattr(shipped(path).excitation, "seed")]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("path", SEEDED, ids=lambda path: path.stem)
 def test_seeds_of_every_shipped_input_that_has_one_are_realisations(path):
     """Of a matched record that ended in a KeyError, and before in a refusal of the file of its curve."""

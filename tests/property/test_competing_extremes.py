@@ -1,7 +1,7 @@
 """Random chains with an extreme of each sign that are as large: derivatives against one-sided differences of runs."""
 
 import numpy as np
-import pytest
+from sampling import first_apart
 from scipy.optimize import brentq
 
 import beamsim
@@ -11,7 +11,6 @@ from beamsim.analyses.studies.responses import run_responses
 STEP = 3e-6  # of the number
 AGREEMENT = 0.01
 SMALL = 1e-4  # elasticity, below which the change of a value is none
-FAST, SLOW = range(4), range(4, 44)
 
 
 def random_chain(seed):
@@ -90,12 +89,6 @@ def number_at(case, path):
     return case["chain"]["springs" if "springs" in path else "masses"][0]
 
 
-@pytest.mark.parametrize("seed", FAST)
+@first_apart("seed", 3, range(44))
 def test_no_derivative_differs_from_one_sided_differences_of_runs_without_a_note(seed):
-    assert faults(seed) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SLOW)
-def test_no_derivative_of_more_systems_differs_without_a_note(seed):
     assert faults(seed) == []

@@ -8,10 +8,12 @@ tests/reference/test_continuation_built_anew.py.
 from __future__ import annotations
 
 from collections import Counter
+from itertools import product
 
 import numpy as np
 import pytest
 from assemblies import Assembly, parameters
+from sampling import first_apart
 
 from beamsim.errors import ScenarioError
 from beamsim.responses.parameters import response_model
@@ -156,15 +158,17 @@ def compared(assembly, along, path):
     return moved_as_built(assembly, along, path)
 
 
-@pytest.mark.parametrize("kind", ["frequency", "level", "gap", "stiffness", "position"])
-@pytest.mark.parametrize("moves", ["base", "turning", "support"])
+@first_apart(
+    ("kind", "moves"),
+    3,
+    product(["position", "frequency", "level", "gap", "stiffness"], ["base", "turning", "support"]),
+)
 def test_the_first_number_of_its_kind(kind, moves):
     assembly = Assembly(10, moves)
     of_kind = [each for each in parameters(assembly.data) if each[0]["kind"] == kind]
     assert any(compared(assembly, *each) for each in of_kind)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_every_parameter_of_an_assembly(seed):
     assembly = Assembly(seed)

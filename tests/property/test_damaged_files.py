@@ -20,7 +20,6 @@ def test_damaged_files_are_read_or_refused(name, tmp_path):
     assert "refused" in found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_more_damaged_files_of_each_format(name):
     """With ``outcomes(name, 2000)`` as well, which takes too long for every change."""

@@ -112,7 +112,6 @@ optimise:
 """
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_makes_no_difference(grid, tmp_path):
     distributed = pytest.importorskip("distributed")

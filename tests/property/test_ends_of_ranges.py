@@ -6,7 +6,7 @@ import jsonschema
 import numpy as np
 import pytest
 from extremes import cases, fields_of, places, sections, with_number
-from sampling import slow_after
+from sampling import first_apart
 
 from beamsim import load_scenario
 from beamsim.errors import ScenarioError
@@ -69,7 +69,7 @@ def test_ends_of_ranges_in_cases(case):
             assert any(field.key in str(each) for each in problems), (field.name, number)
 
 
-@pytest.mark.parametrize("case", slow_after(20, BY_CASE))
+@first_apart("case", 20, BY_CASE)
 def test_two_and_three_numbers_at_the_ends_of_their_ranges(case):
     data, rng = plain(cases()[case]), np.random.default_rng(1)
     for count in (2, 3) * 10:

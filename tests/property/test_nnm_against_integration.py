@@ -106,7 +106,6 @@ def test_the_chains_have_something_of_everything():
     assert 2 <= sum("continue_in" in case["nnm"] for case in cases) <= len(cases) - 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_motions_close_with_their_energy(seed):
     rng = np.random.default_rng(seed)

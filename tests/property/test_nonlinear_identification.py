@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -86,7 +87,6 @@ def test_every_harmonic_of_the_steady_response_is_that_of_ever_finer_samples():
     assert steady.harmonics(0, "absolute_displacement", 12) == pytest.approx(-absolute / omega**2, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_four_parameters_from_three_noiseless_tests(vibrations):
     signals = [signal(f, c, delay=1e-3 * k) for k, (f, c) in enumerate(vibrations.items())]
     result = identify_stiffness(case(vibrations), signals)
@@ -95,7 +95,6 @@ def test_four_parameters_from_three_noiseless_tests(vibrations):
     assert fit.misfit < 1e-6 * fit.misfit_before or fit.misfit < fit.degrees_of_freedom
 
 
-@pytest.mark.slow
 def test_several_starts_and_profiles(vibrations):
     signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
     found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals)
@@ -106,7 +105,6 @@ def test_several_starts_and_profiles(vibrations):
         assert profile.misfit == pytest.approx(z2, rel=0.15, abs=0.05)
 
 
-@pytest.mark.slow
 def test_intervals_cover_the_truth(vibrations):
     """In 24 noisy trials the true values lie within the 95 % intervals at least 20 times, for every parameter."""
     chosen = {f: vibrations[f] for f in (65.0, 78.0)}
@@ -134,7 +132,6 @@ def test_the_coverage_can_fail(vibrations):
     assert any("more than their noise" in warning for warning in found.warnings)
 
 
-@pytest.mark.slow
 def test_parameters_that_cannot_be_told_apart_are_named(vibrations):
     # The excitation's level and everything that scales with it: at zero gap the motion is homogeneous of degree one.
     scenario = case([65.0], ("beam.youngs_modulus", "beam.density", "snubbers.tip.stiffness"))
@@ -289,8 +286,10 @@ def bouncing(multiple, stiffness=100.0, dashpot=0.1):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("multiple", [1, 2, 3, 4])
-@pytest.mark.parametrize("phase", ["free", "of_excitation"])
+@first_apart(
+    ("multiple", "phase"), 2, [(1, "free"), (2, "of_excitation"), (1, "of_excitation"), (2, "free"), (3, "free"),
+                               (3, "of_excitation"), (4, "free"), (4, "of_excitation")],
+)  # fmt: skip
 def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase):
     """Their subharmonics were left out, and the unstable motion of one period was fitted to the rest."""
     case = bouncing(multiple)
@@ -418,7 +417,6 @@ def test_a_gain_that_is_known_is_that_of_the_recorded_values():
     assert known == pytest.approx(as_if, rel=1e-7)
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """White noise, a random begin, and a wrong gain that is fitted. `python -m benchmarks.identification_coverage` has
     500 tests; of these 40 a share of 95 % gives at least 34, but for a chance of 1 in 300."""

@@ -5,6 +5,7 @@ from functools import partial
 
 import pytest
 from places import BEAM, CASES, differences, resolved, text_of
+from sampling import first_apart
 from shipped import PATHS, shipped
 
 from beamsim.analyses.studies.plan import plan_designs, plan_draws
@@ -90,8 +91,7 @@ def test_a_number_replaced_anywhere_gives_the_case_of_the_edited_file(case):
     assert compared(text, scenario, list(numbers(scenario))) > 15
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
+@first_apart("path", 5, PATHS[::20] + [path for k, path in enumerate(PATHS) if k % 20], ids=lambda path: path.stem)
 def test_every_number_of_a_shipped_config_replaced_gives_the_case_of_the_edited_file(path):
     scenario = shipped(path)
     assert compared(path, scenario, list(numbers(scenario))) > 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sampling import slow_after
+from sampling import first_apart
 from scipy.integrate import solve_ivp
 
 import beamsim
@@ -232,7 +232,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
 LAWS = {"hardening": [4.0, 1.0, 3.0], "softening": [0.3, 1.0, 0.5]}
 
 
-@pytest.mark.parametrize("law", slow_after(1, LAWS))
+@first_apart("law", 1, LAWS)
 def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor(law):
     """At the last factor the motion is that of the spring as given: a run from it returns after a period."""
     spring = {"masses": [1, 3], "kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": LAWS[law]}

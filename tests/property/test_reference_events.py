@@ -66,7 +66,7 @@ def by_hand(times):
     ("integrator", "duration"),
     [
         ("DOP853", 0.3),
-        *(pytest.param(each, 2.0, marks=pytest.mark.slow) for each in ("BDF", "Radau", "DOP853", "LSODA")),
+        *((each, 2.0) for each in ("BDF", "Radau", "DOP853", "LSODA")),
     ],
 )
 def test_a_face_without_a_spring_as_by_hand(integrator, duration):
@@ -264,7 +264,6 @@ def test_random_systems(seed):
     assert agrees(seed) > 0
 
 
-@pytest.mark.slow
 def test_many_random_systems():
     """At 1e-10 the integrator's error in seed 109 is 3.5e-4 at two times just after contacts; at 1e-12 it is 3e-7."""
     assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 130)) > 3000

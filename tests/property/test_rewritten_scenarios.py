@@ -20,6 +20,7 @@ from rewritten import (
     scenario_of,
     told,
 )
+from sampling import first_apart
 
 import beamsim
 from beamsim.scenario.units import LENGTH, STIFFNESS, read_quantity
@@ -36,8 +37,7 @@ def test_the_same_physics_in_other_words(seed, tmp_path):
     assert sum(f.outcome == "agrees" for f in findings) >= 5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(40, 60))
+@first_apart("seed", 1, range(40, 60))
 def test_more_scenarios_in_other_words(seed, tmp_path):
     assert [(f.source, f.words, f.differences) for f in rewrite(seed, tmp_path) if f.differences] == []
 
@@ -53,8 +53,7 @@ FOUND = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", FOUND)
+@first_apart("seed", 1, FOUND)
 def test_scenarios_that_differed_before(seed, tmp_path):
     findings = rewrite(seed, tmp_path)
     assert [(f.words, f.differences) for f in findings if f.differences] == []

@@ -128,7 +128,6 @@ def settled(level, frequency, state, cycles):
     return found.y[:, -1], np.abs(absolute).max(axis=1)
 
 
-@pytest.mark.slow
 def test_a_stepped_sweep_that_is_integrated_jumps_and_peaks_where_it_is_said_to():
     """Up and down at three levels: just before a jump nothing happens, just behind it the amplitude has jumped."""
     level = np.array([0.6, 1.0, 1.5] * 3)
@@ -150,7 +149,6 @@ def test_a_stepped_sweep_that_is_integrated_jumps_and_peaks_where_it_is_said_to(
     assert landed == pytest.approx(height[3:6], rel=1e-3)
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Of 20,000 tables that polynomials are fitted to; a fit of the program from other initial values is the same."""
     numbers, height = numbers_of(), [False, False, True, False, True]
@@ -213,7 +211,6 @@ def integrated(frequency, level, numbers, start):
     return found.y[:, -1], np.abs(found.y[1]).max()
 
 
-@pytest.mark.slow
 def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
     """Up and down beside the stop in the first mode, without contact in the second one; motions integrated apart."""
     truth = [3e3, 3e-3, 2.0, 1.0]
@@ -241,7 +238,6 @@ def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
     assert found["degrees_of_freedom"].item() == 11
 
 
-@pytest.mark.slow
 def test_a_row_with_a_wrong_level_is_named():
     rows = table(0, (0.6, 1.0))
     rows[0]["peaks"][0]["absolute_acceleration"] *= 1.5
@@ -267,7 +263,6 @@ def test_a_level_below_contact_tells_the_structure_and_that_a_sweep_is_too_fast(
     assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.doubts(found)[-1]  # 0.1 times its square is 0.01
 
 
-@pytest.mark.slow
 def test_a_motion_that_loses_its_stability_on_the_way_to_a_peak_is_named():
     """The period doubles from 8.6 to 9.4 Hz beside a stiff stop, as it does integrated; the peak is at 14.8 Hz."""
     numbers = {STOP: 30e3, GAP: 1e-4, DASHPOT: 2.0}

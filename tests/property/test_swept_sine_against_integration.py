@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from independent import Stop, Structure
 from independent import integrate as integrate_with_restarts
-from sampling import slow_after
+from sampling import first_apart
 from sweep_windows import frequency_at
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
@@ -132,8 +132,8 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("rigid", [0, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", slow_after(3, CASES))
+@pytest.mark.parametrize("rigid", [0, 1])
+@first_apart("case", 3, CASES)
 def test_random_structure(make_system, case, rigid):
     rng = np.random.default_rng(len(case) + rigid)
     n, legs = 3, THROUGH_RESONANCE
@@ -154,7 +154,6 @@ def test_random_structure(make_system, case, rigid):
     assert np.abs(record.states(times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "legs",
     [
@@ -182,8 +181,7 @@ def test_laws_and_profiles(make_system, legs):
     assert np.abs(record.states(times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["undamped", "coupled damping", "hardly damped", "near-critical", "coincident"])
+@first_apart("kind", 2, ["undamped", "coupled damping", "hardly damped", "near-critical", "coincident"])
 def test_awkward_damping(make_system, kind):
     """Through the resonance of undamped modes, clusters of eigenvalues, couplings."""
     omega = np.array([1.0, 2.2, 5.0])

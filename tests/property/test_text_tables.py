@@ -50,7 +50,7 @@ def numbers(draw):
     return [column.tolist() for column in columns], digits
 
 
-@pytest.mark.parametrize("examples", [100, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("examples", [100, 400])
 def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
     @settings(max_examples=examples, deadline=None)
     @given(

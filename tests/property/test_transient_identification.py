@@ -221,7 +221,6 @@ def test_a_steady_test_needs_a_sine_and_a_transient_does_not():
         load_scenario(case({"kind": "decay", "file": "a.csv"}))
 
 
-@pytest.mark.slow
 def test_intervals_of_transients_hold_the_truth_as_often_as_they_say(released):
     """Noise, an unknown begin, another zero and a wrong gain that is fitted, of 20 seeds: 16 or more hold, but for a
     chance of 1 in 400. Of 30 seeds and 24 another share than 95 % would be seen as rarely."""
@@ -282,7 +281,6 @@ def test_a_tests_own_start_and_level_are_of_any_quantity():
     assert given[1].excitation.level == 20.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("filtered", [{"high_pass": 0.12}, {"remove": "trend"}])
 @pytest.mark.parametrize("begin", [0.0, 3.0])
 def test_what_is_done_to_a_record_is_done_to_the_motion_as_well(filtered, begin):

@@ -1,8 +1,10 @@
 """Every derivative of the flow against finite differences, and Liouville's formula."""
 
+from itertools import product
+
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
@@ -57,8 +59,7 @@ def central(function, h=1e-7):
     return (function(h) - function(-h)) / (2 * h)
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", slow_after(2, range(4)))
+@first_apart(("seed", "case"), len(CASES), product(range(4), CASES))
 def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, seed):
     rng = np.random.default_rng(seed)
     system = build(make_system, case)
@@ -207,7 +208,7 @@ def sticking(seed, pressed):
 
 
 @pytest.mark.parametrize("pressed", [False, True])
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 120), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(4), range(4, 120)])
 def test_derivatives_by_the_position_of_a_contact_that_sticks(seeds, pressed):
     """They were wrong wherever a contact stuck: the velocity along what it holds had no part in the motion."""
     stuck = 0

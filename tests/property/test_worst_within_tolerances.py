@@ -86,7 +86,6 @@ def grid_worst(scenario, asked, points):
     return worst
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_no_point_of_a_grid_is_worse_than_the_searched_worst(name):
     case, asked, tolerances, points = SYSTEMS[name]

@@ -15,8 +15,6 @@ from scipy.stats import beta
 import beamsim
 from tests.helpers.tables import rows
 
-pytestmark = pytest.mark.slow
-
 OMEGA = 2 * np.pi * 14.0
 
 

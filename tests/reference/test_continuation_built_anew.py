@@ -155,7 +155,6 @@ def measured_along(points, at: int) -> dict[str, float]:
     return values | {f"contact_share {name}": of.values[at] for name, of in share.items()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_both_ends_are_the_case_built_anew(name):
     scenario, key, ends = CASES[name]
@@ -175,9 +174,7 @@ def test_both_ends_are_the_case_built_anew(name):
     assert compared
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == COEXISTING else []) for name in ASSEMBLIES]
-)
+@pytest.mark.parametrize("name", ASSEMBLIES)
 def test_a_motion_of_an_assembly_repeats_in_the_case_built_anew(name):
     """By the exact march under the loads of that case; in the case of the other end it does not repeat."""
     scenario, key, ends = ASSEMBLIES[name]
@@ -230,7 +227,6 @@ def test_the_system_with_another_number_is_that_built_anew(key, value):
     assert bool(changed) == (key != STIFFNESS)
 
 
-@pytest.mark.slow
 def test_the_share_of_a_turning_base_is_worth_a_third():
     """Twin of the first case: 0.681 mm at 270 mm, and 0.453 mm with the share of the written position."""
     scenario, key, _ = CASES[FIRST]
@@ -239,7 +235,6 @@ def test_the_share_of_a_turning_base_is_worth_a_third():
     assert abs(right - 0.453e-3) > 0.2e-3
 
 
-@pytest.mark.slow
 def test_a_stop_at_the_axis_of_the_base_feels_nothing_of_it():
     """Where the axis lies at the written position its share is zero, and elsewhere it is not."""
     scenario = beam({"position": 0.23}, excitation={**TURNING, "about": "230 mm"})

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from scipy.integrate import solve_ivp
 from shipped import config_path
 
@@ -38,7 +38,6 @@ def levels():
     return in_level()
 
 
-@pytest.mark.slow
 def test_coexisting_motions_with_contact_are_found(levels):
     """From 0.2 to 0.1 N the linear motion is stable, but motions that meet the stop exist throughout."""
     linear, *others = levels.branches
@@ -52,7 +51,6 @@ def test_coexisting_motions_with_contact_are_found(levels):
     assert any(np.any(b["stable"].values) for b in others)
 
 
-@pytest.mark.slow
 def test_the_coexisting_motion_attracts_an_independent_integration(levels):
     branch = next(b for b in levels.branches[1:] if b["period_multiple"].item() == 1 and np.any(b["stable"].values))
     k = int(np.flatnonzero(branch["stable"].values)[0])
@@ -81,7 +79,6 @@ def symmetric():
     return curve(BEAM, f"snubbers={STOPS}", sweep_of("64 Hz", "72 Hz"))
 
 
-@pytest.mark.slow
 def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
     """To both sides of the symmetric curve, one the mirror image of the other half a period later."""
     main = symmetric.branches[0]
@@ -134,7 +131,6 @@ def corner_case(folder, **values):
     return curve(folder / "case.yaml")
 
 
-@pytest.mark.slow
 def test_a_corner_far_from_the_chord_is_found(tmp_path):
     """The contact ends at 1.07045 Hz, outside the step from 1.0812 to 1.0844 Hz that turns round it; the fold is beside
     it.
@@ -154,7 +150,6 @@ def test_a_corner_far_from_the_chord_is_found(tmp_path):
     assert np.abs(multipliers(branch)[k] - 1).min() < 1e-6
 
 
-@pytest.mark.slow
 def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
     """A step from it passed a grazing and landed on the motions of one period: a fold was reported in between."""
     result = corner_case(
@@ -176,7 +171,6 @@ def test_harmonics_are_stored_as_many_as_asked_for():
     np.testing.assert_array_equal(branch["harmonic"].values, np.arange(13))
 
 
-@pytest.mark.slow
 def test_branches_end_at_the_ends_of_the_range():
     """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
     result = curve(config_path("continuation_60_120hz"), sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
@@ -201,7 +195,6 @@ def test_bands_without_a_stable_motion_are_listed():
     assert told.lower() == note.text.lower()
 
 
-@pytest.mark.slow
 def test_no_stable_point_is_in_a_band_without_a_stable_motion():
     """The motion of two periods is stable from 113.103 to 113.148 Hz alone, less than a thousandth of the range."""
     result = curve(config_path("continuation_60_120hz"), sweep_of(100, 120, "seek_at: 0"))
@@ -213,8 +206,8 @@ def test_no_stable_point_is_in_a_band_without_a_stable_motion():
         assert not np.any((stable > low * (1 + 1e-9)) & (stable < high * (1 - 1e-9))), (low, high)
 
 
-@pytest.mark.parametrize("demanded", slow_after(1, [True, False]))
-@pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
+@first_apart("demanded", 1, [True, False])
+@first_apart("limit", 1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""
     result = curve(config_path("continuation_60_120hz"), sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
@@ -224,7 +217,6 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     assert demanded or result.outcome.all_of("side_branches_cut")
 
 
-@pytest.mark.slow
 def test_harmonic_balance_seeks_coexisting_motions(levels):
     """It begins from what shooting finds; with cubic springs it does not, and says so."""
     balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 15}")
@@ -246,7 +238,6 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
     assert cubic.outcome.all_of("not_sought")
 
 
-@pytest.mark.slow
 def test_one_branch_does_not_spend_the_points_of_all():
     """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
     result = curve(

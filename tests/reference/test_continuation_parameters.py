@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from sampling import slow_after
 from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation
@@ -28,7 +27,7 @@ def followed(path, **changes):
     return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
 
 
-@pytest.fixture(scope="module", params=slow_after(2, ["gap", "position", "level", "stiffness"]))
+@pytest.fixture(scope="module", params=["gap", "position", "level", "stiffness"])
 def case(request):
     path, key = PATHS[request.param]
     return request.param, key, followed(path)
@@ -135,7 +134,6 @@ def test_extremes_are_those_of_a_stepped_sine():
     assert curve.summary["peak_force_n"]["tip"] == peaks_of(branch, "tip", "force")[branch["stable"].values].max()
 
 
-@pytest.mark.slow
 def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
     result = continuation(load_scenario(config_path("chain_two_dof"), changes))

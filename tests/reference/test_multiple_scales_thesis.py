@@ -121,7 +121,6 @@ CHAPTER_4 = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAPTER_4)
 def test_configs_of_chapter_4(name):
     """What `beamsim nnm` reports at the thesis's factors; orders 2 and 3 where factors are small."""
@@ -138,7 +137,6 @@ def test_configs_of_chapter_4(name):
         assert s["initial_difference"][0][0] < 4e-3
 
 
-@pytest.mark.slow
 def test_forced_on_the_first_mode_at_factor_5():
     """Printed 77.58 Hz; 89.95 Hz here, whatever the level and force. 77.58 Hz belongs to 26.8 kN/m, factor 0.251."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
@@ -157,7 +155,6 @@ def test_forced_on_the_first_mode_at_factor_5():
     assert held["departure"].values[-1] < 0.1
 
 
-@pytest.mark.slow
 def test_forced_on_the_second_mode_at_factor_5():
     """Printed 340 Hz, which no spring gives: 351.02 Hz without, 359.19 Hz at 5 times 107 kN/m; unstable when forced."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}
@@ -185,7 +182,6 @@ def test_the_pole_is_where_a_harmonic_meets_a_mode():
     assert min(abs(f * path.pole_harmonic / omega - 1) for f in met) < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("last", [7.0, 10.0])
 def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
     """One mass, no gap: pi + pi / sqrt(1 + k e). Far out the expansion is near none, or near one run twice."""

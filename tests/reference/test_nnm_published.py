@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from independent import free_beam
-from sampling import slow_after
+from sampling import first_apart
 from scipy.linalg import eigh
 from scipy.special import ellipk
 
@@ -40,7 +40,7 @@ def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy
     return orbits, backbone, list(backbone)
 
 
-@pytest.mark.parametrize("k", slow_after(1, [50.0, 1e-3]))
+@first_apart("k", 1, [50.0, 1e-3])
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
     orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20, tolerance=1e-13)
@@ -101,7 +101,6 @@ def beam_backbone(make_system):
     return backbone_of(make_system, omega[:7], tip[:7], k, points=100)
 
 
-@pytest.mark.slow  # of the fast tests tests/sameness has this mode
 def test_first_mode_of_the_beam(beam_backbone):
     """75 points or more, each converged and with most of its energy in mode 1, past its tongues."""
     orbits, backbone, points = beam_backbone
@@ -122,7 +121,6 @@ def test_first_mode_of_the_beam(beam_backbone):
     assert w.size == 7
 
 
-@pytest.mark.slow
 def test_tongues_of_the_beam(beam_backbone):
     """6:1 near epsilon = 0.005 and 5:1 near 0.07, with the second mode; each point of a tongue is a motion too."""
     _, backbone, _ = beam_backbone
@@ -137,7 +135,6 @@ def test_tongues_of_the_beam(beam_backbone):
     assert {(j.mode + 1, j.ratio) for j in backbone.jumps} >= {(2, 6), (2, 5)}
 
 
-@pytest.mark.slow
 def test_first_mode_of_figure_3_16(make_system):
     """The thesis's figure 3.16: 10 elements, every degree of freedom, 107 kN/m, 75 steps; 20 hours in 2010."""
     omega, tip, k = cantilever()
@@ -148,7 +145,6 @@ def test_first_mode_of_figure_3_16(make_system):
     assert orbits.orbit(points[0]).frequency_hz == pytest.approx(56.0, abs=0.1)
 
 
-@pytest.mark.slow
 def test_energy_dependence_with_backlash(make_system, no_forcing):
     """Linear until the gap is reached, at the energy in closed form; the frequency then grows with energy to that of z
     = 0."""

@@ -46,7 +46,6 @@ def downwards(orbits_at):
     return problem, walk(problem, 34.0, 60.0, -1.0)
 
 
-@pytest.mark.slow
 def test_unstable_beginning_lies_on_the_curve(orbits_at, downwards):
     """At 35 Hz transients end in chaos; Newton's method ends on the curve that came down from 45 Hz."""
     problem, points = downwards

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from scipy.optimize import brentq
 
 from beamsim.analyses.continuation.folds import GrazingCurve, start_of_curve
@@ -160,7 +160,6 @@ def test_fold_followed_in_the_level(flow_of, curve):
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
 
 
-@pytest.mark.slow  # tests/cli/test_continuation_cli.py follows folds as well
 def test_fold_followed_in_the_gap(flow_of, curve):
     """Lengths scale: a fold at (level 1, gap g) is the fold at level 1/g of the original."""
     problem, _, _, special = curve
@@ -192,8 +191,8 @@ def test_grazing_followed_in_the_level(curve):
         assert abs(q1) * level == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("what", slow_after(2, ["level", "gap", "shape", "stiffness"]))
-@pytest.mark.parametrize("on_ground", [pytest.param(False, marks=pytest.mark.slow), True])
+@first_apart("what", 2, ["level", "gap", "shape", "stiffness"])
+@pytest.mark.parametrize("on_ground", [False, True])
 def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
     """Against central differences, at a motion that has contacts besides; base-mounted, or feeling a moving base."""
     system = make_system(
@@ -221,9 +220,8 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         np.testing.assert_allclose(J[:, i], difference, atol=2e-5 * max(1.0, np.abs(J).max()))
 
 
-@pytest.mark.parametrize(
-    ("law", "turns"),
-    slow_after(1, [({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold"), ({"dashpot": 1.0}, "fold")]),
+@first_apart(
+    ("law", "turns"), 1, [({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold"), ({"dashpot": 1.0}, "fold")]
 )
 def test_with_a_dashpot(flow_of, law, turns):
     """The force jumps at contact: the branch has corners at grazing and is followed through them.

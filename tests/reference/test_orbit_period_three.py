@@ -84,7 +84,6 @@ def test_independent_integration_comes_back(orbits, found):
     np.testing.assert_allclose(end / size, start / size, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_curve_is_closed_and_the_same_both_ways(orbits, found, ring):
     branch, points, special = ring
     assert branch.outcome.code == "closed_curve"
@@ -136,7 +135,6 @@ def test_folds_bound_the_motion(orbits, ring):
     assert change > 1e-2
 
 
-@pytest.mark.slow
 def test_steps_do_not_land_on_another_branch(orbits, found, monkeypatch):
     """Round the curve twice, past the place where it nearly meets the motions of a single period; the twin: without the
     check of the chord the branch goes over to them there."""

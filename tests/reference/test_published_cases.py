@@ -65,7 +65,6 @@ def test_elastoplastic_frame_of_vm80():
         assert found[quantity] == pytest.approx(value, rel=3e-3)
 
 
-@pytest.mark.slow
 def test_cubic_spring_of_vm319():
     """A harmonic balance written for this equation gives the same amplitudes, and less beside the resonance."""
     orders, phase = np.array([1, 3, 5, 7]), 2.0 * np.pi * np.arange(64) / 64
@@ -241,7 +240,6 @@ def test_virtual_rubber_rig():
     assert found["stuck, mode 1, Hz"] == pytest.approx(printed(published.rubber)["stuck, mode 1, Hz"], rel=1e-5)
 
 
-@pytest.mark.slow
 def test_resonances_of_the_virtual_rubber_rig():
     """From a level at which the contact sticks to one at which it slides nearly all the time."""
     stuck, sliding = (published.rubber()[f"{name}, mode 1, Hz"] for name in ("stuck", "sliding"))

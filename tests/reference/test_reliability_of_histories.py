@@ -11,8 +11,6 @@ from beamsim.scenario import load_scenario
 from beamsim.trust.studies import design_study
 
 pytest.importorskip("openturns")
-pytestmark = pytest.mark.slow
-
 SHOCK = """\
 title: Oscillator with a stop under a shock of its base
 chain: {masses: [1 kg], springs: [1 kN/m], damping: {kind: modal, ratio: 2 %}}

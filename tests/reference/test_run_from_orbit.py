@@ -98,7 +98,6 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
     ],
     ids=["gap", "level"],
 )
-@pytest.mark.slow
 def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
     path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")

@@ -175,7 +175,6 @@ def scenario(numbers):
     })  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("numbers", [SOFT, HARD, RESTING], ids=["top of the force", "touch-down", "weight on the stop"])
 def test_derivatives_through_a_hundred_contacts(numbers):
     result = beamsim.run(scenario(numbers))

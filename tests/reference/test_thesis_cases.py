@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from independent import Beam, Stop, integrate
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -34,7 +35,7 @@ def orders(name, quantity="absolute_acceleration", above_db=-60.0):
     }
 
 
-@pytest.mark.parametrize("name", ONE_SIDED + PRESTRESSED_LINEAR + PRESTRESSED + BACKLASH + POINT_FORCE)
+@first_apart("name", 1, ONE_SIDED + PRESTRESSED_LINEAR + PRESTRESSED + BACKLASH + POINT_FORCE)
 def test_energy_balance_and_status(name):
     r = result(name)
     assert r.complete
@@ -75,7 +76,6 @@ def independent_displacement(hz, stiffness=151.1e3):
     return (motion.state[:, :n] @ stop.row).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "axis_m", "fits"),
     [
@@ -98,7 +98,6 @@ def test_tip_displacement_against_the_printed_axes(hz, axis_m, fits):
     assert bool(highest < 1.05 * axis_m) is fits
 
 
-@pytest.mark.slow
 def test_the_independent_displacement_would_see_another_snubber():
     """Twin: a snubber 15 % softer moves the largest displacement by more than is allowed above."""
     changed = independent_displacement(65, 0.85 * 151.1e3)

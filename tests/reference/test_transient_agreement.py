@@ -1,9 +1,8 @@
 """The shipped cases against an independent code with DOP853 restarted at every contact, to 1e-9 of the peak."""
 
 import numpy as np
-import pytest
 from independent import Beam, Stop, chain, integrate, static_equilibrium
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -91,7 +90,7 @@ def differences(a, b):
     return [np.abs(x - y).max() / np.abs(y).max() for x, y in zip(a, b, strict=True)]
 
 
-@pytest.mark.parametrize("case", slow_after(3, CASES))
+@first_apart("case", 3, CASES)
 def test_transient(case):
     """From the scenario to the motion: nothing of the package takes part in what is expected."""
     times = np.linspace(0.0, CASES[case][2], 301)

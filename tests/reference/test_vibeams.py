@@ -38,7 +38,6 @@ def test_frequencies_are_those_of_an_independent_code_and_near_those_measured():
     assert found["right"][0] == pytest.approx(28.2, rel=7.5e-3)
 
 
-@pytest.mark.slow
 def test_folds_and_peaks_do_not_depend_on_mesh_and_modes():
     """As `docs/vibeams.md` states them: a mesh of twice the elements, and 24 instead of 12 modes."""
     finer = [f"bodies.{name}.elements={count}" for name, count in (("left", 40), ("right", 40), ("leaf", 12))]

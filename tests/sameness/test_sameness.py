@@ -21,33 +21,9 @@ SOME = "beam that touches one stop"
 
 
 pytestmark = pytest.mark.recorded
-LONG = (
-    "nonlinear mode forced in phase resonance",
-    "contact identified from a nonlinear response",
-    "notched sweep of a plate",
-    "nonlinear mode of the beam",
-    "continuation of folds",
-    "continuation with side branches",
-    "two panels that open",
-    "stepped sweep",
-    "nonlinear mode of a chain, other methods beside",
-    "beam by the reference integrator",
-    "random vibration",
-    "swept sine",
-    "swept sine compared with a measurement",
-    "continuation in the gap",
-    "continuation by harmonic balance",
-    "study judged by the worst of its tolerances",
-    "forced oscillator by multiple scales",
-    "pipe in an earthquake",
-    "panel under a record made for a spectrum",
-    "study with two motions",
-)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES]
-)
+@pytest.mark.parametrize("name", CASES)
 def test_numbers_are_those_recorded(name):
     answer = record.answer(CASES[name])
     differences = record.compare(CASES[name], record.chosen(CASES[name], answer))

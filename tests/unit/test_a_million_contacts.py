@@ -46,7 +46,6 @@ print(json.dumps({
 """
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no largest memory of a process")
 @pytest.mark.parametrize(
     ("run", "memory"),

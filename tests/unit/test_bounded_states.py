@@ -39,7 +39,6 @@ def unbounded(law):
     return simulate(flow_of(None, law), np.zeros(2 * N))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
 @pytest.mark.parametrize("most", [2, 5])
 def test_everything_is_that_of_a_motion_that_keeps_all(law, most):

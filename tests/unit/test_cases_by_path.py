@@ -47,7 +47,6 @@ def test_a_run_takes_a_path_text_or_a_mapping(case):
         beamsim.run(path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*SWEEPS, "nnm", "design_study", "plan_designs", "ensemble"])
 def test_so_do_the_other_analyses(name, case):
     more = f"sweep: {SWEEPS[name]}\n" if name in SWEEPS else ""
@@ -104,7 +103,6 @@ def test_what_is_no_result_is_refused_with_what_to_do(case, tmp_path):
         beamsim.export_result(beamsim.load(stored), tmp_path, "csv")
 
 
-@pytest.mark.slow
 def test_a_command_runs_the_case_of_a_result_again(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = invoke("run", case(), "--no-plots", "-o", "case.h5")

@@ -83,7 +83,6 @@ def test_nowhere(installed):
     assert "NUMBA_CACHE_DIR" in line
 
 
-@pytest.mark.slow
 def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installed, tmp_path):
     """An upgrade replaces the sources and leaves the compiled code: no kernel may go on calling an old one."""
     flow, cache = installed / "beamsim/flow", tmp_path / "cache"
@@ -114,7 +113,6 @@ print({{name: count for name, count in compiled.items() if count}}, file=sys.std
 """
 
 
-@pytest.mark.slow
 def test_after_a_warm_up_a_run_compiles_nothing(tmp_path):
     """In the cache of all tests, so that nothing is compiled for this one alone."""
     case = PACKAGE.parent / "configs/one_sided_65hz.yaml"

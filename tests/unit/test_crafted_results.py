@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
+from sampling import first_apart
 
 import beamsim
 from beamsim.cli.session import say, show
@@ -73,7 +74,7 @@ def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeyp
             load(path)
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, 60])
 def test_edited_results_are_refused(whole, count):
     """Attributes with values of other types or sizes, and groups and datasets taken away."""
     cases = []
@@ -149,7 +150,7 @@ def test_every_summary_entry_has_a_type():
             TypeAdapter(entry.form)
 
 
-@pytest.mark.parametrize("number", range(16))
+@first_apart("number", 3, range(16))
 def test_crafted_results_are_shown_or_refused(number, tmp_path):
     """One crafted file of each kept result with two commands; `python -m tests.helpers.crafted_results` tries more."""
     path = next(
@@ -159,7 +160,6 @@ def test_crafted_results_are_shown_or_refused(number, tmp_path):
         assert outcome(commands(path, tmp_path)[name]) in ("right", "refused")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", range(100, 132))
 def test_more_crafted_results_and_every_command(number, tmp_path):
     found = outcomes(number, tmp_path)

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.studies.plan import plan_designs, plan_draws
@@ -122,14 +122,11 @@ def test_a_file_of_many_cases_is_opened_again(tmp_path):
 # --- pictures ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "picture"),
-    slow_after(3, [
+@first_apart(("name", "picture"), 3, [
         ("curve", "curves"), ("map", "maps"), ("sample", "sensitivity histograms scatter"), ("words", "curves"),
         ("zip", "curves"), ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "histograms scatter"),
         ("tolerances", "histograms maps"), ("tornado", "sensitivity"),
-    ]),
-)  # fmt: skip
+    ])  # fmt: skip
 def test_pictures(name, picture, tmp_path):
     result = fabricated(name, failed=(1,))
     paths = save_figures(design_figures(result), tmp_path, "study")

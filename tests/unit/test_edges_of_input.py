@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 from beamsim.errors import BeamsimError, ScenarioError
@@ -28,7 +28,7 @@ def numbers(value, path=()):
         yield path
 
 
-@pytest.mark.parametrize("name", slow_after(1, ["chain_cubic", "one_sided_65hz", "two_panels"]))
+@first_apart("name", 1, ["chain_cubic", "one_sided_65hz", "two_panels"])
 def test_extreme_numbers_are_refused_or_computed_with(name):
     """`beam.length: 1e308` and the like were internal errors; nothing but a located refusal may come of them."""
     scenario = load_scenario(config_path(name))
@@ -68,7 +68,6 @@ def damaged(path, name, how):
             file[name] = new[how]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", ["text", "number", "longer", "two dimensions", "empty", "opaque", "group", "missing"])
 @pytest.mark.parametrize("stored", ["run_chain", "nnm", "continuation", "designs", "compare"])
 def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):

@@ -1,10 +1,12 @@
 """Every variable of every kind of result comes back from its file, and has a place of its own there."""
 
 import re
+from itertools import product
 from pkgutil import resolve_name
 
 import numpy as np
 import pytest
+from sampling import first_apart
 
 from beamsim.kinds import KINDS
 from beamsim.labelled import last
@@ -73,8 +75,7 @@ def described(items):
     }
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("kind", KINDS)
+@first_apart(("seed", "kind"), len(KINDS), product(range(4), KINDS))
 def test_every_variable_comes_back_from_the_file(kind, seed, tmp_path):
     result = result_of(kind, seed, optional=0.7 if seed else 1.0)
     read = load(write_result(result, tmp_path / "made.h5"), kind)

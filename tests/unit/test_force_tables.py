@@ -276,7 +276,6 @@ def of_segments(*factors, **sections):
     return load_scenario({"chain": chain, "probes": [{"name": "a", "mass": 1}], "excitation": shaken, **sections})
 
 
-@pytest.mark.slow
 def test_segments_of_a_table_from_vibrations_at_two_levels():
     """The first from a weak vibration, the second from a strong one; the third keeps its value, with a warning."""
     turning, signals, tests = np.exp(2j * np.pi * 2.2 * np.outer(np.arange(600) / 200.0, np.arange(1, 13))), [], []

@@ -177,7 +177,6 @@ def test_preload_beyond_the_yield_force():
     assert system.snubbers[0].preload == pytest.approx(30.0, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
     """A slider that rests and one that is set anew have the same sign in the determinant that tells forth from back."""
     case = load_scenario(

@@ -105,9 +105,7 @@ def test_studies_of_its_numbers(law):
     assert np.ptp(peaks) > 1e-4 * peaks.max()
 
 
-@pytest.mark.parametrize(
-    "law", [law if law != "hardening" else pytest.param("hardening", marks=pytest.mark.slow) for law in STOPS]
-)
+@pytest.mark.parametrize("law", STOPS)
 def test_continuation(law):
     ends = {"from": 4.495, "to": 4.5, "seek_at": 0} if law == "hardening" else {}
     result = beamsim.continuation(case(law, sweep={**CONTINUATION, **ends}))
@@ -139,7 +137,6 @@ def test_internal_states_are_refused_by_harmonic_balance(law):
         beamsim.continuation(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "changed", "ends"),
     [
@@ -156,7 +153,6 @@ def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
     assert np.abs(np.diff(slider)).max() < 0.05 * np.abs(slider).max()
 
 
-@pytest.mark.slow
 def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     """The force of the damper reaches its static limit of 35 N while it sticks; it then falls to 25 N."""
     sweep = {"kind": "continuation", "from": 3.505, "to": 3.53, "side_branches": "none", "seek_at": 0}
@@ -203,7 +199,6 @@ def test_a_contact_that_sticks_throughout():
     np.testing.assert_allclose(multipliers(branch)[:, 0], 1.0, atol=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", ["friction", "rigid friction", "pressed friction"])
 def test_a_measured_vibration_gives_its_coefficient(law):
     """From harmonics computed with another coefficient; the interval holds it."""

@@ -167,14 +167,12 @@ def test_a_filter_impacts_and_fatigue_of_chunks_are_those_of_a_kept_motion(both)
     assert parts["fatigue"]["damage"].values == pytest.approx(damage, rel=1e-6)
 
 
-@pytest.mark.slow
 def test_a_finer_model_is_compared_on_the_first_part():
     result = beamsim.run(scenario(convergence="on", memory=128e6))
     assert result.summary["convergence"]["peak_displacement_m"]["tip"] > 0.0
     assert any("finer model is compared on the first" in warning for warning in result.warnings)
 
 
-@pytest.mark.slow
 def test_a_disturbance_is_followed_to_the_end(monkeypatch):
     """Only the first part was disturbed: what parts later was reported without a mark."""
     monkeypatch.setattr(convergence, "SMALL", 0.05)

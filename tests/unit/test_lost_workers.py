@@ -54,7 +54,7 @@ ERRORS = {
 }
 WAYS = [
     *((workers, how, text) for workers in (1, 2) for how, text in ERRORS.items()),
-    (2, end, DEATH), pytest.param(2, kill, DEATH, marks=pytest.mark.slow),
+    (2, end, DEATH), (2, kill, DEATH),
 ]  # fmt: skip
 
 
@@ -94,7 +94,6 @@ def test_a_refusal_ends_it_at_once(workers, tmp_path):
 # --- A Dask cluster --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("how", [*ERRORS, end, kill])
 @pytest.mark.parametrize("threads", [1, 2])

@@ -30,7 +30,6 @@ def test_harmonics_without_noise_are_exact():
     assert found.value == pytest.approx(TRUE, abs=1e-10)
 
 
-@pytest.mark.slow
 def test_the_noise_is_that_of_the_harmonics():
     deviations = []
     for seed in range(200):

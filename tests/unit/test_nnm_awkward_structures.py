@@ -9,7 +9,6 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 
 
-@pytest.mark.slow
 def test_two_stops_that_touch_one_point_take_turns():
     """A hinged panel that another stop pushes away, its tip between two stops without gap: when one lets go the other
     takes over, once. (The two change at the same instant, and round-off once had them change back and forth.)"""
@@ -55,7 +54,6 @@ MIXED = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
     """Small motions are bilinear then, not linear: as if the stop with the gap were not there."""
     in_energy = {"mode": 1, "continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}
@@ -69,7 +67,6 @@ def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
     assert result.branches[0]["frequency_hz"].values[-1] > 1.05 * result.branches[0]["frequency_hz"].values[0]
 
 
-@pytest.mark.slow
 def test_strong_coupling_is_no_jump():
     """Modes that share their energy at every step: the predictions fail, yet the branch is in one piece."""
     case = {
@@ -95,7 +92,6 @@ PRESSED = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 def test_small_motions_under_prestress_while_the_spring_grows():
     """Rest moves twelve times as far as the motion is large; the motion stays that of the closed structure."""
     mode = {"mode": 1, "energy": 1e-3, "continue_in": {"kind": "stiffness_factor", "to": 0.03}}
@@ -200,7 +196,6 @@ def tip_between_stops(stiffness, last):
     })  # fmt: skip
 
 
-@pytest.mark.slow
 def test_tip_stops_on_both_sides_whatever_the_range():
     """Their backbone enters tongues: it goes on, and the share of its energy is named.
 

@@ -63,7 +63,6 @@ def test_limits_are_met_and_reached_where_the_level_is_lowered(notched):
     assert plain.summary.get("notches") is None
 
 
-@pytest.mark.slow
 def test_the_level_of_a_slow_sweep_is_the_limit_over_the_transfer_function():
     """The chain without stops is linear: in a slow sweep the level that holds the limit is known."""
     result = sweep(case(rate="0.3 oct/min", to="24 Hz", notch_to={"probes.second.acceleration": "6 g"}))

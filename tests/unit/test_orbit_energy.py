@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
@@ -30,7 +29,7 @@ def forced(kind, **more):
     return case(kind, excitation=shaken, sweep=sweep, **more)
 
 
-@pytest.mark.parametrize("kind", slow_after(1, ["cubic", "linear"]))
+@first_apart("kind", 1, ["cubic", "linear"])
 def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, monkeypatch):
     undamped = case(kind, nnm={"mode": 1, "continue_in": {"kind": "energy", "from": 0.01, "to": 0.05}})
     result = beamsim.nnm(undamped)

@@ -118,7 +118,6 @@ def coverage(amplitudes: str, seeds: int) -> tuple[float, float, float]:
     return float(np.mean((low < mean) & (mean < high))), float(rms.std() / mean), float(np.mean(0.5 / freedom)) ** 0.5
 
 
-@pytest.mark.slow
 def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
     """Records of a Gaussian input: 95 % of the intervals hold the RMS of the process (the share is known to 3 %)."""
     share, scatter, stated = coverage("random", 60)
@@ -430,7 +429,6 @@ LAWS = {  # of `integrated`
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_intervals_of_largest_values_hold_whatever_the_spring(law):
     """Records of 200 cycles, each followed by a test of 2,000, in noise from 1 to 40 Hz, integrated independently."""
@@ -468,7 +466,6 @@ def test_intervals_of_largest_values_hold_whatever_the_spring(law):
             assert 0.9 < share < 0.99  # 0.9 to 0.98 is aimed at, and 100 records know it to 0.01 or 0.02
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gap", [None, 2e-3])
 def test_largest_values_of_tests_of_an_oscillator(gap):
     """Runs of 20 s predict the tests of 100 s that begin with them, of a free oscillator and of one against a stop."""
@@ -563,7 +560,6 @@ def test_what_a_limit_is_compared_with_is_on_the_first_screen():
     assert " and " in line
 
 
-@pytest.mark.slow
 def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
     """A gap that opens away from a stop out of reach follows the displacement; a filter lowers accelerations
     and what is expected of them; without a test_duration, what the run reached is compared, and that is said."""
@@ -587,7 +583,6 @@ def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
     assert filtered.summary["peak_acceleration_g"]["mass"] * STANDARD_GRAVITY <= behind < 0.8 * before
 
 
-@pytest.mark.slow
 def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
     """At the rate of the run; a damage above 1 in the test alone is warned of."""
     life = {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}
@@ -607,7 +602,6 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
     ]
 
 
-@pytest.mark.slow
 def test_a_study_counts_the_cases_that_are_undecided():
     """The verdict on all of them is undecided if none exceeds the limit and none is without reliable values."""
     result = in_test(250.0, duration=10.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 import beamsim
 
 SHORT = ["run.duration=0.05 s", "run.spectrum.last=0.03 s", "reduction.modes=3", "run.convergence=off"]
@@ -18,7 +16,6 @@ def notes(result: beamsim.RunResult) -> list[str]:
     return [text for text in result.warnings if text.startswith("spectra ")]
 
 
-@pytest.mark.slow
 def test_a_time_stepped_run_says_that_its_rate_is_too_low():
     coarse, fine = (run(*STEPPED, f"run.sample_rate={rate} Hz") for rate in (1500.0, 40_000.0))
     (note,) = notes(coarse)

@@ -5,9 +5,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 import numpy as np
-import pytest
 from readable import faults
-from sampling import slow_after
+from sampling import first_apart
 from shipped import config_path
 
 import beamsim
@@ -64,7 +63,7 @@ def test_faults_are_found():
     assert of_picture(line, levels=[Guide("limit", 1.0)]) == []
 
 
-@pytest.mark.parametrize("name", slow_after(5, sorted(path.name.partition(".")[0] for path in STORED.glob("*.gz"))))
+@first_apart("name", 5, sorted(path.name.partition(".")[0] for path in STORED.glob("*.gz")))
 def test_pictures_of_every_kept_result(name, tmp_path):
     path = tmp_path / f"{name}.h5"
     path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
@@ -73,7 +72,7 @@ def test_pictures_of_every_kept_result(name, tmp_path):
     assert {name: found for name, picture in drawn.items() if (found := faults(picture))} == {}
 
 
-@pytest.mark.parametrize("name", slow_after(2, SKETCHED))
+@first_apart("name", 2, SKETCHED)
 def test_sketches(name):
     scenario = beamsim.load_scenario(config_path(name))
     system = build_system(scenario)
@@ -82,7 +81,7 @@ def test_sketches(name):
         assert faults(model_figure(sketch)) == []
 
 
-@pytest.mark.parametrize("name", slow_after(0, list(SOLVED)))
+@first_apart("name", 0, list(SOLVED))
 def test_pictures_of_shipped_cases(name):
     scenario = beamsim.load_scenario(config_path(name), SOLVED[name])
     if scenario.study is not None:

@@ -5,10 +5,12 @@ import errno
 import os
 import re
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from pathlib import Path
 
 import h5py
 import pytest
+from sampling import first_apart
 
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, destination, protect, protecting, replacing
@@ -127,9 +129,13 @@ def no_hdf5(path):
     path.write_text("the only copy of something else")
 
 
-@pytest.mark.parametrize("change", [damaged, of_another_layout, of_another_program, without_outcome, no_hdf5])
-@pytest.mark.parametrize("outcome", [PARTIAL, None])
+@first_apart(
+    ("change", "outcome"),
+    3,
+    product([damaged, of_another_layout, of_another_program, without_outcome, no_hdf5], [PARTIAL, None]),
+)
 def test_what_is_no_result_of_this_version_is_moved_aside(change, outcome, whole, part, tmp_path, caplog):
+    caplog.clear()
     path = written(whole, tmp_path / "case.h5")
     change(path)
     before = path.read_bytes()

@@ -7,7 +7,6 @@ from pkgutil import resolve_name
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
 
 import beamsim
 from beamsim.kinds import KINDS
@@ -84,7 +83,7 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(kept):
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate dimension names")
-@pytest.mark.parametrize("kept", slow_after(4, FILES[::-4] + sorted(set(FILES) - set(FILES[::-4]))), indirect=True)
+@pytest.mark.parametrize("kept", FILES, indirect=True)
 def test_xarray_opens_every_group_of_every_kind(kept):
     xarray = pytest.importorskip("xarray")
     _, _, path = kept

@@ -142,7 +142,6 @@ def test_peak_force_is_the_sliding_or_the_static_one():
     assert summary["peak_friction_force_n"]["pad"] == pytest.approx(4.0, rel=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("level", [6.0, 9.0])
 def test_the_shipped_resonance_is_that_of_the_energies(level):
     """At resonance the excitation's work pi P X is what friction, 4 F X, and dashpot, pi c w X^2, take."""

@@ -26,7 +26,6 @@ print(digest.hexdigest(), result["histories"]["snubber_closed"].sel(snubber="tip
 """
 
 
-@pytest.mark.slow
 def test_records_do_not_depend_on_the_number_of_threads():
     found = set()
     for threads in ("1", "2", "4"):
@@ -78,7 +77,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
 def test_studies_do_not_depend_on_the_number_of_workers_and_threads(tmp_path):
     """Every number of an ensemble, a reliability study and an optimisation has the same bits."""
     pytest.importorskip("openturns")

@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
+from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
@@ -39,7 +39,7 @@ def case(stop, sweep, **excitation):
 
 
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
-@pytest.mark.parametrize("stop", slow_after(2, KINDS), ids=str)
+@first_apart("stop", 2, KINDS, ids=str)
 def test_sweeps_are_in_balance(stop, sweep):
     result = sweep_alone(case(stop, sweep))
     assert result.outcome.complete

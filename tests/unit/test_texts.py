@@ -94,7 +94,6 @@ def test_yaml_of_too_many_values(text):
         load_scenario(text)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="commands of a shell")
 @pytest.mark.parametrize(
     ("before", "after", "code", "says"),

@@ -168,7 +168,6 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
     assert result["levels"]["outcome"].values.tolist() == ["no_steady_state"]
 
 
-@pytest.mark.slow
 def test_a_fit_with_too_few_evaluations(monkeypatch):
     monkeypatch.setattr("beamsim.analyses.identify.fit.MOST_EVALUATIONS", 1)
     path = config_path("identify_nonlinear")

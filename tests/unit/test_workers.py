@@ -29,14 +29,12 @@ def script(folder, workers, analysis):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300, check=False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "analysis"), [("", RUN), (", workers=1", STEPPED)])
 def test_one_worker_is_the_process_itself(tmp_path, workers, analysis):
     done = script(tmp_path, workers, analysis)
     assert (done.returncode, done.stdout.split()) == (0, ["2"]), done.stderr
 
 
-@pytest.mark.slow
 def test_workers_of_a_script_without_a_guard_are_refused_with_the_remedy(tmp_path):
     """They import the script, which would start workers again; that is not a lack of memory."""
     done = script(tmp_path, ", workers=2", RUN)

@@ -69,7 +69,6 @@ def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
         list(solved(range(3)))
 
 
-@pytest.mark.slow
 def test_processes_are_ended():
     told = threading.Event()
     threading.Timer(1.0, told.set).start()
