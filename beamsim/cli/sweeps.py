@@ -211,11 +211,13 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
         check_writable(_design_file(target, name))
     count = plan.most * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
+    most_further = plan.study.realisations.most_further if plan.study.realisations.judged_by_worst else 0
+    further = f" and at most {most_further} further ones for the worst" if most_further else ""
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
         _say_known(journal, f" of {cases} cases", target, options)
         with _naming_kept(journal, f" of {cases} cases", interrupted):
-            with progress_of(f"{cases} cases", shown=not options.quiet) as progress:
+            with progress_of(f"{cases} cases{further}", shown=not options.quiet) as progress:
                 by = _workers(progress, **worker_options)
                 with asked_by(interrupted):
                     result, written = stored_study(plan, journal, target, progress=progress, **by)

@@ -187,8 +187,7 @@ def design_study(
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))
             ended, histories = _evaluated(plan, evaluate, progress, worst)
-        finished = [case for case, done in worst.finished.items() if done]
-        result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended, finished)
+        result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended, worst.searches)
         if evaluate.ended == "interrupted":
             return result.interrupted(COMPARISON) if result.finished else result
         return _with_runs(result if histories is None else concluded(result, histories))
@@ -214,7 +213,7 @@ def _evaluated(
         if plan.kind == "reliability":
             histories = asked(plan, evaluate, progress)
         elif plan.searches:
-            ended = search(plan, evaluate)
+            ended = search(plan, evaluate, worst)
         else:
             evaluate([case.values for case in plan.cases if not case.realisation])
     with suppress(Ended):

@@ -101,19 +101,21 @@ def test_without_an_objective_the_smallest_margin_is_largest():
     assert result.summary["objective"] == "largest margin"
 
 
-def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_their_worst():
+@pytest.mark.parametrize("seed", range(2))
+def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_their_worst(seed):
     """The softest stop that they allow goes deepest, the stiffest one has the largest force; no sample has either.
 
-    The search tries designs by the worst of their samples, and drops those whose searched worst exceeds the limit.
+    The last designs are judged where others are worst, so that the best one is searched and at the limit.
     """
     limit = 4e-3
     tolerances = {"samples": 4, "parameters": [{"path": WHERE, "tolerance": "20 %"}]}
-    optimise = {"minimise": FORCE, "parameters": [STIFFNESS], "tolerances": tolerances, "most_cases": 80}
+    optimise = {"minimise": FORCE, "parameters": [STIFFNESS], "tolerances": tolerances, "most_cases": 80, "seed": seed}
     result = searched(optimise, limits={"peak_displacement": limit})
     assert np.abs(result["realisations"]["deviation"].values).max() < 1.0
     stiffness = (MASS * SPEED**2 / limit**2 - HELD) / 0.8
     found = best(result)["parameters"][WHERE]
-    assert stiffness * (1.0 - 1e-6) < found < 1.02 * stiffness
+    assert result.summary["worst"]["kind"] == best(result)["worst"] == "searched"
+    assert stiffness * (1.0 - 1e-6) < found < 1.005 * stiffness
     most = closed(1.2 * found)[0]
     assert 0.99 * most < best(result)["value"] <= most * (1.0 + 1e-6)
 

@@ -1,37 +1,75 @@
-"""Designs that a search tries, each solved once, and how it says that it did not come to an end."""
+"""Designs that a search tries, each solved once, a local search among them, and how a search says that it did not end.
+
+Source of the local search: T. M. Ragonneau, Model-based derivative-free optimization methods and software, PhD thesis,
+The Hong Kong Polytechnic University, 2022.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan, distributed
 from beamsim.analyses.studies.table import costs
-from beamsim.cases import Evaluator
+from beamsim.cases import CaseOutcome, Evaluator
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.studies import Value
 from beamsim.typing import Bools, Floats
 
 APART = 0.1  # of a range, between designs from which local searches start
+NEAR = 0.03  # of a range, first steps of local searches from designs that are nearly the best
 RESOLUTION = 1e-3  # of the ranges, to which a best design is located
+ON_A_LIMIT = 1e-6  # by which a design stays away from a limit: less is round-off
+WORSE = 10.0  # of a difference between designs, as which what is not known counts
 BETTER = "it still found better ones"
 
 
-def unsettled(tried: int, left_out: Sequence[str] = (BETTER,)) -> Outcome:
+def unsettled(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most_cases") -> Outcome:
     """The outcome of a search that ended before it was done.
 
     Parameters
     ----------
     tried : number of designs.
     left_out : what it did not come to, each as a clause.
+    more : number in the scenario that ended it.
     """
     sentence = f"the search ended after {tried} designs while {' and '.join(left_out)}"
-    return Outcome.of(
-        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy="give more most_cases", tried=tried
-    )
+    return Outcome.of(OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {more}", tried=tried)
+
+
+def descended(
+    merit: Callable[[Floats], float], beyond: Callable[[Floats], Floats], start: Floats, room: int,
+    radii: tuple[float, float],
+) -> tuple[Floats, bool]:  # fmt: skip
+    """A local search on the unit cube without derivatives (COBYQA), with limits.
+
+    Parameters
+    ----------
+    merit : to be small; of the order of one.
+    beyond : (limits,) to be negative; of the order of one.
+    start : (numbers,).
+    room : number of points at most.
+    radii : of the first steps and of the last.
+
+    Returns
+    -------
+    (numbers,) array
+        Where it ended.
+    bool
+        Whether it settled there.
+    """
+    from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+    found: Any = minimize(
+        merit, start, method="COBYQA", bounds=Bounds(0.0 * start, 0.0 * start + 1.0),
+        constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if beyond(start).size else (),
+        options={"maxfev": room, "initial_tr_radius": radii[0], "final_tr_radius": radii[1]},
+    )  # fmt: skip
+    return found.x, bool(found.success)
 
 
 class SolvedPoints(NamedTuple):
@@ -83,6 +121,21 @@ class Designs:
         found = [self.known[row] for row in rows]
         count = len(objectives(self.plan.scenario))
         return np.reshape([of for of, _ in found], (len(rows), count)).T, np.transpose([of for _, of in found])
+
+    def signed_with(self, point: Floats, further: Callable[[int], list[CaseOutcome]]) -> tuple[float, Floats]:
+        """The first objective of a point with further realisations, and by which share it exceeds limits (limits,).
+
+        Parameters
+        ----------
+        point : (parameters,) of the unit cube.
+        further : gives the further realisations of a case by its number.
+        """
+        self(point[None])
+        row = tuple(column[0] for column in distributed(self.plan.study.varied, point[None]))
+        case, count = self.evaluate.rows.index(row), self.plan.study.realisations.count
+        sample = [self.evaluate.outcomes[case * count + r] for r in range(count)]
+        values, beyond = costs(self.plan, [*sample, *(replace(outcome, within=0) for outcome in further(case))])
+        return float(values[0, 0]), beyond[:, 0]
 
     @property
     def every(self) -> SolvedPoints:

@@ -1,18 +1,24 @@
-"""Search for the front of two objectives: its ends, what lies between them, and its gaps.
-
-Source of the local search: T. M. Ragonneau, Model-based derivative-free optimization methods and software, PhD thesis,
-The Hong Kong Polytechnic University, 2022. What lies between the ends is of `proposals`.
-"""
+"""Search for the front of two objectives: its ends, what lies between them (`proposals`), and its gaps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.studies.designs import APART, RESOLUTION, Designs, SolvedPoints, unsettled
+from beamsim.analyses.studies.designs import (
+    APART,
+    NEAR,
+    ON_A_LIMIT,
+    RESOLUTION,
+    WORSE,
+    Designs,
+    SolvedPoints,
+    descended,
+    unsettled,
+)
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.proposals import proposed, ranges_of
 from beamsim.analyses.studies.table import WIDE, efficient, shares_between
@@ -26,11 +32,8 @@ PROPOSED = 0.7  # of them, after which ends are located and gaps are searched; t
 LOCATING = 0.07  # of them, to locate an end
 STARTS = 3  # of the search for an end, from the best designs that lie apart
 BATCH = 8  # designs that the model proposes at a time
-NEAR = 0.03  # of a range, first steps of searches from designs of the front
 FOR_A_PART = 8  # cases for each number in a range, and as many more
-ON_A_LIMIT = 1e-6  # by which a design stays away from a limit: less is round-off
 AS_GOOD = 1e-9  # of the range of an objective: designs that are closer are as good
-WORSE = 10.0  # ranges of the objectives, as which what is not known counts
 SETTLED = 0.01  # of the ranges of the objectives, by which the last quarter of the designs may improve a front
 LAST_QUARTER = 0.25
 
@@ -247,8 +250,6 @@ class _FrontSearch:
         bool
             Whether it settled there.
         """
-        from scipy.optimize import Bounds, NonlinearConstraint, minimize
-
         free, ranges, other = self.designs.free, self.front.ranges, 1 - goal
         if not free.any() or room < self.fewest:
             return start, not free.any()
@@ -273,11 +274,6 @@ class _FrontSearch:
             above = [(values[other] - ceiling) / ranges[other]] if np.isfinite(ceiling) else []
             return np.asarray(np.minimum(np.append(excess + ON_A_LIMIT, above), WORSE))
 
-        bound = beyond(start[free]).size > 0
-        found: Any = minimize(
-            merit, start[free], method="COBYQA", bounds=Bounds(np.zeros(free.sum()), np.ones(free.sum())),
-            constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if bound else (),
-            options={"maxfev": room, "initial_tr_radius": radius, "final_tr_radius": RESOLUTION},
-        )  # fmt: skip
-        end = self.designs.placed(start, found.x)  # a design that was solved, but for round-off
-        return min(solved, key=lambda point: float(np.abs(point - end).max())), bool(found.success)
+        numbers, settled = descended(merit, beyond, start[free], room, (radius, RESOLUTION))
+        end = self.designs.placed(start, numbers)  # a design that was solved, but for round-off
+        return min(solved, key=lambda point: float(np.abs(point - end).max())), settled

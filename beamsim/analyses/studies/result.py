@@ -101,8 +101,8 @@ _SUMMARY = (
              "unit", form=TOLERANCES),
     Entry("worst", "", "of the best case, where the worst within the tolerances judges it: by limit and objective the "
              "worst value, the worst of the sample, and the deviations there as shares of the tolerances; kind says "
-             "whether it is searched, searched in part (search not finished) or sampled; and how many further cases "
-             "all searches solved, of how many that were allowed", form=WORST_WITHIN),
+             "whether it is searched, searched in part (search not finished), tried where others are worst or sampled; "
+             "and how many further cases all searches solved, of how many that were allowed", form=WORST_WITHIN),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
              "what responses have of a sample, over the realisations; whether smallest and largest are searched or "
              "sampled; and the probability that every limit is met",

@@ -10,11 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.studies.designs import APART, RESOLUTION, Designs, unsettled
+from beamsim.analyses.studies.designs import (
+    APART,
+    NEAR,
+    ON_A_LIMIT,
+    RESOLUTION,
+    WORSE,
+    Designs,
+    descended,
+    unsettled,
+)
 from beamsim.analyses.studies.fronts import front
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.worst import WorstSearch
 from beamsim.cases import Evaluator
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
@@ -22,16 +32,21 @@ from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, not_none
 
 BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search
+WITHIN_TOLERANCES = 0.2  # of the cases, where the worst judges them: a local search with the worst that was found
+ROUNDS = 3  # of that search, each with the worst of the design before
+CLOSER = 2e-4  # of a range, to which that search locates a design, which a limit within tolerances mostly binds
+SETTLED = 0.01  # of the objective and limits, by which the last quarter of a search that the budget ended may improve
 STARTS = 4  # of the local search, from the best designs that lie apart
 
 
-def search(plan: StudyPlan, evaluate: Evaluator) -> Outcome:
+def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
     """Try designs until the best one, or the front of two objectives, is found.
 
     Parameters
     ----------
     plan : of the search.
     evaluate : solves the cases; all that is known of them is kept there.
+    worst : the search for the worst within tolerances.
 
     Returns
     -------
@@ -48,7 +63,9 @@ def search(plan: StudyPlan, evaluate: Evaluator) -> Outcome:
     designs = Designs(plan, evaluate)
     if len(objectives(plan.scenario)) > 1:
         return front(designs, settings)
-    return _best(designs, settings, plan.scenario.limits is not None)
+    most = settings.most_cases - (round(WITHIN_TOLERANCES * settings.most_cases) if worst.asked else 0)
+    ended = _best(designs, settings.model_copy(update={"most_cases": most}), plan.scenario.limits is not None)
+    return (_improve_worst(designs, worst, settings.most_cases) if worst.asked else None) or ended
 
 
 def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
@@ -96,3 +113,73 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
         if local.fun < least:
             least, settled = local.fun, bool(local.success)
     return COMPLETE if settled else unsettled(designs.tried)
+
+
+def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome | None:
+    """Search for the best design locally, judged by the sample and where others are worst, until that is its worst.
+
+    A sample judges a design too well; what it misses is known after a search for the worst (the cutting-set method of
+    A. Mutapcic and S. Boyd, Optimization Methods and Software 24 (2009) 381-406).
+
+    Parameters
+    ----------
+    designs, worst : of the search.
+    most : number of designs that are tried at most.
+
+    Returns
+    -------
+    Complete, or what the last local search did not come to; None without one.
+    """
+    ended: Outcome | None = None
+    for k in range(ROUNDS):
+        before = len(worst.critical)
+        case = worst.explore()
+        if case is None or not designs.free.any() or designs.tried >= most or (k and len(worst.critical) == before):
+            break
+        start = designs.points[worst.evaluate.rows[case]]
+        ended = _descend_worst(designs, worst, start, most, NEAR if k else APART)
+    return ended
+
+
+def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: int, radius: float) -> Outcome:
+    """Search locally for the best design, judged by the sample and where others are worst.
+
+    Parameters
+    ----------
+    designs, worst, most : as above.
+    start : (parameters,) design whose corners are known.
+    radius : of the first steps.
+
+    Returns
+    -------
+    Complete, or what it did not come to.
+    """
+    tried: dict[tuple[float, ...], tuple[float, Floats]] = {}
+    ended_by, free = "", designs.free
+
+    def known(numbers: Floats) -> tuple[float, Floats]:
+        nonlocal ended_by
+        point = designs.placed(start, np.clip(numbers, 0.0, 1.0))
+        if (key := tuple(point.tolist())) not in tried:
+            if designs.tried >= most or not worst.affords(worst.critical):
+                ended_by = "most_cases" if designs.tried >= most else "worst_cases of its tolerances"
+                return np.inf, np.full_like(base[1], np.inf)
+            tried[key] = designs.signed_with(point, worst.where_others_are_worst)
+        return tried[key]
+
+    base = tried[tuple(start.tolist())] = designs.signed_with(start, worst.where_others_are_worst)
+    scale = abs(base[0]) if np.isfinite(base[0]) and base[0] else 1.0
+
+    def merit(numbers: Floats) -> float:
+        return float(min(known(numbers)[0] / scale, WORSE))
+
+    def beyond(numbers: Floats) -> Floats:
+        return np.asarray(np.minimum(known(numbers)[1] + ON_A_LIMIT, WORSE))
+
+    _, settled = descended(merit, beyond, start[free], most - designs.tried + 1, (radius, CLOSER))
+    over = [(value, float(of.max(initial=0.0))) for value, of in tried.values()]
+    least = min(value if excess <= 0.0 else np.inf for value, excess in over)
+    before = min(value if excess <= SETTLED else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
+    if (settled and not ended_by) or abs(before - least) <= SETTLED * abs(least) < np.inf:
+        return COMPLETE
+    return unsettled(designs.tried, more=ended_by or "most_cases")

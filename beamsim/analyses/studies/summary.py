@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from beamsim.analyses.studies.table import (
     shares_between,
     table_of,
 )  # fmt: skip
-from beamsim.analyses.studies.worst import SAMPLED, SEARCHED, UNFINISHED, Judge, judges_of
+from beamsim.analyses.studies.worst import SAMPLED, SEARCHED, TRIED, UNFINISHED, Judge, judges_of
 from beamsim.cases import CaseOutcome, probability
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Verdict, first_with_others
@@ -47,7 +48,7 @@ Indices = Mapping[str, Mapping[str, Floats]]
 
 def result_of(
     plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None,
-    finished: Collection[int] = (),
+    searches: Mapping[int, bool] = MappingProxyType({}),
 ) -> StudyResult:  # fmt: skip
     """The result of the cases that are solved.
 
@@ -57,7 +58,7 @@ def result_of(
     outcomes : by index; may be those of some cases only.
     wall_time_s : of the study, s.
     ended : how a search ended; None while it goes on.
-    finished : numbers of the cases whose worst was searched to the end.
+    searches : by number of the cases whose worst was searched, whether that came to its end.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def result_of(
         scenario=scenario,
         outcome=_outcome(table) if ended is None else ended,
         datasets=datasets,
-        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, finished),
+        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, searches),
             *_warnings_of_cases(table),
         ),
         wall_time_s=wall_time_s,
@@ -94,10 +95,10 @@ def result_of(
         not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest),
         compared=int(table.compared.sum()),
         responses=_extremes(table),
-        **_about_best(table, finished),
+        **_about_best(table, searches),
         tolerances=_tolerances(plan),
-        worst=_worst(table, finished),
-        scatter=_scatter(table, finished),
+        worst=_worst(table, searches),
+        scatter=_scatter(table, searches),
         sensitivity=_sensitivity(table, indices) or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in table.outcomes.values()),
     )  # fmt: skip
@@ -210,14 +211,16 @@ def _varied(values: Any, unit: str) -> dict[str, Any]:
     return {"values": len(different), "unit": unit, **ends}
 
 
-def _kind_of_worst(table: StudyTable, case: int, finished: Collection[int]) -> str | None:
+def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -> str | None:
     """Whether the worst that judges a case is sampled or searched; None where no worst judges it."""
     if not table.plan.study.realisations.judged_by_worst:
         return None
-    return SEARCHED if case in finished else UNFINISHED if case in table.further else SAMPLED
+    if case in searches:
+        return SEARCHED if searches[case] else UNFINISHED
+    return TRIED if case in table.further else SAMPLED
 
 
-def _about_best(table: StudyTable, finished: Collection[int]) -> dict[str, Any]:
+def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
     """What the summary says of limits and objectives."""
     plan, values, best = table.plan, table.aims[0][1], table.best
     worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
@@ -233,12 +236,12 @@ def _about_best(table: StudyTable, finished: Collection[int]) -> dict[str, Any]:
             more["values"] = {name: float(aim[case]) for name, aim in table.objectives.items()}
         if table.passing_shares is not None:
             more["passing_share"] = float(table.passing_shares[case])
-        if (kind := _kind_of_worst(table, case, finished)) is not None:
+        if (kind := _kind_of_worst(table, case, searches)) is not None:
             more["worst"] = kind
         return {**item, **more, "parameters": plan.values_in(case)}
 
     for of in (of for of in worst.values() if "case" in of):
-        of |= {} if (kind := _kind_of_worst(table, of["case"], finished)) is None else {"worst": kind}
+        of |= {} if (kind := _kind_of_worst(table, of["case"], searches)) is None else {"worst": kind}
     sampled = table.limits and table.drawn.any()
     return {
         "passing": int(table.passing.sum()) if table.limits else None,
@@ -378,7 +381,7 @@ def _tolerances(plan: StudyPlan) -> dict[str, Any] | None:
     return {"realisations": realisations.count, "quantile": realisations.quantile, "parameters": parameters}
 
 
-def _worst(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | None:
+def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | None:
     """Of the best case by limit and objective the worst value within the tolerances, and where it is."""
     realisations = table.plan.study.realisations
     if not (table.best and realisations.judged_by_worst):
@@ -394,14 +397,14 @@ def _worst(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | Non
             "of_sample": judge.sign * float(np.nanmax([judge.badness(of) for of in sample])),
             "deviations": {p.number.path: x for p, x in zip(realisations.parameters, deviations, strict=True)},
         }
-    kind = _kind_of_worst(table, case, finished)
+    kind = _kind_of_worst(table, case, searches)
     return {
         "case": case, "kind": kind, "further_cases": sum(map(len, table.further.values())),
         "most_further_cases": realisations.most_further, "by": found,
     }  # fmt: skip
 
 
-def _scatter(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | None:
+def _scatter(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | None:
     """What the best case ranges over within its tolerances, or the only one; known realisations only.
 
     Smallest and largest values are those of all realisations that are solved, statistics those of the sample.
@@ -417,20 +420,20 @@ def _scatter(table: StudyTable, finished: Collection[int]) -> dict[str, Any] | N
         if not sample.size:
             continue
         ends = {"smallest": float(known.min()), "largest": float(known.max())}
-        ranges[name] = {"nominal": float(every[0]), **ends, **_kinds_of_ends(table, case, name, finished)}
+        ranges[name] = {"nominal": float(every[0]), **ends, **_kinds_of_ends(table, case, name, searches)}
         ranges[name] |= {key: value for key, value in statistics(sample).items() if key not in ends}
     met = {"probability": probability(table.meets[case, 1:count])} if table.limits else {}
     return {"case": case, "responses": ranges, **met}
 
 
-def _kinds_of_ends(table: StudyTable, case: int, name: str, finished: Collection[int]) -> dict[str, str]:
+def _kinds_of_ends(table: StudyTable, case: int, name: str, searches: Mapping[int, bool]) -> dict[str, str]:
     """Whether the smallest and the largest value of a response within the tolerances are sampled or searched.
 
     Parameters
     ----------
     table, case : of the study, and the number of the case.
     name : of the response.
-    finished : numbers of the cases whose worst was searched to the end.
+    searches : by number of the cases whose worst was searched, whether that came to its end.
     """
 
     def searched(judge: Judge) -> bool:
@@ -440,7 +443,7 @@ def _kinds_of_ends(table: StudyTable, case: int, name: str, finished: Collection
         return name in ends and len(judge.asked) == 1 and ends[name] == max(ends.values())
 
     kinds = {"smallest_is": SAMPLED, "largest_is": SAMPLED}
-    if (kind := _kind_of_worst(table, case, finished)) is not None:
+    if (kind := _kind_of_worst(table, case, searches)) is not None:
         for judge in (judge for judge in judges_of(table.plan) if searched(judge)):
             kinds["largest_is" if judge.sign > 0.0 else "smallest_is"] = kind
     return kinds
@@ -477,13 +480,13 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
 
 
-def _about_worst(table: StudyTable, finished: Collection[int]) -> Iterator[str]:
+def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
     """A note where the budget ended the search for the worst of the best case, or left none for it."""
     most = table.plan.study.realisations.most_further
     if not table.best or not most or sum(map(len, table.further.values())) < most:
         return
     case = int(table.best[0]["case"])
-    if _kind_of_worst(table, case, finished) in (SAMPLED, UNFINISHED):
+    if _kind_of_worst(table, case, searches) != SEARCHED:
         key = f"{getattr(table.plan.scenario.study, 'section', 'vary')}.tolerances.worst_cases"
         yield (
             f"{key} = {most} ended the search for the worst of case {case + 1} before its end: give more, or the worst "

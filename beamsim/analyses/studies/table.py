@@ -268,8 +268,26 @@ class StudyTable:
 
     @property
     def eligible(self) -> Bools:
-        """(cases,) the front, or else the candidates."""
-        return self.candidates if self.front is None else self.front
+        """(cases,) the front, or else the candidates.
+
+        A case of which only the sample is known is not better than one that was tried where tolerances are worst.
+        """
+        if self.front is not None:
+            return self.front
+        tried, values = np.isin(np.arange(self.shape[0]), list(self.further)) & self.candidates, self.judged_first
+        if not tried.any() or values is None:
+            return self.candidates
+        return np.asarray(self.candidates & (tried | (values >= values[tried].min())))
+
+    @cached_property
+    def judged_first(self) -> Floats | None:
+        """(cases,) the first objective, small where good, or else the negative smallest margin; None without both."""
+        aim, values = self.aims[0]
+        if values is not None:
+            return np.asarray(aim.sign * values)
+        if aim.terms or not self.margins:
+            return None
+        return np.asarray(-np.array(list(self.margins.values()), dtype=float).min(axis=0))
 
     @cached_property
     def best(self) -> list[dict[str, Any]]:
@@ -326,7 +344,12 @@ def efficient(values: Floats, among: Bools) -> Bools:
 
 
 def shares_between(front: Floats) -> Floats:
-    """(n - 1,) distances between neighbours of a front (2, n) over its length, with each objective's range as one."""
+    """(n - 1,) distances between neighbours of a front (2, n) over its length, with each objective's range as one.
+
+    None where there are no two designs, as where no design meets every limit.
+    """
+    if front.shape[1] < 2:
+        return np.zeros(0)
     ranges = np.ptp(front, axis=1, keepdims=True)
     steps = np.linalg.norm(np.diff(front / np.where(ranges > 0.0, ranges, 1.0), axis=1), axis=0)
     return np.asarray(steps / steps.sum() if steps.sum() > 0.0 else steps)

@@ -8,7 +8,7 @@ from the worst one that lies apart. Where the worse of both ended, it goes on wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -17,18 +17,21 @@ import numpy as np
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.analyses.studies.responses import limited_response, means
-from beamsim.analyses.studies.table import table_of
+from beamsim.analyses.studies.table import StudyTable, table_of
 from beamsim.cases import CaseOutcome, Evaluator
 from beamsim.scenario.studies import Value
 from beamsim.typing import Floats
 
-SAMPLED, SEARCHED, UNFINISHED = "sampled", "searched", "search not finished"
+SAMPLED, TRIED = "sampled", "tried where others are worst"
+SEARCHED, UNFINISHED = "searched", "search not finished"
 """What the worst of a case is."""
 OBJECTIVE = "objective"  # what an objective is called where a limit has its name
 FEW = 4  # numbers, all of whose corners are solved
 COARSE = (2.0, 1.0, 0.5, 0.25, 0.125)  # steps of the compass searches, in tolerances
 FINE = (0.0625, 0.03125)  # where the worse of two searches ended: a resonance is narrow
 BETTER = 1e-3  # of a value, by which a step makes it worse
+FOR_A_SEARCH = 0.4  # of the budget, which stays for the search of the last case while it is not known what one takes
+MOST_TRIED = 6  # cases, before the best of them is where a local search starts
 APART = 0.75  # in tolerances, from the worst point that was found to that where the second search starts
 
 Point = tuple[float, ...]
@@ -84,28 +87,151 @@ class WorstSearch:
         self, plan: StudyPlan, evaluate: Evaluator, changes_of: Callable[[int, tuple[Value, ...]], Changes]
     ) -> None:
         self.plan, self.evaluate, self.changes_of = plan, evaluate, changes_of
-        self.finished: dict[int, bool] = {}  # by case that was searched: whether its search came to its end
+        self.searches: dict[int, bool] = {}  # by case that was searched: whether its search came to its end
+        self.critical: dict[Point, None] = {}  # where searched cases are worst
+        self._explored = set[int]()  # cases whose corners are solved
+        self._cost = 0  # largest number of further cases of a search
+
+    @property
+    def asked(self) -> bool:
+        """Whether cases are judged by their worst, which may be searched."""
+        realisations = self.plan.study.realisations
+        return realisations.judged_by_worst and realisations.most_further > 0
 
     def go_on(self) -> bool:
-        """Search for the worst of the best case, if it was not yet searched; whether there was one to be searched."""
-        realisations = self.plan.study.realisations
-        if not (self.evaluate.room and realisations.judged_by_worst):
+        """Search for the worst of what may be the best case, if it is not known yet; whether there was one.
+
+        A case is first tried where others are worst, and searched only if it still may be the best. As much of the
+        budget as a search took stays for the last one.
+        """
+        if not (self.asked and self.evaluate.room):
             return False
         table = table_of(self.plan, self.evaluate.outcomes)
-        best = [item["case"] for item in (table.best if table.front is not None else table.best[:1])]
-        case = next((case for case in best if case not in self.finished), None)
-        if case is None:
+        if table.front is not None:
+            case = next((item["case"] for item in table.best if item["case"] not in self.searches), None)
+        else:
+            case = self.most_promising(table)
+        if case is None or case in self.searches:
             return False
-        sample = {
-            tuple(map(float, deviations)): self.evaluate.outcomes[case * realisations.count + r]
+        if table.front is None and (missing := self._missing(case)):
+            if self.affords(missing):
+                self.evaluate.within(case, missing)
+                return True
+            tried = [number for number in table.further if table.candidates[number]]
+            case = self.most_promising(table, tried) if tried else case
+            if case is None or case in self.searches:
+                return False
+        self._search(case)
+        return True
+
+    def affords(self, points: Collection[Point] = ()) -> bool:
+        """Whether further realisations of a case leave as much of the budget as a search for its worst takes."""
+        kept = self._cost or round(FOR_A_SEARCH * self.plan.study.realisations.most_further)
+        return self.evaluate.room - len(points) >= kept
+
+    def explore(self) -> int | None:
+        """Solve what may be the best case where others are worst and, if it still may be it, in its corners.
+
+        Returns
+        -------
+        The number of the case; None where there is none, or no budget.
+        """
+        for _ in range(MOST_TRIED):
+            case = self.most_promising(table_of(self.plan, self.evaluate.outcomes))
+            if case is None or case in self._explored or not self.affords(missing := self._missing(case)):
+                return case if case in self._explored else None
+            if missing:
+                self.evaluate.within(case, missing)
+            else:
+                points, corners = self._points(case), self._corners(case)
+                if not self.affords(corners):
+                    return None
+                points.solve(corners)
+                self._keep(case, points)
+        return self.most_promising(table_of(self.plan, self.evaluate.outcomes), list(self._explored))
+
+    def where_others_are_worst(self, case: int) -> list[CaseOutcome]:
+        """The further realisations of a case, of which those where others are worst are solved now."""
+        self.evaluate.within(case, self._missing(case))
+        return [outcome for outcome in self.evaluate.outcomes.values() if outcome.deviations and outcome.within == case]
+
+    def most_promising(self, table: StudyTable, among: Sequence[int] | None = None) -> int | None:
+        """The case that is the best if its worst exceeds that of its sample as it does in searched cases; None without.
+
+        Parameters
+        ----------
+        table : of the known cases.
+        among : numbers of cases; all by default.
+        """
+        count = table.count
+        tried = np.isin(np.arange(table.shape[0]), list(table.further))
+
+        def expected(each: Floats, sign: float) -> Floats:
+            """(cases,) worst values, of those that were not tried by the least ratio of the others."""
+            judged = sign * np.max(sign * each, axis=1)
+            sample = sign * np.max(sign * each[:, :count], axis=1)
+            ratios = judged[tried] / sample[tried]
+            known = ratios[np.isfinite(ratios)]
+            if not known.size:
+                return np.asarray(judged)
+            ratio = known[np.argmin(sign * known)]
+            return np.asarray(np.where(tried, judged, sample * ratio))
+
+        limits = {name: expected(of.value, 1.0) for name, of in table.limits.items()}
+        holds = [np.where(tried, True, limits[name] <= of.limit) for name, of in table.limits.items()]
+        allowed = np.all([table.candidates, *holds], axis=0)
+        if among is not None:
+            allowed &= np.isin(np.arange(table.shape[0]), among)
+        aim, cost = objectives(self.plan.scenario)[0], None
+        shares = np.array([limits[name] / of.limit for name, of in table.limits.items()], dtype=float)
+        if not aim.terms:
+            cost = shares.max(axis=0)
+        elif (values := aim.of(table.responses)) is not None:
+            cost = aim.sign * expected(values, aim.sign)
+        if not allowed.any() and among is None and limits:  # none is expected to meet them: that which comes nearest
+            allowed, cost = table.candidates, shares.max(axis=0)
+        if cost is None or not (allowed & np.isfinite(cost)).any():
+            return None
+        return int(np.argmin(np.where(allowed & np.isfinite(cost), cost, np.inf)))
+
+    def _missing(self, case: int) -> list[Point]:
+        """Where others are worst and a case is not solved."""
+        solved = {of.deviations for of in self.evaluate.further.values() if of.within == case}
+        return [point for point in self.critical if point not in solved]
+
+    def _points(self, case: int) -> _Points:
+        """What is known of a case: its sample and its further realisations."""
+        realisations, outcomes = self.plan.study.realisations, self.evaluate.outcomes
+        known = {
+            tuple(map(float, deviations)): outcomes[case * realisations.count + r]
             for r, deviations in enumerate(realisations.deviations)
         }
-        self.finished[case] = False
-        points = _Points(self.evaluate, case, sample)
-        paths = [parameter.number.path for parameter in realisations.parameters]
-        changes = self.changes_of(case, self.evaluate.rows[case]) if len(paths) > FEW else {}
-        self.finished[case] = _searched(points, judges_of(self.plan), paths, changes)
-        return True
+        known |= {of.deviations: outcomes[n] for n, of in self.evaluate.further.items() if of.within == case}
+        return _Points(self.evaluate, case, known)
+
+    def _corners(self, case: int) -> list[Point]:
+        """The corners that are solved of a case: all of a few numbers, else those that may be the worst."""
+        paths = [parameter.number.path for parameter in self.plan.study.realisations.parameters]
+        if len(paths) <= FEW:
+            return list(product((-1.0, 1.0), repeat=len(paths)))
+        changes, points = self.changes_of(case, self.evaluate.rows[case]), self._points(case)
+        return [corner for judge in judges_of(self.plan) for corner in _corners(points, judge, paths, changes)]
+
+    def _search(self, case: int) -> None:
+        """Search for the worst of a case, and keep where it is."""
+        before, points = self.evaluate.room, self._points(case)
+        self.searches[case] = False
+        corners = [] if case in self._explored else self._corners(case)
+        self.searches[case] = points.solve(corners) and _searched(points, judges_of(self.plan))
+        self._keep(case, points)
+        self._cost = max(self._cost, before - self.evaluate.room)
+
+    def _keep(self, case: int, points: _Points) -> None:
+        """Keep where a case is worst, for others."""
+        sampled = set(map(tuple, self.plan.study.realisations.deviations.tolist()))
+        worst = [points.worst(judge) for judge in judges_of(self.plan)]
+        self.critical |= dict.fromkeys(point for point in worst if point is not None and point not in sampled)
+        self._explored.add(case)
 
 
 class _Points:
@@ -134,15 +260,8 @@ class _Points:
         return max(far, key=lambda point: self.badness(judge, point), default=None)
 
 
-def _searched(points: _Points, judges: Sequence[Judge], paths: Sequence[str], changes: Changes) -> bool:
-    """Search for the worst by every judge; whether the budget sufficed."""
-    count = len(paths)
-    if count <= FEW:
-        corners = list(product((-1.0, 1.0), repeat=count))
-    else:
-        corners = [corner for judge in judges for corner in _corners(points, judge, paths, changes)]
-    if not points.solve(corners):
-        return False
+def _searched(points: _Points, judges: Sequence[Judge]) -> bool:
+    """Search from the worst of the known points by every judge; whether the budget sufficed."""
     ends: dict[str, Point] = {}
     for steps, apart in ((COARSE, False), (COARSE, True), (FINE, False)):
         for judge in judges:
