@@ -100,9 +100,12 @@ def rooted(root: str, path: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        there = [replace(each, path=path + each.path[len(root) :]) for each in error.problems]
-        pairs = zip(error.problems, there, strict=True)
-        raise ScenarioError([moved if old.path.startswith(root) else old for old, moved in pairs]) from None
+        raise ScenarioError([_moved(each, root, path) for each in error.problems]) from None
+
+
+def _moved(problem: Problem, root: str, path: str) -> Problem:
+    """A problem whose path begins with ``root``, at the path where that is written; any other as it is."""
+    return replace(problem, path=path + problem.path[len(root) :]) if problem.path.startswith(root) else problem
 
 
 class InputFileError(BeamsimError):

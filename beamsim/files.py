@@ -529,8 +529,9 @@ def put_in_place(temporary: Path, place: Placement) -> None:
     with open(temporary, "rb+") as written:
         os.fsync(written.fileno())
     aside = _with_second_name(place.target) if place.moves_aside else None
+    replace = _replace_patiently if sys.platform == "win32" else os.replace
     try:
-        _replace(temporary, place.target)
+        replace(temporary, place.target)
     except BaseException:
         if aside is not None:
             _put_back(aside, place.target)
@@ -541,9 +542,9 @@ def put_in_place(temporary: Path, place: Placement) -> None:
         _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
 
 
-def _replace(temporary: Path, target: Path) -> None:
+def _replace_patiently(temporary: Path, target: Path) -> None:
     """Rename a file to that of another, which Windows refuses for a while where another program reads what is there."""
-    for pause in PAUSES_S if sys.platform == "win32" else ():
+    for pause in PAUSES_S:
         with suppress(PermissionError):
             os.replace(temporary, target)
             return
@@ -651,10 +652,8 @@ def check_writable(path: Path | str) -> Path:
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise ResultFileError(
-            f"cannot write {path}: no file can be made in {folder} ({reason}); choose another folder with -o"
-        ) from error
+        why = f"no file can be made in {folder} ({error.strerror or error})"
+        raise ResultFileError(f"cannot write {path}: {why}; choose another folder with -o") from error
     finally:
         _remove(probe)
     return intended / probe.name

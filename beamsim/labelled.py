@@ -30,6 +30,9 @@ from 0 over the whole array in C order."""
 OF_EACH = "units_of_each"
 """Attribute of an array whose unit differs from member to member: JSON list of their units, in the same order."""
 MIXED = f"see {OF_EACH}"
+FLAG_VALUES: dict[str, Any] = {
+    "flag_values": np.array([0, 1], dtype=np.uint8)
+}  # of what is false or true, with flag_meanings
 NAMES = "names"
 """Attribute of numbers from 0: the path of the coordinate whose values they number."""
 ROW = "number of the row"
@@ -128,11 +131,6 @@ def part_of(array: Any, index: tuple[Any, ...]) -> Any:
         part = array[index]
         return part if isinstance(part, np.ndarray) else np.asarray(part, dtype=array.dtype)
     return array.part(index)
-
-
-def flagged(flags: tuple[str, str]) -> dict[str, Any]:
-    """Attributes that say what false and true mean."""
-    return {"flag_values": np.array([0, 1], dtype=np.uint8), "flag_meanings": " ".join(flags)}
 
 
 # --- As a result holds it --------------------------------------------------------------------------------------------
@@ -448,10 +446,10 @@ class Layout:
             each = (of_members or {}).get(declared.dims[0] if declared.dims else "")
             units, meanings = (_texts(text, each, words) for text in (declared.unit or "1", declared.meaning))
             together = [" | ".join(dict.fromkeys(texts)) for texts in (units, meanings)]
-            attributes = {"units": together[0] or "1", "long_name": together[1]}
+            attributes: dict[str, Any] = {"units": together[0] or "1", "long_name": together[1]}
             if len(set(units)) > 1:
                 attributes |= {"units": MIXED, OF_EACH: json.dumps(units, ensure_ascii=False)}
-            attributes |= flagged(declared.flags) if declared.flags else {}
+            attributes |= {**FLAG_VALUES, "flag_meanings": " ".join(declared.flags)} if declared.flags else {}
             attributes |= {NAMES: declared.names} if declared.names else {}
             attributes |= {ABSENT: json.dumps(absent)} if absent else {}
             scale = declared.dims == (name,)

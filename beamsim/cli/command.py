@@ -52,9 +52,8 @@ def prepared(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
     """
     scenario = load_case(options, command)
     if options.check and scenario.limits is None:
-        raise ScenarioError(
-            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
-        )
+        message = "is missing, so that --check has nothing to check"
+        raise ScenarioError(Problem("limits", message, "add limits: {peak_force: 50 N}"))
     return scenario, output_file(options.output, result_stem(options), *RESULTS)
 
 

@@ -98,6 +98,9 @@ def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
     return [key for key in keys if read_first(result.scenario, modes, key)]
 
 
+_WITHOUT_LIMIT = "has no limit, it grows with the modes, since a force jumps at a point with little mass"
+
+
 class Errors:
     """The errors of the values of a summary, from a finer model, as their numbers show them and as text.
 
@@ -151,10 +154,8 @@ class Errors:
         if self._printed & (self._after - self._doubtful - self._unlimited):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
         if self._printed & self._unlimited:
-            yield (
-                "^ has no limit, it grows with the modes, since a force jumps at a point with little mass: give "
-                f"{'run.low_pass, ' if self._result.KIND == 'run' else ''}a damping of the body, or a point mass there"
-            )
+            low_pass = "run.low_pass, " if self._result.KIND == "run" else ""
+            yield f"^ {_WITHOUT_LIMIT}: give {low_pass}a damping of the body, or a point mass there"
 
     def verdict(self) -> str:
         """Whether the numbers of a result that is complete can be trusted, in a few words."""

@@ -282,10 +282,9 @@ def interruptible() -> Iterator[Interruption]:
         for number in before:
             signal.signal(number, interruption.request)
         yield interruption
-    except VerdictError:  # what was found is kept
-        raise
     except BaseException as error:
-        if not (interruption.at_once or isinstance(error, KeyboardInterrupt)):
+        stopped = interruption.at_once or isinstance(error, KeyboardInterrupt)
+        if isinstance(error, VerdictError) or not stopped:  # a verdict tells of a complete result, which is kept
             raise
         if interruption.signal == signal.SIGTERM:
             sys.exit(ExitCode.TERMINATED)

@@ -328,14 +328,16 @@ class ContactLaw:
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
-        a, r, iw = self.arrays, self.internal_states, 1j * np.asarray(omega, dtype=float)
-        force, rates = a.force[phase], a.rates[phase]
+        force, iw = self.arrays.force[phase], 1j * np.asarray(omega, dtype=float)
         stiffness = np.asarray(force[0] + iw * force[1], dtype=complex)
-        if force[INTERNAL:].any():  # of states p with i omega p = A p + b per penetration
-            moving = iw[:, None, None] * np.eye(r) - rates[:, INTERNAL:]
-            moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
-            stiffness = stiffness + moved @ force[INTERNAL:]
-        return np.asarray(stiffness)
+        return stiffness + self._stiffness_of_states(phase, iw) if force[INTERNAL:].any() else stiffness
+
+    def _stiffness_of_states(self, phase: int, iw: Complexes) -> Complexes:
+        """(w,) part of the dynamic stiffness of internal states p, for which i omega p = A p + b per penetration."""
+        force, rates = self.arrays.force[phase], self.arrays.rates[phase]
+        moving = iw[:, None, None] * np.eye(self.internal_states) - rates[:, INTERNAL:]
+        moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
+        return np.asarray(moved @ force[INTERNAL:])
 
     def scaled(self, factor: float) -> ContactLaw:
         """The law with all forces multiplied by a positive factor, that of a contact that presses it too.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -272,19 +273,28 @@ def responses(drive: Drive, sources: Sources) -> Complexes:
     longest = np.minimum(drive.horizon, sources.longest_piece)
     driving = (drive.inputs + sources.exponent[:, None] * drive.slopes)[:, None]
     if power.any():
-        F, rising, direct = np.arange(power.size), np.flatnonzero(power), driving[:, 0]
-        driving = np.zeros((F.size, power.max() + 1, equations.equations.states), dtype=complex)
-        driving[F, power], driving[rising, power[rising] - 1] = direct, (power[:, None] * drive.slopes)[rising]
+        driving = _driving_in_powers(driving[:, 0], drive.slopes, power)
     forced = _forced(drive.modes, driving, sources, longest)
     if not equations.factors[:, : RATE + 1].any():
         return forced
     # what a stiff contact's load leaves in slow motions is a small part of it
     corrected = _forced(drive.modes, _residual(forced, equations, sources), sources, longest)
-    if forced.shape == corrected.shape:
-        return forced + corrected
-    total = np.zeros((*forced.shape[:1], max(forced.shape[1], corrected.shape[1]), forced.shape[2]), dtype=complex)
-    total[:, : forced.shape[1]] = forced
-    total[:, : corrected.shape[1]] += corrected
+    return forced + corrected if forced.shape == corrected.shape else _sum_of_polynomials(forced, corrected)
+
+
+def _driving_in_powers(direct: Complexes, slopes: Floats, power: Ints) -> Complexes:
+    """(F, degree + 1, N) what drives the states, by powers of time, for sources that some powers of time multiply."""
+    every, rising = np.arange(power.size), np.flatnonzero(power)
+    driving = np.zeros((power.size, power.max() + 1, direct.shape[1]), dtype=complex)
+    driving[every, power], driving[rising, power[rising] - 1] = direct, (power[:, None] * slopes)[rising]
+    return driving
+
+
+def _sum_of_polynomials(one: Complexes, other: Complexes) -> Complexes:
+    """(F, D, N) sum of factors of powers of time, of which one has more than the other."""
+    total = np.zeros((one.shape[0], max(one.shape[1], other.shape[1]), one.shape[2]), dtype=complex)
+    total[:, : one.shape[1]] = one
+    total[:, : other.shape[1]] += other
     return total
 
 
@@ -440,16 +450,17 @@ class _FirstOrder(NamedTuple):
         return cls(scale, A, out, back)
 
 
+def _inverse_of_rates(undamped: _UndampedModes, scale: Floats) -> Floats:
+    """Inverse of the matrix of `_FirstOrder`, whose displacements have scales (r,); no mode is that of a rigid body."""
+    compliance = scale / undamped.omega_squared
+    left = -compliance[:, None] * undamped.damping / scale
+    return np.block([[left, -np.diag(compliance)], [np.diag(1.0 / scale), np.zeros(undamped.damping.shape)]])
+
+
 def _coupled_modes(undamped: _UndampedModes, states: int, window: float) -> BlockForm:
     """Modes that damping couples, in a state vector of so many states, for times up to the window, s."""
     scale, A, out, back = _FirstOrder.of(undamped, states)
-
-    def inverse() -> Floats:
-        compliance = scale / undamped.omega_squared
-        left = -compliance[:, None] * undamped.damping / scale
-        return np.block([[left, -np.diag(compliance)], [np.diag(1.0 / scale), np.zeros(undamped.damping.shape)]])
-
-    known = inverse if undamped.omega_squared.min() > 0.0 else None
+    known = partial(_inverse_of_rates, undamped, scale) if undamped.omega_squared.min() > 0.0 else None
     return block_diagonalise(A, window, known).placed(out, back)
 
 

@@ -281,8 +281,12 @@ def _small_from_inverse(
     at = int(np.argmax(size[1:] / size[:-1]))
     if size[at + 1] < WIDE_GAP * size[at]:
         return lam, X
-    limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
-    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
+    return _slow_from_inverse(lam, X, inverse(), np.sqrt(size[at]) * np.sqrt(size[at + 1]))
+
+
+def _slow_from_inverse(lam: Complexes, X: Complexes, inverse: Floats, limit: float) -> tuple[Complexes, Complexes]:
+    """Eigenvalues and vectors of a matrix, those of sizes below a limit from its inverse."""
+    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse))
     fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
     if fast.sum() + slow.sum() != lam.size:
         return lam, X

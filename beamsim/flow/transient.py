@@ -233,6 +233,15 @@ def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
     return Motion(begin.state, flow.state_index(begin.phases), BEGINNING), begun
 
 
+def _log_of_start(flow: ExactFlow, motion: Motion, log: Log) -> Log:
+    """An empty log with one segment of no length, where the motion stands."""
+    one = np.zeros(1, dtype=np.int64)
+    return log._replace(
+        time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
+        y=motion.y[None, :].copy(),
+    )  # fmt: skip
+
+
 def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajectory:
     """The trajectory of a motion up to where it got.
 
@@ -247,11 +256,7 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
     The motion up to its end, or up to where it leaves the range of floating-point numbers.
     """
     if not log.time.size:  # out of budget within the first segment: at least the start is known
-        one = np.zeros(1, dtype=np.int64)
-        log = log._replace(
-            time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
-            y=motion.y[None, :].copy(),
-        )  # fmt: skip
+        log = _log_of_start(flow, motion, log)
     trajectory = Trajectory(flow, motion.time, *log, motion.y.copy(), march.evaluations, march.outcome)
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
 

@@ -340,17 +340,22 @@ class Sources:
     limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_lower_limits`
     group_last: Ints  # (F,) number of the last source of the polynomial (same channel and exponent) of each
 
+    def _of_higher_powers(self, amplitude: Complexes, shift: Floats) -> Complexes:
+        """(n, F) what higher powers of time add to the lower ones where times are counted from later, by (n, 1)."""
+        added, last = np.zeros_like(amplitude), self.group_last
+        for f in np.flatnonzero(last > np.arange(last.size)):
+            factor = np.ones(shift.size)
+            for q in range(f + 1, last[f] + 1):
+                factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
+                added[:, f] += factor * amplitude[:, q]
+        return added
+
     def amplitudes_at(self, time: Floats, piece: Ints) -> Complexes:
         """(n, F) amplitudes in pieces (n,) about times (n,)."""
         amplitude, shift = self.amplitude[piece], (time - self.start[piece])[:, None]
         if not np.any(shift):
             return amplitude
-        last, out = self.group_last, amplitude.copy()
-        for f in np.flatnonzero(last > np.arange(last.size)):
-            factor = np.ones(time.size)
-            for q in range(f + 1, last[f] + 1):
-                factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
-                out[:, f] += factor * amplitude[:, q]
+        out = amplitude + self._of_higher_powers(amplitude, shift) if self.power.any() else amplitude.copy()
         if np.any(self.exponent):
             out *= np.exp(self.exponent * shift)
         return out

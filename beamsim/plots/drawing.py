@@ -239,10 +239,7 @@ def draw(ax: Axes, chart: Chart) -> None:
     for letter in chart.whole:
         (ax.xaxis if letter == "x" else ax.yaxis).set_major_locator(MaxNLocator("auto", integer=True))
     for letter in chart.log:
-        axis = ax.xaxis if letter == "x" else ax.yaxis
-        axis.set_major_formatter(PowersOfTen())
-        axis.set_minor_formatter(PowersOfTen())
-        _plain_logarithmic(axis)
+        _label_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
     finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
     ax.set_title(chart.title, fontsize="small", loc="left")
     if chart.note:
@@ -309,8 +306,10 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _plain_logarithmic(axis: Any) -> None:
-    """Numbers at 1, 2, 5 a decade, written out, on a logarithmic axis of few decades whose numbers are short."""
+def _label_logarithmic(axis: Any) -> None:
+    """Powers of ten on a logarithmic axis; numbers at 1, 2, 5 a decade, written out, on one of few decades."""
+    axis.set_major_formatter(PowersOfTen())
+    axis.set_minor_formatter(PowersOfTen())
     low, high = axis.get_view_interval()
     if 4.0 * low < high < 1e3 * low and low > 1e-3:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

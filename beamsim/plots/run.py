@@ -134,6 +134,13 @@ def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str
     return note if places else ""
 
 
+def _over_bands(frequency: Floats, levels: Floats, end: float) -> tuple[Axis, Floats, Floats]:
+    """The axis, places and levels of a spectrum in bands, of which not too many are shown up to an end, Hz."""
+    count = max(int(np.searchsorted(frequency, end)) // MOST_BANDS, 1)
+    across = (f"Frequency in bands of {count * float(np.diff(frequency[:2])[0]):.2g} Hz", HERTZ)
+    return across, *in_bands(frequency, levels, count)
+
+
 def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
     """Levels over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked.
 
@@ -158,9 +165,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
     places = frequency / unit
     if result.scenario.excitation.stationary:
-        count = max(int(np.searchsorted(places, end)) // MOST_BANDS, 1)
-        across = (f"Frequency in bands of {count * float(np.diff(places[:2])[0]):.2g} Hz", HERTZ)
-        places, levels = in_bands(frequency, levels, count)
+        across, places, levels = _over_bands(frequency, levels, end)
     names = spectra["name"].values[shown].tolist()
     return Chart(
         across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
@@ -709,9 +714,35 @@ def _tornados(result: RunResult, responses: Iterable[str]) -> list[Callable[[Axe
     return [partial(plot_tornado, result, response=name) for name in names]
 
 
+def _random_figures(result: RunResult) -> dict[str, Picture]:
+    """Those of the response to a random input."""
+    random = result["random"]
+    crossed = Picture(result.title, [crossings(random)])
+    return {"level_crossings": crossed, "random": random_picture(result, random)}
+
+
+def _shock_figures(result: RunResult) -> dict[str, Picture]:
+    """That of shock response spectra."""
+    return {"srs": Picture(result.title, [shock_response(result["srs"], _doubts(result, "srs", "spectra"))])}
+
+
+def _matched_figures(result: RunResult) -> dict[str, Picture]:
+    """That of a record which was made for a spectrum."""
+    return {"matched_spectrum": Picture(result.title, [matched_spectrum(result["matched"])])}
+
+
+FIGURES_OF_DATASETS: dict[str, Callable[[RunResult], dict[str, Picture]]] = {  # of what not every run has
+    "random": _random_figures,
+    "srs": _shock_figures,
+    "matched": _matched_figures,
+    "impacts": impact_figures,
+    "fatigue": lambda result: {"stress_cycles": stress_cycles(result)},
+}
+
+
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
-    (random, srs), of_run = (result.datasets.get(name) for name in ("random", "srs")), result["histories"]
+    random, of_run = result.datasets.get("random"), result["histories"]
     panels = _histories_of_all(result)
     forces = of_run.by_label("snubber_force").values()
     if units := dict.fromkeys(force.unit for force in forces if np.any(force.values)):
@@ -722,12 +753,6 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["spring_force"] = [spring_forces(result, springs)]
     if (spectra := result.datasets.get("spectra")) is not None:
         panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(spectra["quantity"].values.tolist())]
-    if random is not None:
-        panels["level_crossings"] = [crossings(random)]
-    if srs is not None:
-        panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
-    if (matched := result.datasets.get("matched")) is not None:
-        panels["matched_spectrum"] = [matched_spectrum(matched)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
     if (derivatives := result.summary.get("sensitivities")) and (tornados := _tornados(result, derivatives)):
         figures["sensitivities"] = Picture(result.title, tornados)
@@ -739,10 +764,6 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     ]
     if portraits:
         figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
-    if random is not None:
-        figures["random"] = random_picture(result, random)
-    if "impacts" in result.datasets:
-        figures |= impact_figures(result)
-    if "fatigue" in result.datasets:
-        figures["stress_cycles"] = stress_cycles(result)
+    for name, of_dataset in FIGURES_OF_DATASETS.items():
+        figures |= of_dataset(result) if name in result.datasets else {}
     return figures | body_figures(result)

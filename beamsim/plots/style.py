@@ -94,10 +94,8 @@ def scale_for(unit: str, *values: ArrayLike, digits: int = 4) -> Scale:
     first = _FIRST_UNIT.match(unit)
     if largest == 0.0 or first is None or first[0].partition("^")[0] not in _WITH_PREFIX:
         return Scale(1.0, unit)
-    if unit == "s" or unit.startswith("kg"):
-        scale = _of_times_and_masses(unit, largest, digits)
-        if scale is not None:
-            return scale
+    if (unit == "s" or unit.startswith("kg")) and (scale := _of_times_and_masses(unit, largest, digits)) is not None:
+        return scale
     metres, power = unit.startswith("m"), int(first[1] or 1)
     allowed = [(prefix, size) for prefix, size in _PREFIXES if not (metres and size > 1.0)]
     smallest = 0.1 if metres else 1.0
@@ -188,10 +186,8 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
     -------
     Number and unit, ``unknown`` or ``infinity``.
     """
-    if value is None or math.isnan(value):
-        return "unknown"
-    if math.isinf(value):
-        return "infinity"
+    if value is None or not math.isfinite(value):
+        return "infinity" if value is not None and math.isinf(value) else "unknown"
     if unit == "Hz":  # frequencies are compared, so that all are in the same unit
         return f"{value:.{max(digits, 6)}g} Hz"
     if unit in ("", "1"):

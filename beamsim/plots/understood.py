@@ -46,8 +46,7 @@ def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, comman
     low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
     if low_pass is not None:
         highest = max([scenario.excitation.highest_frequency_hz, *(of["to_hz"] for of in inputs.values())])
-        against = f", {low_pass / highest:.3g} times the excitation's {highest:.4g} Hz" if highest > 0.0 else ""
-        parts.append(f"low-pass filter {low_pass:.6g} Hz{against}")
+        parts.append(_low_pass_text(low_pass, highest))
     return "; ".join([*parts, *(() if modes is None else first_modes(scenario, modes))])
 
 
@@ -56,6 +55,12 @@ def _command_of(scenario: Scenario) -> str:
     if scenario.run is not None or scenario.sweep is not None or scenario.study is not None:
         return ""
     return "nnm" if scenario.nnm is not None else "identify-stiffness" if scenario.identify_stiffness else ""
+
+
+def _low_pass_text(low_pass: float, highest: float) -> str:
+    """A low-pass filter, Hz, against the highest frequency of the excitation, Hz; 0 where there is none."""
+    against = f", {low_pass / highest:.3g} times the excitation's {highest:.4g} Hz" if highest > 0.0 else ""
+    return f"low-pass filter {low_pass:.6g} Hz{against}"
 
 
 def _uses_excitation(scenario: Scenario, command: str) -> bool:

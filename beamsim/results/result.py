@@ -136,10 +136,6 @@ LARGEST_MARGIN = 100.0  # a limit over the value that it limits, above which one
 _REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
 @cache
 def _versions() -> dict[str, str]:
     """Versions of Python and of the packages that the numbers depend on."""
@@ -180,7 +176,7 @@ class Result:
     wall_time_s: float = 0.0
     command_processor_time_s: float | None = None  # of the command with its workers, up to the file; None without one
     beamsim_version: str = __version__  # that computed the result
-    created: str = field(default_factory=_now)  # ISO 8601, UTC
+    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))  # ISO 8601
     provenance: dict[str, str] = field(default_factory=_versions)  # of Python and packages the numbers depend on
 
     def __getitem__(self, name: str) -> Dataset:
@@ -374,12 +370,18 @@ def deflection_warnings(scenario: Scenario, modes: Dataset, motions: Iterable[Ma
         for probe, values in motion.items():
             body, peak = body_of.get(probe) or scenario.default_body, float(np.nanmax(values, initial=0.0))
             largest[body] = max(largest.get(body, (0.0, "")), (peak, probe))
-    return [
-        f"the largest displacement at {probe} = {peak:.3g} m is not small for {path_text(scenario.body_path(name))} "
-        f"(more than {allowed:.3g} m), and the theory does not hold: a unit such as mm or g may be wrong"
-        for name, (peak, probe) in largest.items()
-        if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
-    ]
+    allowed = {name: body.largest_deflection for name, body in scenario.all_bodies.items()}
+    beyond = {name: of for name, of in largest.items() if of[0] > allowed.get(name, math.inf)}
+    return [_large_deflection(scenario, name, *of) for name, of in beyond.items()]
+
+
+def _large_deflection(scenario: Scenario, name: str, peak: float, probe: str) -> str:
+    """A warning of a body, of which the largest displacement (m) at a probe is not small."""
+    where, allowed = path_text(scenario.body_path(name)), scenario.all_bodies[name].largest_deflection
+    return (
+        f"the largest displacement at {probe} = {peak:.3g} m is not small for {where} (more than {allowed:.3g} m), and "
+        "the theory does not hold: a unit such as mm or g may be wrong"
+    )
 
 
 def line_warnings(inputs: Iterable[InputStatement], modes: Dataset) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
@@ -57,6 +57,14 @@ class SquareSection(Schema):
     def values(self) -> CrossSection:
         """With the second moment a^4 / 12."""
         return _rectangle(self.side, self.side)
+
+
+def _without_section(missing: Sequence[str]) -> InvalidValueError:
+    """The error of a body without a section, of whose width and thickness some are missing."""
+    remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
+    if len(missing) == 1:
+        return InvalidValueError("is missing", remedy, tuple(missing))
+    return InvalidValueError("has no cross-section", remedy)
 
 
 def _ring(outside: float, inside: float) -> CrossSection:
@@ -237,11 +245,7 @@ class SolidBending(Bent):
         super().check()
         self.exclude("section", "width", "thickness", remedy="keep section, or width and thickness, not both")
         if self.section is None and (missing := [key for key in ("width", "thickness") if getattr(self, key) is None]):
-            remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
-            one = len(missing) == 1
-            raise InvalidValueError(
-                "is missing" if one else "has no cross-section", remedy, tuple(missing) if one else ()
-            )
+            raise _without_section(missing)
         area, second_moment, _ = self._section_values
         for value, of in (
             (area, units.AREA), (second_moment, units.SECOND_MOMENT),
@@ -526,12 +530,15 @@ class BeamBody(Body):
         """Nothing left to move; points beyond the ends."""
         yield from super().problems(scenario, at)
         if self.elements == 1 and self.supports.kinds == ("clamped", "clamped"):
-            inside = any(0.0 < x < self.length for x in self.mass_points)
-            if not inside and len(self.uniform_segments) == 1 and not self.nodes:
-                message = "= 1 leaves no degree of freedom between two clamped ends"
-                yield problem((*at, "elements"), message, "use 2 or more")
+            yield from self._problem_of_one_element((*at, "elements"))
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(at, (*at, "nodes", index), x, "")
+
+    def _problem_of_one_element(self, at: Path) -> Problems:
+        """That one element between two clamped ends cannot move, unless something makes more of it."""
+        inside = any(0.0 < x < self.length for x in self.mass_points)
+        if not inside and len(self.uniform_segments) == 1 and not self.nodes:
+            yield problem(at, "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more")
 
     def support_at(self, position: WrittenPosition) -> str:
         """The end at a position, where its deflection is held."""

@@ -573,10 +573,8 @@ def coarse_mesh(where: Path, elements: int, size: float, ratio: float, highest_h
     """
     per_wave = math.inf if highest_hz <= 0.0 else math.sqrt(2.0 * math.pi / highest_hz) * ratio**0.25 / size
     if per_wave < 6.0:
-        yield (
-            f"{path_text(where)} = {elements} gives {per_wave:.1f} elements a bending wavelength at {highest_hz:g} Hz: "
-            "use 6 or more"
-        )
+        gives = f"gives {per_wave:.1f} elements a bending wavelength at {highest_hz:g} Hz"
+        yield f"{path_text(where)} = {elements} {gives}: use 6 or more"
 
 
 class Body(Schema):

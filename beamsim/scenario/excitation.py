@@ -181,11 +181,15 @@ class Driven(Input):
                 message = f"is given in a unit of {spoken(of)}, where {_with_article(quantity)} is meant"
                 raise InvalidValueError(message, "give the level in another unit, or set quantity", path)
         if quantity not in self.takes:
-            why, remedy = not_taken(quantity, self.takes)
-            of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
-            raise InvalidValueError(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
+            self._refuse_quantity()
         if self.direction is not None or self.about is not None:
             self._check_direction()
+
+    def _refuse_quantity(self) -> None:
+        """Refuse the quantity where it is given, or the first level that has it."""
+        why, remedy = not_taken(self.quantity, self.takes)
+        of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
+        raise InvalidValueError(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
 
     def _check_direction(self) -> None:
         if self.direction is not None and not self.on_base:

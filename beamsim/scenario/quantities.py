@@ -533,6 +533,7 @@ LONGEST_TEXT = 1000
 """Characters of a text; a longer one fits on no plot and on no line of a screen."""
 LONGEST_NAME = 100
 """Characters of a name, of which there are several in a legend and in a line of a table."""
+_HOW_TO_NAME = "use letters, digits, spaces and - _ + . (it names responses and columns)"
 
 
 def printable(text: str, longest: int) -> str:
@@ -577,9 +578,7 @@ class TextType(FieldType):
             raise UnitError("has too many digits", "put the value in quotes, and shorten it")
         text = printable(str(value), LONGEST_NAME if self.name else LONGEST_TEXT)
         if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
-            raise UnitError(
-                "is not a usable name", "use letters, digits, spaces and - _ + . (it names responses and columns)"
-            )
+            raise UnitError("is not a usable name", _HOW_TO_NAME)
         return text
 
     def json_schema(self) -> JsonSchemaValue:

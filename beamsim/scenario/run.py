@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import log2
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -230,21 +230,23 @@ class SpectrumSettings(Schema):
 
     def check(self) -> None:
         """Reject two lengths, and a frequency given twice."""
+        if len(set(self.frequencies)) < len(self.frequencies):
+            self._refuse_repeated_frequency()
+        self.exclude("periods", "last")
+
+    def _refuse_repeated_frequency(self) -> None:
+        """Refuse the first frequency that was given before."""
         for index, frequency in enumerate(self.frequencies):
             if frequency in self.frequencies[:index]:
-                raise InvalidValueError(
-                    f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index)
-                )
-        self.exclude("periods", "last")
+                message = f"= {frequency:g} Hz is given twice"
+                raise InvalidValueError(message, "remove one of them", ("frequencies", index))
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A part that is longer than the run, and frequencies that its spectra do not have."""
         duration = scenario.run.duration
         if self.last is not None and self.last > duration * (1.0 + 1e-12):
-            yield problem(
-                (*at, "last"), f"= {self.last:g} s is longer than run.duration = {duration:g} s",
-                "analyse a shorter part, or use a longer run",
-            )  # fmt: skip
+            message = f"= {self.last:g} s is longer than run.duration = {duration:g} s"
+            yield problem((*at, "last"), message, "analyse a shorter part, or use a longer run")
         if self.periods is not None:
             yield from self._problems_of_periods(scenario, (*at, "periods"), self.periods)
         if self.frequencies or self.to is not None:
@@ -481,19 +483,23 @@ class Run(Schema):
         if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
             yield from self._static_warnings(scenario)
         lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
-        for path, part in excitation.items:
-            if part.kind == "swept_sine" and part.cycles_in(self.duration) < 1.0:
-                at_path = path_text(("excitation", *path))
-                yield (
-                    f"run.duration = {self.duration:g} s ends within the first cycle of {at_path}, which begins at "
-                    f"{part.from_:g} Hz"
-                )
+        if swept := [(path, part) for path, part in excitation.items if part.kind == "swept_sine"]:
+            yield from self._sweep_warnings(swept)
         if self.duration * lowest < 1.0:
             yield f"run.duration = {self.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
         if rate < LEAST_OF_PERIOD * highest:
             yield f"run.sample_rate = {rate:g} Hz is {rate / highest:.3g} {_COARSE}"
         if rate * self.duration > MANY_SAMPLES:
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
+
+    def _sweep_warnings(self, swept: Iterable[tuple[Path, Any]]) -> Iterator[str]:
+        """That a run ends within the first cycle of a swept sine, each given with its path in the excitation."""
+        for path, part in swept:
+            if part.cycles_in(self.duration) < 1.0:
+                yield (
+                    f"run.duration = {self.duration:g} s ends within the first cycle of "
+                    f"{path_text(('excitation', *path))}, which begins at {part.from_:g} Hz"
+                )
 
     def _static_warnings(self, scenario: Whole) -> Iterator[str]:
         """That nothing moves without an excitation, where the run starts at static equilibrium."""

@@ -928,6 +928,13 @@ def _tree_of(scenario: Scenario) -> WrittenMapping:
     return root
 
 
+def _located(root: WrittenMapping, error: ScenarioError | ValidationError) -> ScenarioError:
+    """The errors of data with the places where these are written, in the order of the lines of the first file."""
+    problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
+    unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
+    return ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
+
+
 def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -> Scenario:
     """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located.
 
@@ -942,9 +949,7 @@ def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) 
     try:
         scenario = Scenario.model_validate(root)
     except (ScenarioError, ValidationError) as error:
-        problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
-        unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
-        raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0))) from None
+        raise _located(root, error) from None
     finally:
         UNITS_WRITTEN.reset(token)
     shown = (scenario.units or DisplayUnits()).filled(written)

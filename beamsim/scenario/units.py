@@ -326,8 +326,7 @@ def read_level(
     if isinstance(value, str):
         match = _NUMBER.fullmatch(value)
         if match is None:
-            what = "is empty" if not value.strip() else "is not a number, or a number with a unit"
-            raise UnitError(what, remedy)
+            raise UnitError("is not a number, or a number with a unit" if value.strip() else "is empty", remedy)
         value, unit = match[1].replace("_", ""), match[2]
     if unit.startswith(","):
         raise UnitError("is not a number with a unit", "write decimals with a point, as in 5.2 mm")
@@ -368,11 +367,13 @@ def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> f
     """The number, if its size is in the range of one of the dimensions."""
     smallest, largest = min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
     if number != 0.0 and not smallest <= abs(number) <= largest:
-        of = dimensions[0]
-        raise UnitError(
-            f"is outside the range of {of.with_article}, {smallest:g} to {largest:g} {of.unit}".rstrip(), remedy
-        )
+        raise UnitError(_outside_the_range(dimensions[0], smallest, largest), remedy)
     return number
+
+
+def _outside_the_range(of: Dimension, smallest: float, largest: float) -> str:
+    """What is wrong with a number of a dimension that is not between two, in its unit."""
+    return f"is outside the range of {of.with_article}, {smallest:g} to {largest:g} {of.unit}".rstrip()
 
 
 def _scaled(given: str | float, size: Unit, remedy: str) -> float:

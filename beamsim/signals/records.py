@@ -435,22 +435,39 @@ def _correction(
     mixed = by_frequency @ slopes[:, fitted]
     pure = by_frequency @ ((slopes[:, ahead] - slopes[:, behind]) / (2.0 * turn)) @ by_frequency.T
     wanted = np.append(np.zeros(fitted.size), by_frequency @ left_of_slopes)
+    normal = np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]])
     if near and not window.one_sided:
-        bent, each = (left[ahead] + left[behind]) / turn**2, np.arange(n)
-        curved, curved_mixed = pure.copy(), mixed.copy()
-        curved[each, each] -= sine * bent[:n] + cosine * bent[n:]
-        curved_mixed[each, 2 + moving] -= left_of_slopes[:n]
-        curved_mixed[each, 2 + k + moving] -= left_of_slopes[n:]
-        found, regular = _solved(np.block([[of_fitted[:, fitted], curved_mixed.T], [curved_mixed, curved]]), wanted)
+        bent = (sine * (left[ahead] + left[behind])[:n] + cosine * (left[ahead] + left[behind])[n:]) / turn**2
+        newton, regular = _solved(_with_second_derivatives(normal, bent, left_of_slopes, moving), wanted)
         if regular:
-            return found[-n:] / (2.0 * np.pi)
-    change = _solved(np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]]), wanted)[0]
+            return newton[-n:] / (2.0 * np.pi)
+    change = _solved(normal, wanted)[0]
     c = (fit + change[: fit.size])[2:]
     c = c[:k][moving] + 1j * c[k:][moving]
     turning, swelling = change[fit.size : fit.size + n], change[fit.size + n :] if window.one_sided else 0.0
     by_time = (sine + 1j * cosine) * (1j * turning - swelling)
     size = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
     return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
+
+
+def _with_second_derivatives(normal: Floats, bent: Floats, left_of_slopes: Floats, moving: Ints) -> Floats:
+    """Normal equations with what the fit leaves times the second derivatives of the sinusoids of n moving lines.
+
+    Parameters
+    ----------
+    normal : of a mean, a slope, sines and cosines of k lines, and of changes of n frequencies.
+    bent, left_of_slopes : (n,) and (2 n,) products of what the fit leaves with the second derivatives by the frequency,
+        and with those by an amplitude, of the sine and of the cosine, and the frequency.
+    moving : (n,) indices of the lines whose frequencies change.
+    """
+    n, curved = moving.size, normal.copy()
+    changes = np.arange(normal.shape[0] - n, normal.shape[0])
+    lines = (normal.shape[0] - n - 2) // 2
+    curved[changes, changes] -= bent
+    for of_amplitude, left in ((2 + moving, left_of_slopes[:n]), (2 + lines + moving, left_of_slopes[n:])):
+        curved[changes, of_amplitude] -= left
+        curved[of_amplitude, changes] -= left
+    return curved
 
 
 def _solved(matrix: Floats, right: Floats) -> tuple[Floats, bool]:

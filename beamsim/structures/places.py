@@ -203,6 +203,11 @@ def signed_ends(site: Site) -> list[tuple[float, Place]]:
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
+def _at_node(body: str, node: int, direction: str) -> Place:
+    """A direction at a node of an imported body."""
+    return Place(body, float(node), direction, label=f"{body} node {node} {direction}")
+
+
 def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
     """Where something of a scenario sits.
 
@@ -221,9 +226,7 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
     for place in item.places:
         name = place.body or body
         if place.node is not None:
-            direction = place.direction or DEFLECTION
-            label = f"{name} node {place.node} {direction}"
-            sites.append(Place(name, float(place.node), direction, label=label))
+            sites.append(_at_node(name, place.node, place.direction or DEFLECTION))
             continue
         point: Any = sections[name].point_of(place)
         if isinstance(point, tuple):

@@ -423,9 +423,8 @@ class LeftOut:
         own[np.abs(own) <= 1e-12 * s**2] = 1e-12 * s**2 + (s == 0.0)
         if np.count_nonzero(damping) == np.count_nonzero(damping.diagonal()):
             return np.asarray(self.shapes.T / own[:, None])
-        impedance = 1j * s * damping
-        np.fill_diagonal(impedance, own)
-        return np.asarray(np.linalg.solve(impedance, self.shapes.T))
+        coupling = 1j * s * (damping - np.diag(damping.diagonal()))
+        return np.asarray(np.linalg.solve(np.diag(own) + coupling, self.shapes.T))
 
     def errors(self, s: float, y: Complexes) -> Floats:
         """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""

@@ -347,12 +347,16 @@ class StateEquations:
 
     def state_after(self, event: int) -> Floats:
         """(N, V) the state after an event, by the number of its function."""
-        e, c, state = self.equations, self.equations.contacts, self.equations.state.copy()
+        state = self.equations.state.copy()
         if self.events.reset[event] >= 0:
-            j = int(self.events.contact[event])
-            first, row, count = e.internal.start + int(c.first[j]), int(self.events.reset[event]), int(c.states[j])
-            state[first : first + count] = self.events.rows[row : row + count]
+            self._reset(state, event)
         return state
+
+    def _reset(self, state: Floats, event: int) -> None:
+        """Put the rows of the states of a contact that an event sets into those of all states."""
+        e, j, row = self.equations, int(self.events.contact[event]), int(self.events.reset[event])
+        first, count = e.internal.start + int(e.contacts.first[j]), int(e.contacts.states[j])
+        state[first : first + count] = self.events.rows[row : row + count]
 
     @property
     def lost_by_rate(self) -> Floats:

@@ -12,7 +12,7 @@ Maxwell branches have states of their own. Each undamped mode has the eigenvalue
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -595,15 +595,18 @@ def damping_remarks(snubbers: Sequence[Located], modes: Dataset) -> list[str]:
     hz, ratio = frequencies[closed[0]], float(modes["closed_damping_ratios"].values[closed[0]])
     written = {s.name: s.damping.ratio for _, _, s, _ in snubbers if s.damping and s.damping.kind == "ratio"}
     other = {name: x for name, x in written.items() if x > 0.0 and not 1.0 / DIFFERENT < ratio / x < DIFFERENT}
-    if not other:
-        return []
+    return [_damped_otherwise(hz, ratio, other)] if other else []
+
+
+def _damped_otherwise(hz: float, ratio: float, other: Mapping[str, float]) -> str:
+    """That the first closed mode, Hz, has another damping ratio than those that are written, by snubber."""
     shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other.values()))
-    return [
+    return (
         f"snubbers: the first mode with all snubbers closed, {hz:.4g} Hz, has a damping ratio of {100 * ratio:.3g} %, "
         f"{shares} % is written for {first_of(list(other), 4)}: the dashpot 2 ratio k / Omega damps a mode by the "
         "snubber's share of its energy, and Omega is the first natural frequency with that snubber alone closed; give "
         "the dashpot in N s/m where the damping of this mode is known"
-    ]
+    )
 
 
 def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats, Floats]:
@@ -617,6 +620,14 @@ def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) ->
     """
     slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, SLOW))[0].real)
     return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid), slow
+
+
+def _one_for_each(share: Floats) -> tuple[Ints, Ints]:
+    """Modes, a row each, and the columns that have most of them together, none for two modes."""
+    from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
+
+    modes, of = linear_sum_assignment(share, maximize=True)
+    return modes, of
 
 
 def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
@@ -660,9 +671,7 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     share /= share.sum(axis=0)
     modes, of = share.argmax(axis=0), np.arange(share.shape[1])
     if np.unique(modes).size < modes.size:  # of two that have most of the same mode
-        from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
-
-        modes, of = linear_sum_assignment(share, maximize=True)
+        modes, of = _one_for_each(share)
     ratio[modes] = 0.0 - values[of].real / np.abs(values[of])  # 0, not -0
     ratio[omega == 0.0] = np.nan
     return omega, ratio

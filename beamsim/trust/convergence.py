@@ -359,12 +359,7 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
     """
     summary = result.summary | checked.summary()
     if "margins" in summary:
-        margins = summary["margins"].items()
-        summary["margins"] = {
-            name: item | _range(name, item, (summary, values or {}), checked.errors) for name, item in margins
-        }
-        if summary.get("without_limit"):
-            summary["margins"] = {name: _grown(name, item, summary) for name, item in summary["margins"].items()}
+        summary["margins"] = _margins_with_errors(summary, values or {}, checked.errors)
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
     if first := [key for key in checked.doubtful if read_first(result.scenario, result["modes"], key)]:
@@ -372,6 +367,14 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
     if not doubts or not outcome.usable:
         return result.ended(outcome.but(*doubts))
     return result.ended(doubts[0].but(outcome) if outcome.message else doubts[0])  # what was wrong before comes last
+
+
+def _margins_with_errors(summary: Mapping[str, Any], values: Values, errors: Errors) -> dict[str, dict[str, Any]]:
+    """The margins of a summary, each with what the errors of its value make of it; see `with_convergence`."""
+    margins = {name: item | _range(name, item, (summary, values), errors) for name, item in summary["margins"].items()}
+    if summary.get("without_limit"):
+        margins = {name: _grown(name, item, summary) for name, item in margins.items()}
+    return margins
 
 
 def _range(

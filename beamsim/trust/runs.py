@@ -289,16 +289,8 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
             errors[entry] = {
                 name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
             }
-    return Convergence(
-        errors,
-        tuple(doubtful(errors, errors_of(scatter, scenario, complete))),
-        kept,
-        first.motion.system.kept_modes,
-        diverged,
-        after,
-        times,
-        lines=lines,
-    )
+    off = tuple(doubtful(errors, errors_of(scatter, scenario, complete)))
+    return Convergence(errors, off, kept, first.motion.system.kept_modes, diverged, after, times, lines=lines)
 
 
 def _demand_least(errors: Errors, model: Model) -> None:
@@ -507,7 +499,12 @@ class DerivedValues:
             One for each part.
         """
         system, motion = model.motion.system, model.motion.known
-        of_parts = [self._found_again(records) for records in self._records(system, motion, parts)]
+        of_parts = [
+            self._of_spectra(
+                {name: (*found_again(of[name], lines), of[name].rms()) for name, lines in self.lines.items()}
+            )
+            for of in self._records(system, motion, parts)
+        ]
         if self.result.datasets.keys() & {"random", "srs"}:
             self._add_statistics(of_parts, system, motion)
         known = self.result.summary.get("gapping_ratio")
@@ -554,12 +551,6 @@ class DerivedValues:
             for part in records[0].part.divided(parts)
         ]  # fmt: skip
         return [dict(zip(signals, pieces, strict=True)) for pieces in divided]
-
-    def _found_again(self, records: Mapping[str, SpectrumRecord]) -> Values:
-        """Lines and root mean squares of the signals of another motion."""
-        return self._of_spectra(
-            {signal: (*found_again(records[signal], of), records[signal].rms()) for signal, of in self.lines.items()}
-        )
 
     def _of_spectra(self, of_signals: Mapping[str, tuple[Floats, Floats, float]]) -> Values:
         """Values from frequencies and amplitudes of lines and the root mean square, by signal."""

@@ -290,6 +290,9 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
     if not bodies:
         return {}
     unknown = [np.full(body.position.size, np.nan) for body in bodies]
+    static = unknown if equilibrium is None else [body.deflection @ equilibrium for body in bodies]
+    moved = motion.extreme_states[:, : system.dynamics.size]
+    extreme = [moved @ body.deflection.T + system.with_supports(body.places, times) for body in bodies]
     optional = {
         "across": [body.across for body in bodies],
         "peak_bending_stress": [stresses.get(body.body) for body in bodies],
@@ -300,17 +303,9 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
         "station": np.arange(1, sum(nan.size for nan in unknown) + 1),
         "station_body": np.repeat(np.arange(len(bodies)), [nan.size for nan in unknown]),
         "position": np.concatenate([body.position for body in bodies]),
-        "static_shape": np.concatenate(
-            unknown if equilibrium is None else [body.deflection @ equilibrium for body in bodies]
-        ),
+        "static_shape": np.concatenate(static),
         "extreme_time": times,
-        "extreme_shape": np.hstack(
-            [
-                motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
-                + system.with_supports(body.places, times)
-                for body in bodies
-            ]
-        ),
+        "extreme_shape": np.hstack(extreme),
     }
     for name, known in optional.items():
         if any(of_body is not None for of_body in known):

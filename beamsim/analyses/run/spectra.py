@@ -24,6 +24,7 @@ from beamsim.signals.records import (
     LOBE,
     Levels,
     MotionRecord,
+    Remainder,
     SpectrumRecord,
     Window,
     amplitude_db,
@@ -32,7 +33,7 @@ from beamsim.signals.records import (
 )
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none
+from beamsim.typing import Floats, Ints, not_none
 
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
@@ -238,10 +239,15 @@ def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
         remainder[1:] = fit.remainder.size / size[1:]
         many = np.flatnonzero(remainder > ALLOWED_REMAINDER)
         if many.size:
-            pairs, _ = fit.remainder.best_pairs([[k - 1] for k in many.tolist()], [np.nan] * many.size)
-            apart = np.abs(np.diff(pairs)[:, 0])
-            separating[many] = np.where(apart < LOBE, LOBE / apart * duration, np.nan)
+            separating[many] = _separating_durations(fit.remainder, many - 1, duration)
     return size, remainder, separating
+
+
+def _separating_durations(remainder: Remainder, lines: Ints, duration: float) -> Floats:
+    """Durations, s, that tell two lines apart where each of some lines (numbers) is; nan where two explain nothing."""
+    pairs, _ = remainder.best_pairs([[k] for k in lines.tolist()], [np.nan] * lines.size)
+    apart = np.abs(np.diff(pairs)[:, 0])
+    return np.asarray(np.where(apart < LOBE, LOBE / apart * duration, np.nan))
 
 
 def coverage_notes(motion: RunMotion) -> list[str]:
