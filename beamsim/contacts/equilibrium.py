@@ -264,7 +264,7 @@ def _balanced(away: Floats, push: Floats) -> bool:
     return fitted_numbers(away.T, -push / size)[1] <= _ROUND_OFF**2
 
 
-def _held(stops: Floats) -> bool:
+def _compresses_a_stop(stops: Floats) -> bool:
     """Whether every one of l motions, (m, l) how they open touching contacts, compresses one of these."""
     if stops.shape[1] == 0:
         return True
@@ -362,7 +362,7 @@ def _unique(energy: _Energy, q: Floats, force: Floats) -> bool:
     if energy.cubic.count:  # a cubic spring stops every motion that extends it
         loose = _loose(energy.cubic.shape @ loose.T) @ loose
     stops = normal[(np.abs(clear) <= near) & ~softer & ~closed] @ loose.T
-    return _held(stops)
+    return _compresses_a_stop(stops)
 
 
 def _unresisted(stiffness: Floats, closed: Springs) -> Floats:

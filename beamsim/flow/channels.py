@@ -133,7 +133,7 @@ class MotionPart:
     """
 
     def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float) -> None:
-        self.motion = motion.held() if motion.flow.dropped else motion
+        self.motion = motion.with_all_states() if motion.flow.dropped else motion
         self.rows_of, self.highest, self.begin = rows_of, highest, float(motion.time[0])
         self.duration = motion.end - self.begin  # s
         self._weighted: dict[Exponentials, Complexes] = {}

@@ -165,7 +165,7 @@ class ContactState:
         of_free = np.finfo(float).eps * parts @ np.abs(self.projector.T)
         return np.concatenate([np.zeros(given.shape), of_free], axis=1)
 
-    def roughness(self, rows: Floats, coefficients: Complexes) -> Floats:
+    def roundoff_scale(self, rows: Floats, coefficients: Complexes) -> Floats:
         """(T, k) bound on the parts of each term's coefficient before they cancel, of outputs with rows (k, V).
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.

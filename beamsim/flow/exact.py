@@ -164,7 +164,7 @@ class ExactFlow:
         self.states, self.visited = [], []
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
-        self._visits: dict[bytes, int] = {}  # numbers in ``visited``, by the phases
+        self._visit_numbers: dict[bytes, int] = {}  # numbers in ``visited``, by the phases
         self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
         self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
         self._arrays: dict[str, NDArray[np.generic]] = arrays or {}
@@ -248,14 +248,14 @@ class ExactFlow:
         """Whether states were visited that are not kept any more."""
         return len(self.visited) > len(self.states)
 
-    def visits(self, states: Ints) -> Ints:
+    def visit_numbers(self, states: Ints) -> Ints:
         """Numbers, among all states visited, of states that are kept and were used in this order."""
         self._used.update(states.tolist())
         if len(self.states) != self.most_states:
             return states  # none was dropped: the numbers are the same
         for state in states:
             self._index.move_to_end(self.states[state].phases.tobytes())
-        return np.array([self._visits[self.states[state].phases.tobytes()] for state in states], dtype=np.int64)
+        return np.array([self._visit_numbers[self.states[state].phases.tobytes()] for state in states], dtype=np.int64)
 
     def visited_state(self, number: int) -> ContactState:
         """A state by its number among all visited; one that was dropped is built again, and not kept."""
@@ -305,7 +305,7 @@ class ExactFlow:
             "n_free": np.array(state.projector.shape[0]),
             "n_terms": np.array(state.term_basis.size),
             "watch": watch,
-            "roughness": state.roughness(events.guards, watch[:, : events.count]),
+            "roundoff_scale": state.roundoff_scale(events.guards, watch[:, : events.count]),
             "phase": state.phases,
             "n_guards": np.array(events.count),
             "n_joining": np.array(events.joining),
@@ -329,8 +329,8 @@ class ExactFlow:
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
         key = state.phases.tobytes()
-        if key not in self._visits:
-            self._visits[key] = len(self.visited)
+        if key not in self._visit_numbers:
+            self._visit_numbers[key] = len(self.visited)
             self.visited.append(state.phases)
         self.states[index : index + 1] = [state]
         self._index[key] = index
@@ -343,8 +343,8 @@ class ExactFlow:
         watch = forced.coefficients(events.rows, self.sources)
         arrays["exponent"][index, : state.exponent.size] = state.exponent
         arrays["term_vector"][index, :F], arrays["watch"][index, :F, : watch.shape[1]] = state.term_vector[:F], watch
-        roughness = forced.roughness(events.guards, watch[:, : events.count])
-        arrays["roughness"][index, :F, : events.count] = roughness
+        roundoff_scale = forced.roundoff_scale(events.guards, watch[:, : events.count])
+        arrays["roundoff_scale"][index, :F, : events.count] = roundoff_scale
 
     def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
         """An array with more rows, or wider ones; rows that no state has yet are zeros."""

@@ -12,7 +12,7 @@ reach zero; many of them lead to the first zero, or to the end of the segment.
 Numbers are known to round-off, so that zero is a question of tolerances. There are three:
 
 - The *noise* of a guard is the round-off of its terms at tau, or, where they cancel, that of the parts they are made of
-  (`Guards.least`). Within it a guard counts as zero: it has an event where it is below zero by more, and only then.
+  (`Guards.noise_floor`). Within it a guard counts as zero: it has an event only where it is below zero by more.
 - The *floor* of a guard is how far it may be below zero where the segment starts, until it rises. After an event all
   guards are positive or at zero, and what is below is round-off of the change of coordinates: at most `AT_EVENT` of
   the terms, or `AT_ONCE` of the segment. At the beginning of a motion, whose phases the first derivatives have
@@ -47,7 +47,9 @@ class Tables(NamedTuple):
     term_source: Any  # (S, T)
     term_vector: Any  # (S, T, N)
     watch: Any  # (S, T, w) of the state's guards, then of the internal states after the events that reset them
-    roughness: Any  # (S, T, g) size of each term's parts before they cancel, which sets the round-off of the guards
+    roundoff_scale: (
+        Any  # (S, T, g) size of each term's parts before they cancel, which sets the round-off of the guards
+    )
     horizon: Any  # (S,)
     phase: Any  # (S, m) of the contacts
     n_guards: Any  # (S,)
@@ -248,7 +250,7 @@ class Guards(NamedTuple):
     power: Any  # (B,)
     coefficient: Any  # (B, g)
     size: Any  # (B, g) of the coefficients
-    least: Any  # (g,) round-off that cancelling parts of the coefficients leave
+    noise_floor: Any  # (g,) round-off that cancelling parts of the coefficients leave
 
 
 class SearchWork(NamedTuple):
@@ -313,7 +315,7 @@ def _noise(guards, out, j):
     float
         In units of the guard.
     """
-    return max(out[3, j], guards.least[j])
+    return max(out[3, j], guards.noise_floor[j])
 
 
 @kernel
@@ -404,12 +406,13 @@ def _safe_step(g, slope, bound):
 
 
 @kernel
-def _next_step(guards, out, floors, tau, reach, longer):
+def _next_step(guards, out, floors, tau, reach, try_taylor_bound):
     """(step, hit): a step over which no guard can reach zero; the guard at zero already (`NO_EVENT`: none).
 
     A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
     smallest length. Of guards that an event has put below zero the lowest comes first, of the joining ones if there is
-    one among them. A ``longer`` step takes higher derivatives of the guards whose curvature stops it before ``reach``.
+    one among them. With ``try_taylor_bound`` a step takes higher
+    derivatives of the guards whose curvature stops it before ``reach``.
 
     Parameters
     ----------
@@ -417,7 +420,7 @@ def _next_step(guards, out, floors, tau, reach, longer):
     out : (4, g) at tau, as `_evaluate` fills it.
     floors : (g,) floors.
     tau, reach : s, where the step begins, and as far as the bounds hold.
-    longer : whether to look for a longer step.
+    try_taylor_bound : whether to look for a longer step.
 
     Returns
     -------
@@ -436,7 +439,7 @@ def _next_step(guards, out, floors, tau, reach, longer):
                 hit, put_below = j, low
         elif hit < 0:
             h = _safe_step(lifted, out[1, j], out[2, j])
-            if longer and h < step:
+            if try_taylor_bound and h < step:
                 h = max(h, _taylor_step(guards, j, tau, reach, lifted))
             step = min(step, h)
     return step, hit
@@ -599,9 +602,9 @@ def _fill_guards(tables, s, zeta, H, guards):
     H : s.
     guards : Guards, whose coefficients are written.
     """
-    coefficient, least = guards.coefficient, guards.least
+    coefficient, noise_floor = guards.coefficient, guards.noise_floor
     for j in range(guards.count):
-        least[j] = 0.0
+        noise_floor[j] = 0.0
         for b in range(guards.basis):
             coefficient[b, j] = 0.0
     for q in range(tables.n_terms[s]):
@@ -609,7 +612,7 @@ def _fill_guards(tables, s, zeta, H, guards):
         a = 4.0 * EPS * abs(z) * H ** tables.power[s, b]  # a power of time counts with what it reaches on this segment
         for j in range(guards.count):
             coefficient[b, j] += tables.watch[s, q, j] * z
-            least[j] += a * tables.roughness[s, q, j]
+            noise_floor[j] += a * tables.roundoff_scale[s, q, j]
     for b in range(guards.basis):
         for j in range(guards.count):
             guards.size[b, j] = abs(coefficient[b, j])
@@ -694,7 +697,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     # each is written before it is read; zeros would take longer to compile
     zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
-    gamma, size, least = np.empty((B, most), dtype=np.complex128), np.empty((B, most)), np.empty(most)
+    gamma, size, noise_floor = np.empty((B, most), dtype=np.complex128), np.empty((B, most)), np.empty(most)
     basis = np.empty(B, dtype=np.complex128)
     search = SearchWork(np.empty((4, most)), np.empty(most), np.empty(most))
     status, n_seg, n_ev, n_eval = DONE, 0, 0, 0
@@ -715,7 +718,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
             tau, hit = H, NO_EVENT
             if tables.n_guards[state] > 0:
                 guards = Guards(
-                    nb, tables.n_guards[state], tables.n_joining[state], exponent, power, gamma, size, least
+                    nb, tables.n_guards[state], tables.n_joining[state], exponent, power, gamma, size, noise_floor
                 )
                 _fill_guards(tables, state, zeta, H, guards)
                 tau, hit, looks = _first_event(guards, search, H, guard, most_evaluations)

@@ -268,14 +268,14 @@ def _fill_guards(s, closed, series, H, guards):
     """
     for j in range(guards.count):
         side = 1.0 if closed[j] else -1.0
-        guards.least[j] = 0.0
+        guards.noise_floor[j] = 0.0
         for k in range(guards.basis):
             value = side * _penetration_coefficient(s, j, series, k, 0)
             guards.coefficient[k, j], guards.size[k, j] = value, abs(value)
             parts = abs(s.ground[j] * series.d[k, 0]) + (abs(s.gap[0, j]) if k == 0 else 0.0)
             for i in range(s.omega2.size):
                 parts += abs(s.shape[j, i] * series.q[k, i, 0])
-            guards.least[j] += 4.0 * EPS * parts * H**k
+            guards.noise_floor[j] += 4.0 * EPS * parts * H**k
 
 
 @kernel

@@ -206,7 +206,7 @@ class Trajectory:
             final_y=self.states_at(np.array([reached]))[0],
         )  # fmt: skip
 
-    def held(self) -> Trajectory:
+    def with_all_states(self) -> Trajectory:
         """The same with a flow that keeps all its states, whatever their number."""
         if not self.flow.dropped:
             return self

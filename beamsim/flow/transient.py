@@ -149,7 +149,7 @@ class March:
             self.segments, self.events = self.segments + segments, self.events + events
             self.evaluations += evaluations
             part = Log._make(column[: segments if k < 5 else events] for k, column in enumerate(log))
-            parts.append(part._replace(state=flow.visits(part.state)))
+            parts.append(part._replace(state=flow.visit_numbers(part.state)))
             motion.waits = code == NEED_STATE
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
@@ -237,7 +237,7 @@ def _log_of_start(flow: ExactFlow, motion: Motion, log: Log) -> Log:
     """An empty log with one segment of no length, where the motion stands."""
     one = np.zeros(1, dtype=np.int64)
     return log._replace(
-        time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
+        time=np.array([motion.time]), length=np.zeros(1), state=flow.visit_numbers(one + motion.state), piece=one,
         y=motion.y[None, :].copy(),
     )  # fmt: skip
 

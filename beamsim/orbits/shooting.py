@@ -39,7 +39,7 @@ class ForcedOrbits:
     flow: PeriodicFlow
     parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]] = "frequency"
     multiple: int = 1
-    _moved: tuple[float, PeriodicFlow, ContactDirection] | None = field(default=None, repr=False)
+    _varied_flow: tuple[float, PeriodicFlow, ContactDirection] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         contacts = self.flow.system.contacts
@@ -67,9 +67,9 @@ class ForcedOrbits:
         if self.parameter == "level":
             self.flow = self.flow.with_loads(self.omega, value)
             return self.flow, Level()
-        if self._moved is None or self._moved[0] != value:
-            self._moved = (value, *self.parameter(value))
-        return self._moved[1].with_loads(self.omega, self.level), self._moved[2]
+        if self._varied_flow is None or self._varied_flow[0] != value:
+            self._varied_flow = (value, *self.parameter(value))
+        return self._varied_flow[1].with_loads(self.omega, self.level), self._varied_flow[2]
 
     def shoot(self, flow: PeriodicFlow, z: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, Floats, FlowMap]:
         """``z(T) - z(0)`` with its Jacobian by the start and by parameters.

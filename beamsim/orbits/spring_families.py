@@ -156,11 +156,11 @@ class SpringFamily:
         return value, s.stiffness * q - s.constant_load + factor * push, by_factor
 
 
-def _bilinear_period(inner: float, outer: float, border: float, shape: float, energy: float) -> float:
-    """Period, s, of a mode with frequency ``inner`` up to a deflection ``border``, and ``outer`` beyond it (rad/s)."""
-    reach = abs(shape) * float(np.sqrt(2 * energy)) / inner
+def _bilinear_period(before: float, beyond: float, border: float, shape: float, energy: float) -> float:
+    """Period, s, of a mode of frequency ``before``, rad/s, up to a deflection ``border``, and ``beyond`` beyond it."""
+    reach = abs(shape) * float(np.sqrt(2 * energy)) / before
     if reach <= border:
-        return 2 * np.pi / inner
-    speed = inner * float(np.sqrt(reach**2 - border**2))
-    inside = float(np.arccos(-border / reach)) / inner
-    return 2 * (inside + float(np.arctan2(speed / outer, border * (inner / outer) ** 2)) / outer)
+        return 2 * np.pi / before
+    speed = before * float(np.sqrt(reach**2 - border**2))
+    inside = float(np.arccos(-border / reach)) / before
+    return 2 * (inside + float(np.arctan2(speed / beyond, border * (before / beyond) ** 2)) / beyond)

@@ -57,8 +57,8 @@ class CycleStepper(March):
         motion.enter(flow, self.flow)
         self.flow, self.period = flow, period
 
-    def carry(self, motion: Motion, cycles: int) -> Floats:
-        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle.
+    def march_cycles(self, motion: Motion, cycles: int) -> Floats:
+        """March ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle.
 
         Raises
         ------
@@ -88,8 +88,8 @@ class SeriesStepper:
     flow: PeriodicFlow
     omega: float  # rad/s
 
-    def carry(self, motion: Motion, cycles: int) -> Floats:
-        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle."""
+    def march_cycles(self, motion: Motion, cycles: int) -> Floats:
+        """March ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle."""
         states = []
         for _ in range(cycles):
             motion.y = self.flow.end(motion.y, 2 * np.pi / self.omega)
@@ -146,7 +146,7 @@ def settle(
     done, change, kept = 0, np.inf, max(3 * longest_period + 1, KEPT_CYCLES)
     while done < most_cycles:
         chunk = min(16, most_cycles - done)
-        states = stepper.carry(motion, chunk)
+        states = stepper.march_cycles(motion, chunk)
         section.extend(states * weight)
         del section[:-kept]
         done += chunk
@@ -222,8 +222,8 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
         neighbour = motion.copy()
         neighbour.guard = -1
         neighbour.y[: 2 * n] += offset / weight
-        stepper.carry(neighbour, 1)
-        stepper.carry(motion, 1)
+        stepper.march_cycles(neighbour, 1)
+        stepper.march_cycles(motion, 1)
         section.append(motion.y[: 2 * n] * weight)
         difference = (neighbour.y - motion.y)[: 2 * n] * weight
         distance = float(np.linalg.norm(difference))

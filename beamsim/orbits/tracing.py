@@ -175,10 +175,10 @@ class Budget:
         if asked_to_stop():
             return INTERRUPTED
         if self.points <= self.used:
-            return limited(too_many_points(self.used), "sweep.most_points")
+            return with_limit(too_many_points(self.used), "sweep.most_points")
         if clock.monotonic() - self.begun > self.seconds:
             spent = Outcome.of(OutcomeKind.STOPPED, "time_limit", f"the limit of {self.seconds:g} s is reached")
-            return limited(spent, "sweep.longest_time")
+            return with_limit(spent, "sweep.longest_time")
         return None
 
     @property
@@ -191,7 +191,7 @@ class Budget:
         spent = self.spent()
         if spent is None and branches < self.branches:
             return True
-        self.cut(spent or limited(too_many_points(self.used), "sweep.most_branches"))
+        self.cut(spent or with_limit(too_many_points(self.used), "sweep.most_branches"))
         return False
 
     def cut(self, spent: Outcome) -> None:
@@ -215,7 +215,7 @@ class Budget:
         )  # fmt: skip
 
 
-def limited(outcome: Outcome, limit: str) -> Outcome:
+def with_limit(outcome: Outcome, limit: str) -> Outcome:
     """The outcome of what ended at a setting's limit."""
     return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
 
@@ -484,7 +484,7 @@ def walk(
             break
     outcome = outcome or branch.outcome
     if limit and outcome.code == POINT_LIMIT and not outcome.remedy:
-        outcome = limited(outcome, limit)
+        outcome = with_limit(outcome, limit)
         budget.cut(outcome)
     if points:
         outcome = explained(outcome, branch.problem, points[-1])

@@ -40,7 +40,7 @@ from beamsim.structures.places import (
     load_site_of,
     site_of,
 )
-from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, ReducedBasis, Structure
+from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, ReducedBasis, Structure, Substructure
 from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats
 
@@ -264,10 +264,10 @@ class SeveralBodies(Structure):
         tuple
             Body by body.
         """
-        if not self.parts:
+        if not self.substructures:
             return super().recoveries(basis, sites, base)
         recovered: list[Recovery] = []
-        for part, (reduced, columns) in zip(self.parts, basis.blocks, strict=True):
+        for part, (reduced, columns) in zip(self.substructures, basis.blocks, strict=True):
             names, own = {member.body.name for member in part.structure.members}, np.eye(basis.size)[columns]
             on_it = [end for site in sites for end in ends_of(site) if end.body in names]
             for recovery in part.structure.recoveries(reduced, on_it, base):
@@ -299,28 +299,28 @@ def _highest_of(body: BodyStructure) -> float:
     return float(highest) * (1 - 1e-11) * body.frequency_scale
 
 
-def side_by_side(parts: Sequence[Structure]) -> Structure:
-    """Several parts as one structure; one alone is that."""
-    return parts[0] if len(parts) == 1 else _blocks_of(parts)
+def side_by_side(structures: Sequence[Structure]) -> Structure:
+    """Several structures as one structure; one alone is that."""
+    return structures[0] if len(structures) == 1 else _blocks_of(structures)
 
 
-def _blocks_of(parts: Sequence[Structure]) -> SeveralBodies:
-    """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
-    mass_scale = max(part.mass_scale for part in parts)
-    stiffness_scale = max(part.stiffness_scale for part in parts)
-    mass_ratio = [part.mass_scale / mass_scale for part in parts]
-    starts = np.cumsum([0, *(part.size for part in parts)]).tolist()
+def _blocks_of(structures: Sequence[Structure]) -> SeveralBodies:
+    """Block matrices of several structures, all with the scales of the heaviest and the stiffest of them."""
+    mass_scale = max(part.mass_scale for part in structures)
+    stiffness_scale = max(part.stiffness_scale for part in structures)
+    mass_ratio = [part.mass_scale / mass_scale for part in structures]
+    starts = np.cumsum([0, *(part.size for part in structures)]).tolist()
     dofs = [slice(start, end) for start, end in pairwise(starts)]
     damping = None
-    if any(part.damping is not None for part in parts):
-        drags = [csc_array((part.size, part.size)) if part.damping is None else part.damping for part in parts]
+    if any(part.damping is not None for part in structures):
+        drags = [csc_array((part.size, part.size)) if part.damping is None else part.damping for part in structures]
         damping = block_diag(drags, format="csc")
-    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
-    rigid = [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)]
+    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in structures]
+    rigid = [part.rigid / np.sqrt(ratio) for part, ratio in zip(structures, mass_ratio, strict=True)]
     identity: Any = eye_array(starts[-1], format="csr")
     return SeveralBodies(
         name="",
-        mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
+        mass=block_diag([part.mass * ratio for part, ratio in zip(structures, mass_ratio, strict=True)], format="csc"),
         factor=block_diag(factors, format="csr"),
         damping=damping,
         rigid=dense_block_diag(*rigid),
@@ -328,12 +328,12 @@ def _blocks_of(parts: Sequence[Structure]) -> SeveralBodies:
         stiffness_scale=stiffness_scale,
         expansions=tuple(
             (member.body, member.expansion @ identity[columns])
-            for part, columns in zip(parts, dofs, strict=True)
+            for part, columns in zip(structures, dofs, strict=True)
             for member in part.members
         ),
-        parts=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
-        couplings=tuple(coupling for part in parts for coupling in part.couplings),
-        origins=tuple(origin for part in parts for origin in part.origins),
+        substructures=tuple(Substructure(part, columns) for part, columns in zip(structures, dofs, strict=True)),
+        couplings=tuple(coupling for part in structures for coupling in part.couplings),
+        origins=tuple(origin for part in structures for origin in part.origins),
     )
 
 

@@ -31,10 +31,10 @@ from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import (
     Coupling,
     GivenField,
-    Hold,
     LoadPattern,
     MemberBody,
     ReducedBasis,
+    Restraint,
     UnitMotion,
     WeightedValues,
 )
@@ -301,18 +301,18 @@ class BeamStructure(MeshedBody):
         """(3,) position along the axis, m."""
         return np.array([place.coordinate, 0.0, 0.0])
 
-    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+    def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """Deflection and slope of each end that is held, or on springs."""
         springs = {(each.name, each.site): each for each in self.end_springs}
-        holds = []
+        restraints = []
         for name, x, first in (("left", 0.0, 0), ("right", self.section.length, self.mesh.size - 2)):
             for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.section.length)):
                 place = Place(self.name, x, direction)
                 spring = springs.get((name, place))
                 motion = None if dof in self.free else np.where(np.arange(self.mesh.size) == dof, unit, 0.0)
                 if motion is not None or spring is not None:
-                    holds.append(Hold(name, direction, self.base_motion_at(place, base), motion, spring))
-        return holds
+                    restraints.append(Restraint(name, direction, self.base_motion_at(place, base), motion, spring))
+        return restraints
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""

@@ -15,9 +15,9 @@ from beamsim.structures.structure import (
     BodyStructure,
     Coupling,
     GivenField,
-    Hold,
     MemberBody,
     ReducedBasis,
+    Restraint,
     WeightedValues,
 )
 from beamsim.structures.symmetric_lu import blocks_of
@@ -82,7 +82,7 @@ class ChainStructure(BodyStructure):
         shapes = (member.expansion @ basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
-    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+    def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """The walls, and the ground at springs to it."""
         chain, size = self.section, self.size
         springs = []
@@ -94,7 +94,7 @@ class ChainStructure(BodyStructure):
             for s in chain.springs_to_ground
         ]
         return [
-            Hold(each.name, DEFLECTION, 0.0 if each.to_ground else 1.0, spring=each)
+            Restraint(each.name, DEFLECTION, 0.0 if each.to_ground else 1.0, spring=each)
             for each in springs
             if each.stiffness or each.dashpot
         ]

@@ -35,7 +35,7 @@ from beamsim.structures.named_matrices import (
 )
 from beamsim.structures.places import NODES, UPWARDS, BaseDirection, Distributed, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.structure import BodyStructure, Hold, MemberBody, ReducedBasis
+from beamsim.structures.structure import BodyStructure, MemberBody, ReducedBasis, Restraint
 from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues
 from beamsim.typing import Floats, Ints
 
@@ -125,14 +125,14 @@ class MatricesStructure(BodyStructure):
             )  # fmt: skip
         return None
 
-    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+    def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """Every direction of every node that the base holds."""
         held, _ = self._rows
         dofs, moved = self.given.table.dofs, self.rigid_motion(base)
         unit = np.zeros((held.size, len(dofs)))
         unit[np.arange(held.size), held] = 1.0
         return [
-            Hold(f"node {dofs[row][0]}", dofs[row][1], float(moved[row]), motion)
+            Restraint(f"node {dofs[row][0]}", dofs[row][1], float(moved[row]), motion)
             for row, motion in zip(held, unit, strict=True)
         ]
 

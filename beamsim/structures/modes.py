@@ -143,8 +143,8 @@ def natural_modes(
     eigenvalues of K.
     Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
     """
-    if model.parts:
-        return _of_parts(model, count, below)
+    if model.substructures:
+        return _modes_of_substructures(model, count, below)
     size, rigid = model.rigid.shape
     few = size > DENSE_LIMIT and (count is not None or below is not None)
     needed = _number_needed(model, count or 0, below, most) if few else size
@@ -182,10 +182,10 @@ def mode_of_unit_deflection(model: Structure, mode: int) -> Floats:
     return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
 
 
-def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes:
+def _modes_of_substructures(model: Structure, count: int | None, below: float | None) -> Modes:
     """The modes of all bodies in order of frequency, each of one body alone."""
     omega, vectors = [], []
-    for structure, dofs in ((part.structure, part.dofs) for part in model.parts):
+    for structure, dofs in ((part.structure, part.dofs) for part in model.substructures):
         ratio = structure.frequency_scale / model.frequency_scale
         modes = natural_modes(structure, count, None if below is None else below / ratio)
         widened = np.zeros((model.size, modes.omega.size))

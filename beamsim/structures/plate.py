@@ -41,7 +41,7 @@ from beamsim.structures.places import (
     Site,
 )
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.structure import Hold, MemberBody, ReducedBasis, UnitMotion
+from beamsim.structures.structure import MemberBody, ReducedBasis, Restraint, UnitMotion
 from beamsim.typing import Bools, Floats
 
 
@@ -54,7 +54,7 @@ def _strains_per_moments(plate: PlateBody) -> Floats | None:
     return np.asarray(plate.bending.depth / 2 * np.linalg.inv(stiffness))
 
 
-def _moved(structure: PlateStructure, basis: ReducedBasis) -> Floats:
+def _motion_of_supports(structure: PlateStructure, basis: ReducedBasis) -> Floats:
     """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
     field = np.zeros((structure.mesh.size, basis.size))
     if basis.size == basis.modes and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
@@ -126,7 +126,7 @@ class PlateStructure(MeshedBody):
         def moments(vectors: Floats) -> Floats:
             return np.asarray(operator @ (self.on_all_dofs @ (member.expansion @ vectors)))
 
-        moment = moments(basis.vectors) + operator @ _moved(self, basis)
+        moment = moments(basis.vectors) + operator @ _motion_of_supports(self, basis)
         moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
         remainder = np.zeros(moment.shape[0])
         if base is not None:
@@ -233,7 +233,7 @@ class PlateStructure(MeshedBody):
         """The plate with other numbers on the same mesh."""
         return assemble_plate(section, self.name, mesh=self.mesh)
 
-    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+    def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """Every edge and point that is held, and the rotation of edges about themselves.
 
         A corner between two held edges belongs to the first of left, right, bottom and top. Where the base does not
@@ -242,7 +242,7 @@ class PlateStructure(MeshedBody):
         if base != UPWARDS:
             moved = self.rigid_motion(base)
             moved[self.free] = 0.0
-            return [Hold("base", DEFLECTION, 1.0, moved)] if moved.any() else []
+            return [Restraint("base", DEFLECTION, 1.0, moved)] if moved.any() else []
         plate = self.section
         translation, along_x, along_y = self.mesh.rigid_motions.T
         about = {
@@ -252,14 +252,14 @@ class PlateStructure(MeshedBody):
             "top": (along_y - translation) * plate.width,
         }
         taken = np.zeros(self.mesh.size, dtype=bool)
-        holds = []
+        restraints = []
         for name, held in _held_by(plate, self.mesh).items():
             for direction, motion, with_base in ((DEFLECTION, translation, 1.0), (SLOPE, about.get(name), 0.0)):
                 moved = np.zeros(0) if motion is None else np.where(held & ~taken, motion, 0.0)
                 if np.any(np.abs(moved) > 1e-12):
-                    holds.append(Hold(name, direction, with_base, moved))
+                    restraints.append(Restraint(name, direction, with_base, moved))
             taken |= held
-        return holds
+        return restraints
 
 
 def assemble_plate(

@@ -36,9 +36,9 @@ from beamsim.structures.structure import (
     BodyStructure,
     LoadPattern,
     MemberBody,
-    Part,
     ReducedBasis,
     Structure,
+    Substructure,
     UnitMotion,
 )
 from beamsim.structures.symmetric_lu import DENSE_COUNT, negative_eigenvalues
@@ -74,27 +74,29 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
     return np.asarray(u - model.rigid @ (model.rigid.T @ (model.mass @ u)))
 
 
-def _reduced_parts(
+def _reduced_substructures(
     model: Structure,
     patterns: Sequence[LoadPattern],
     count: int | None,
     highest_frequency: float | None,
     *,
     default: bool,
-    least: int,
+    least_modes: int,
 ) -> ReducedBasis:
     """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
-    counts: list[int | None] = [None] * len(model.parts)
+    counts: list[int | None] = [None] * len(model.substructures)
     if count is not None:  # how many of the lowest modes are each part's own, at least one of each
         lowest = natural_modes(model, count=count).vectors[:, :count]
-        counts = [max(1, int(np.any(lowest[part.dofs] != 0, axis=0).sum())) for part in model.parts]
+        counts = [max(1, int(np.any(lowest[part.dofs] != 0, axis=0).sum())) for part in model.substructures]
     physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
     of_parts = []
-    for part, part_count in zip(model.parts, counts, strict=True):
+    for part, part_count in zip(model.substructures, counts, strict=True):
         own, of_part = part.structure, _own_patterns(model, part, patterns)
         highest = None if physical is None else physical / own.frequency_scale
         of_parts.append(
-            reduce_model(own, of_part, count=part_count, highest_frequency=highest, default=default, least=least)
+            reduce_model(
+                own, of_part, count=part_count, highest_frequency=highest, default=default, least_modes=least_modes
+            )
         )
     return _direct_sum(model, of_parts)
 
@@ -106,7 +108,7 @@ def reduce_model(
     count: int | None = None,
     highest_frequency: float | None = None,
     default: bool = False,
-    least: int = 0,
+    least_modes: int = 0,
     mode: int = 0,
 ) -> ReducedBasis:
     """Lowest modes plus the static vectors of the load patterns.
@@ -118,19 +120,21 @@ def reduce_model(
     count : number of modes (at least the rigid-body modes are kept).
     highest_frequency : scaled angular frequency of interest; modes up to `FREQUENCY_MARGIN` times this value
         are kept. Without `count` and `highest_frequency` all modes are kept, and no static vector is needed.
-    default : whether the scenario leaves the reduction to the program. Then at least the ``least`` lowest flexible
-        modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the reported
-        frequency of interest is changed accordingly. A structure that resolves all of its modes keeps them all.
-    least, mode : see ``default``.
+    default : whether the scenario leaves the reduction to the program. Then at least the ``least_modes`` lowest
+        flexible modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the
+        reported frequency of interest is changed accordingly. A structure that resolves all of its modes keeps all.
+    least_modes, mode : see ``default``.
 
     Returns
     -------
     ReducedBasis
         Of several parts that of each, and all in order of frequency.
     """
-    if model.parts:
-        least = max(least, mode)
-        return _reduced_parts(model, patterns, count, highest_frequency, default=default, least=least)
+    if model.substructures:
+        least_modes = max(least_modes, mode)
+        return _reduced_substructures(
+            model, patterns, count, highest_frequency, default=default, least_modes=least_modes
+        )
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
         return _with_static_vectors(model, natural_modes(model), model.size, (), None)
@@ -139,7 +143,7 @@ def reduce_model(
         modes = natural_modes(model, count=kept)
     elif highest_frequency is not None:
         limit = FREQUENCY_MARGIN * highest_frequency
-        least = min(max(rigid + least if default else 1, rigid, mode, 1), model.size)
+        least = min(max(rigid + least_modes if default else 1, rigid, mode, 1), model.size)
         most = None if not default or model.most_modes is None else max(rigid + model.most_modes, least)
         modes = natural_modes(model, count=least, below=limit, most=None if most is None else most + 1)
         kept = max(int(np.searchsorted(modes.omega, limit, side="right")), least)
@@ -151,7 +155,7 @@ def reduce_model(
     return _with_static_vectors(model, modes, kept, tuple(patterns), highest_frequency)
 
 
-def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
+def _own_patterns(model: Structure, part: Substructure, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
     """What of the load patterns acts on one body, in its own scales."""
     acting = []
     for pattern in patterns:
@@ -168,7 +172,7 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
 
 def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis:
     """The bases of several bodies as one: rigid-body modes, then modes, then static vectors, by frequency."""
-    scale = [part.structure.frequency_scale / model.frequency_scale for part in model.parts]
+    scale = [part.structure.frequency_scale / model.frequency_scale for part in model.substructures]
     omega = np.concatenate([basis.omega * s for basis, s in zip(bases, scale, strict=True)])
     rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.size - b.modes]) for b in bases])
     order = np.lexsort((omega, rank))  # stable: equal bodies keep their order
@@ -176,7 +180,7 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
     place[order] = np.arange(order.size)
     vectors = np.zeros((model.size, omega.size))
     blocks, start = [], 0
-    for part, basis in zip(model.parts, bases, strict=True):
+    for part, basis in zip(model.substructures, bases, strict=True):
         columns = place[start : start + basis.size]
         vectors[part.dofs, columns] = basis.vectors * np.sqrt(model.mass_scale / part.structure.mass_scale)
         blocks.append((basis, columns))
@@ -331,7 +335,7 @@ def receptance_bound(
         Relative errors of what the module's equation bounds.
     """
     acting, known = loads.shape[0], None if not len(probes) else 0.0
-    parts = [(part.structure, part.dofs) for part in model.parts] or [(model, slice(None))]
+    parts = [(part.structure, part.dofs) for part in model.substructures] or [(model, slice(None))]
     blocks = basis.blocks or ((basis, np.arange(basis.size)),)
     if all(reduced.modes == part.size for (part, _), (reduced, _) in zip(parts, blocks, strict=True)):
         return ReceptanceBound(0.0, known)
@@ -570,8 +574,8 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     the body's own matrices, of one alone alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the
     physical matrix.
     """
-    if structure.parts:
-        return _damping_of_parts(structure, basis, omega)
+    if structure.substructures:
+        return _damping_of_substructures(structure, basis, omega)
     if isinstance(structure, BodyStructure):
         c = np.diag(_damping_of_body(structure.stated_damping, basis, omega))
     else:
@@ -581,10 +585,10 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     return np.asarray((c + c.T) / 2)
 
 
-def _damping_of_parts(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+def _damping_of_substructures(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
     """(n, n) C, 1/s, of parts that nothing linear couples."""
     whole = np.zeros((omega.size, omega.size))
-    for part, (reduced, columns) in zip(structure.parts, basis.blocks, strict=True):
+    for part, (reduced, columns) in zip(structure.substructures, basis.blocks, strict=True):
         whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
     return whole
 

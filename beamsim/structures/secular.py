@@ -190,8 +190,8 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
     contact = scenario.located_snubber(snubber)
     structure = assemble(scenario, contact.bodies)
     site = snubber_site(contact)
-    parts = [each.structure for each in structure.parts] or [structure]
-    loaded = [_LoadedPart.of(part, site, omega) for part in parts if part.own_row(site).any()]
+    parts = [each.structure for each in structure.substructures] or [structure]
+    loaded = [_LoadedSubstructure.of(part, site, omega) for part in parts if part.own_row(site).any()]
     total = sum(1 / part.stiffness for part in loaded)
     rates: dict[Path, float] = {}
     for path, along in _parameters(scenario, snubber, [member.body for member in structure.members]):
@@ -205,7 +205,7 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
 
 
 @dataclass(frozen=True)
-class _LoadedPart:
+class _LoadedSubstructure:
     """A part of a structure on which the spring acts, and its motion at the frequency."""
 
     bodies: Structure  # apart
@@ -214,7 +214,7 @@ class _LoadedPart:
     forces: Floats  # of the constraints among the couplings, in their order
 
     @classmethod
-    def of(cls, part: Structure, site: Site, omega: float) -> _LoadedPart:
+    def of(cls, part: Structure, site: Site, omega: float) -> _LoadedSubstructure:
         """Solve for the motion."""
         row, squared = part.own_row(site), (omega / part.frequency_scale) ** 2
         mode = np.asarray(spsolve((part.factor.T @ part.factor - squared * part.mass).tocsc(), row))

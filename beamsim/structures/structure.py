@@ -50,7 +50,7 @@ class Coupling:
 
 
 @dataclass(frozen=True)
-class Hold:
+class Restraint:
     """What holds one direction of motion of a body: degrees of freedom that it fixes, or a spring."""
 
     name: str  # left, right, bottom, top, point 1, node 3, base
@@ -156,8 +156,8 @@ class GivenField:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part of a structure that nothing linear couples to the others, and which of the dofs are its own."""
+class Substructure:
+    """A share of a structure that nothing linear couples to the rest, and the slice of dofs that are its own."""
 
     structure: Structure
     dofs: slice
@@ -193,8 +193,8 @@ class Structure(ABC):
     origins: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
     # what joins the bodies to one another, to the base and to the ground, direction by direction
     couplings: tuple[Coupling, ...] = field(default=(), kw_only=True)
-    # parts that nothing linear couples, each with its own modes; none where all is coupled
-    parts: tuple[Part, ...] = field(default=(), kw_only=True)
+    # what nothing linear couples to the rest, each with its own modes; none where all is coupled
+    substructures: tuple[Substructure, ...] = field(default=(), kw_only=True)
     # (N,) rows in the order of elimination; None by minimum degree
     order: Ints | None = field(default=None, kw_only=True)
 
@@ -413,7 +413,7 @@ class BodyStructure(Structure, ABC):
             self.mass_scale * self.base_load(UPWARDS)[0], self.total_mass,
         )  # fmt: skip
 
-    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+    def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """What holds the body, direction by direction, and how far it moves with the base; none where it is free."""
         return ()
 

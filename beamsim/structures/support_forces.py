@@ -50,7 +50,9 @@ class Support:
     base_motion: float  # how far it moves with a unit motion of the base
     body: str = ""  # that it holds; empty for joints and springs
     at: Site | None = None  # of a joint or spring
-    held: Mapping[str, Floats] = field(default_factory=dict)  # by body (all its dofs,) motion of what supports fix
+    fixed_motion: Mapping[str, Floats] = field(
+        default_factory=dict
+    )  # by body (all its dofs,) motion of what supports fix
     free: Mapping[str, Floats] = field(default_factory=dict)  # by body (N,) motion of the others, of a joint that holds
     extensions: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
     determined: bool = True  # whether nothing else holds the same
@@ -70,7 +72,7 @@ class Support:
     def motion(self) -> UnitMotion:
         """The unit motion on all degrees of freedom of the bodies."""
         moved = {name: self._member(name).body.on_all_dofs @ u for name, u in self.free.items()}
-        return UnitMotion({**self.held, **moved})
+        return UnitMotion({**self.fixed_motion, **moved})
 
     @cached_property
     def _whole_forces(self) -> dict[str, Floats]:
@@ -122,7 +124,7 @@ class Support:
         both = self.extensions.keys() & other.extensions.keys()
         return sum((_of_spring(s) * self.extensions[s] * other.extensions[s] for s in both), np.zeros(3))
 
-    def moved(self, other: Support) -> Floats:
+    def force_per_motion(self, other: Support) -> Floats:
         """(3,) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of another support, or of itself."""
         between = sum((self.on_body(body, other) for body in self.forces), np.zeros(3))
         if not self.body:
@@ -180,11 +182,11 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
     """
     held = []
     for name, body in ((member.body.name, member.body) for member in structure.members):
-        for hold in body.holds(structure.seen_from(name, base)):
-            moved = {} if hold.motion is None else {name: hold.motion}
-            extensions = {} if hold.spring is None else {hold.spring: -1.0}
-            given = (structure, hold.name, hold.direction, hold.base_motion)
-            held.append(Support(*given, body=name, held=moved, extensions=extensions))
+        for restraint in body.restraints(structure.seen_from(name, base)):
+            moved = {} if restraint.motion is None else {name: restraint.motion}
+            extensions = {} if restraint.spring is None else {restraint.spring: -1.0}
+            given = (structure, restraint.name, restraint.direction, restraint.base_motion)
+            held.append(Support(*given, body=name, fixed_motion=moved, extensions=extensions))
     return (*held, *_of_couplings(structure, base))
 
 
@@ -211,16 +213,16 @@ def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support
         )  # fmt: skip
 
 
-def _unit_motions(structure: Structure, held: Sequence[Coupling]) -> list[tuple[list[Floats], bool]]:
+def _unit_motions(structure: Structure, constraints: Sequence[Coupling]) -> list[tuple[list[Floats], bool]]:
     """By constraint the least motion of each body apart that moves it by one unit and no other one.
 
     With whether there is such a motion.
     """
-    if not held:
+    if not constraints:
         return []
     sizes = [member.body.size for member in structure.members]
-    rows = np.hstack([np.array([m.body.own_row(coupling.site) for coupling in held]) for m in structure.members])
+    rows = np.hstack([np.array([m.body.own_row(coupling.site) for coupling in constraints]) for m in structure.members])
     inverse = np.linalg.pinv(rows, rcond=1e-10)
-    missed = np.abs(rows @ inverse - np.eye(len(held))).max(axis=0)
+    missed = np.abs(rows @ inverse - np.eye(len(constraints))).max(axis=0)
     parts = np.cumsum(sizes)[:-1]
     return [(np.split(column, parts), bool(error < 1e-6)) for column, error in zip(inverse.T, missed, strict=True)]

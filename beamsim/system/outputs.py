@@ -229,7 +229,7 @@ class _Asked:
         for site, (path, _) in zip(self.force_sites, acting.forces, strict=True):
             load[number[path, "force"]] = -share(site)
         for moved in self.model.moving_supports:
-            forces = total(partial(Support.moved, other=moved.support))
+            forces = total(partial(Support.force_per_motion, other=moved.support))
             for quantity, force in zip(("displacement", "acceleration", "velocity"), forces, strict=True):
                 load[number[moved.path, quantity]] = force
         if acting.base is not None and number[acting.base[0], "displacement"] < load.size:

@@ -468,4 +468,4 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
     highest = max(of_run, 10 * excited)
     start = None if scenario.run is None else scenario.run.start
     mode = start.mode if isinstance(start, ModeStart) else 0
-    return {"highest_frequency": highest * hz, "default": True, "least": 6, "mode": mode}
+    return {"highest_frequency": highest * hz, "default": True, "least_modes": 6, "mode": mode}

@@ -12,7 +12,7 @@ from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import exit_code
 from beamsim.scenario import load_scenario
-from beamsim.signals.mac import assurance
+from beamsim.signals.mac import modal_assurance
 from tests.helpers.tables import estimates, modes, profiles, variables
 
 BASE = {
@@ -155,8 +155,8 @@ def test_supports_are_chosen_by_trying_them(tmp_path):
 def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
     positions = (0.05, 0.1, 0.15, 0.2, 0.27)
     shapes = mode_shapes(load_scenario(BASE), "tip", 3, positions).T
-    assert np.diag(assurance(-3 * shapes.T, shapes.T)) == pytest.approx(np.ones(3))
-    assert assurance(np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]])) == pytest.approx(np.zeros((1, 1)))
+    assert np.diag(modal_assurance(-3 * shapes.T, shapes.T)) == pytest.approx(np.ones(3))
+    assert modal_assurance(np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]])) == pytest.approx(np.zeros((1, 1)))
     swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}
     result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], shapes_without=swapped))
     assert result["shapes"]["mac"].values.shape == (3, 3)

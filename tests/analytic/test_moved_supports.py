@@ -73,4 +73,4 @@ def test_a_rotation_on_a_spring_meets_spring_and_beam_in_series(length):
     supports = supports_of(assemble(load_scenario({"beam": beam})))
     (turned,) = [each for each in supports if each.name == "left" and each.direction == "slope"]
     expected = 1 / (1 / spring + length / (3 * flexural))
-    assert turned.moved(turned)[0] == pytest.approx(expected, rel=1e-9)
+    assert turned.force_per_motion(turned)[0] == pytest.approx(expected, rel=1e-9)

@@ -14,7 +14,7 @@ from beamsim.measurements.functions import BY_NUMBER
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
-from beamsim.signals.mac import assurance
+from beamsim.signals.mac import modal_assurance
 from beamsim.signals.resonance_peaks import peaks_of
 from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
@@ -127,8 +127,8 @@ def test_a_lone_peak_has_no_partner(swept):
 
 def test_frac_ignores_a_factor_and_notices_a_difference():
     one = np.exp(1j * np.linspace(0, 3, 50))
-    assert assurance(one[:, None], -2.5j * one[:, None]) == pytest.approx(1.0, abs=1e-12)
-    assert assurance(one[:, None], one.conj()[:, None]) < 0.5
+    assert modal_assurance(one[:, None], -2.5j * one[:, None]) == pytest.approx(1.0, abs=1e-12)
+    assert modal_assurance(one[:, None], one.conj()[:, None]) < 0.5
 
 
 @pytest.mark.parametrize(

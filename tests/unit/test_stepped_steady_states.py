@@ -101,7 +101,7 @@ def test_chaos_is_told_from_a_period(make_system):
         settled = settle(stepper, motion, tolerance=1e-8, longest_period=6, most_cycles=1200)
         if settled.period:
             kinds.setdefault("periodic", []).append(frequency)
-            again = stepper.carry(motion, settled.period)
+            again = stepper.march_cycles(motion, settled.period)
             assert np.abs(again[-1] - settled.section[-1]).max() < 1e-5
         else:
             found = largest_exponent(stepper, motion, 200)
@@ -215,13 +215,13 @@ def test_a_motion_that_never_repeats_is_followed_in_bounded_memory():
     contacts = SimpleNamespace(internal_states=0)
     flow = SimpleNamespace(system=SimpleNamespace(size=1, contacts=contacts))
 
-    def carry(motion, cycles):
+    def march_cycles(motion, cycles):
         turned = (motion.y[0] + 1j * motion.y[1]) * turn ** np.arange(1, cycles + 1)
         states = np.stack([turned.real, turned.imag], axis=1)
         motion.y = states[-1]
         return states
 
-    stepper = SimpleNamespace(flow=flow, omega=1.0, carry=carry)
+    stepper = SimpleNamespace(flow=flow, omega=1.0, march_cycles=march_cycles)
     tracemalloc.start()
     settled = settle(stepper, motion, tolerance=1e-9, longest_period=4, most_cycles=8000)
     _, peak = tracemalloc.get_traced_memory()

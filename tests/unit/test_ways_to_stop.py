@@ -154,12 +154,12 @@ def test_an_integrator_that_fails(monkeypatch):
 def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
     from beamsim.orbits.steady import CycleStepper
 
-    def carry(self, motion, cycles, *_, go_on=CycleStepper.carry, **options):
+    def march_cycles(self, motion, cycles, *_, go_on=CycleStepper.march_cycles, **options):
         if self.cycles > 300:
             raise ArithmeticError("too many evaluations")
         return go_on(self, motion, cycles, *_, **options)
 
-    monkeypatch.setattr(CycleStepper, "carry", carry)
+    monkeypatch.setattr(CycleStepper, "march_cycles", march_cycles)
     step = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
     result = sweep(load_scenario(config_path("sweep_up_down"), [step]))
     assert result.outcome.code == "no_steady_state"

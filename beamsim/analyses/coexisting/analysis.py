@@ -500,7 +500,7 @@ class Marches:
         sign = 1.0 if last > hz else -1.0
         while sign * (last - hz) > 0.0 and not asked_to_stop():
             stepper, motion = stepper_on(flow.with_loads(2.0 * np.pi * hz), y)
-            y = stepper.carry(motion, 1)[0]
+            y = stepper.march_cycles(motion, 1)[0]
             change = sign * starts.rate.value / hz
             hz = hz * 2.0**change if starts.rate.unit == "oct/s" else hz + change
         return y

@@ -30,7 +30,7 @@ from beamsim.measurements.channels import demand_amplitudes, unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
-from beamsim.signals.mac import assurance
+from beamsim.signals.mac import modal_assurance
 from beamsim.signals.resonance_peaks import peaks_of
 from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
@@ -230,7 +230,7 @@ def _channel(
         frequency_hz=x,
         predicted=predicted,
         measured=measured,
-        frac=float(assurance(predicted[:, None], measured[:, None])[0, 0]),
+        frac=float(modal_assurance(predicted[:, None], measured[:, None])[0, 0]),
         peaks=tuple(_peak_pairs(curve, (frequency, np.abs(values)), (x, np.abs(measured)))),
         begin_s=tracking.begin if followed else None,
         bandwidth=1.0 / tracking.cycles if followed and detector == "fundamental" else None,
@@ -287,7 +287,7 @@ def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
     some = np.unique(np.linspace(0, f.size - 1, min(f.size, MOST_OF_FDAC)).round().astype(int))
     predicted = np.array([channel.predicted[some] for channel in channels])
     measured = np.array([channel.measured[some] for channel in channels])
-    return Assurance(f[some], f[some], assurance(predicted, measured))
+    return Assurance(f[some], f[some], modal_assurance(predicted, measured))
 
 
 SAME_PEAK = 0.15  # relative difference of the frequencies of two peaks that may be the same

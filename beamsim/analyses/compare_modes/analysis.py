@@ -32,7 +32,7 @@ from beamsim.scenario import Scenario, Source, scenario_of, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
-from beamsim.signals.mac import assurance
+from beamsim.signals.mac import modal_assurance
 from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
 from beamsim.summaries import Entry, Number, list_of, record
@@ -123,7 +123,7 @@ def compare_modes(
         measured = read_shapes(measured, scenario)
     _check(measured)
     frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
-    mac, auto = (np.nan_to_num(assurance(shape, shapes)) for shape in (measured.shapes, shapes))
+    mac, auto = (np.nan_to_num(modal_assurance(shape, shapes)) for shape in (measured.shapes, shapes))
     paired = _paired(mac, measured.frequency_hz, frequencies)
     pairs = [
         {

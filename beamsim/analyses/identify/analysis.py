@@ -20,7 +20,7 @@ from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
 from beamsim.scenario.parameters import unit_of, with_values
-from beamsim.signals.mac import assurance
+from beamsim.signals.mac import modal_assurance
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
@@ -210,7 +210,7 @@ def _shapes(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShape
     body = scenario.all_bodies[scenario.located_snubber(section.snubber).bodies[0]]
     positions = tuple(map(body.metres, given.positions))
     predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), positions)
-    mac = assurance(np.array(given.shapes).T, predicted)
+    mac = modal_assurance(np.array(given.shapes).T, predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))
         if best != i:

@@ -115,7 +115,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
         raise ScenarioError(Problem("run.sensitivities", message, remedy))
     if not motion.outcome.complete:
         return None, ["run.sensitivities are left out: the motion is not complete"]
-    trajectory, filtered = whole.held(), settings.low_pass is not None
+    trajectory, filtered = whole.with_all_states(), settings.low_pass is not None
     # a peak behind a filter is none of the motion
     chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]

@@ -98,7 +98,7 @@ def _swept(one: SweepLevel, curve: SweepCurve, span: tuple[float, float], progre
     for chunk in march.chunks():
         since, motion = float(march.windows.edge[chunk.first]), chunk.motion
         if since + motion.end > span[0]:
-            parts.append((since, motion.held()))
+            parts.append((since, motion.with_all_states()))
         if since + motion.end > span[1]:
             break
     since, last = parts[-1]
