@@ -190,6 +190,16 @@ def larger(one: Changes, other: Changes) -> Changes:
     return out
 
 
+def raised(errors: Errors, least: Errors) -> Errors:
+    """The errors, each at least as large as the other of its entry and place where there is one."""
+    known = dict(named(least))
+    return {
+        name: {place: max(x, known.get(f"{name}.{place}", 0.0)) for place, x in of.items()}
+        if isinstance(of, dict) else max(of, known.get(name, 0.0))
+        for name, of in errors.items()
+    }  # fmt: skip
+
+
 def doubtful(errors: Errors, scatter: Changes) -> Iterator[str]:
     """``entry.place`` of the values whose error is more than is allowed, and than their scatter explains.
 

@@ -10,18 +10,23 @@ import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
+from beamsim.flow.swept_motion import CLOSE
 from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
-from beamsim.results.values import largest_in
+from beamsim.results.values import largest_in, peaks_in
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.trust.convergence import (
     COMPARISON,
     NOT_ASKED,
+    Changes,
     Convergence,
+    Errors,
     Values,
     compared,
     doubtful,
@@ -29,10 +34,12 @@ from beamsim.trust.convergence import (
     exact,
     finer_modes,
     keeps_all,
+    raised,
     relative_changes,
     with_convergence,
 )
 from beamsim.trust.least_time import least_time_of_sweep
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
@@ -42,6 +49,16 @@ if TYPE_CHECKING:
 
 
 _Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
+HIGHEST = 5  # cycles with the largest values of a sweep, all of which are compared: see docs/theory.md, section 7 ...
+NEARLY = 0.9  # ... if they reach this share of the largest one
+
+
+class _Compared(NamedTuple, Generic[_Result]):
+    """What is compared of two results."""
+
+    values: Callable[[_Result], Values]
+    cycles: Callable[[_Result, _Result], Changes] | None = None  # of what the values were taken from
+    least: Callable[[_Result], Errors] | None = None  # errors of the values of a model, which no finer one shows
 
 
 def sweep(
@@ -89,7 +106,9 @@ def sweep(
         return result
 
     with asked_by(stop):
-        return _with_convergence_errors(first, compute, asked, _of_sweep, progress)
+        return _with_convergence_errors(
+            first, compute, asked, _Compared(_of_sweep, _changes_of_cycles, _least_of_level), progress
+        )
 
 
 def continuation(scenario: Source, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
@@ -119,7 +138,9 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     with asked_by(stop):
-        return _with_convergence_errors(partial(compute, scenario), compute, asked, _of_continuation, progress)
+        return _with_convergence_errors(
+            partial(compute, scenario), compute, asked, _Compared(_of_continuation), progress
+        )
 
 
 def coexisting(
@@ -151,8 +172,9 @@ def coexisting(
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, workers=workers, scheduler=scheduler)
+    of: _Compared[CoexistingResult] = _Compared(_of_continuation)
     with asked_by(stop):
-        return _with_convergence_errors(partial(again, scenario, **kept), again, asked, _of_continuation, progress)
+        return _with_convergence_errors(partial(again, scenario, **kept), again, asked, of, progress)
 
 
 def nnm(
@@ -182,14 +204,16 @@ def nnm(
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
     with asked_by(stop):
-        return _with_convergence_errors(partial(compute, scenario, compare=compare), compute, asked, _of_mode, progress)
+        return _with_convergence_errors(
+            partial(compute, scenario, compare=compare), compute, asked, _Compared(_of_mode), progress
+        )
 
 
 def _with_convergence_errors(
     first: Callable[[Progress], _Result],
     again: Callable[[Scenario, Progress], _Result],
     asked: bool,
-    values: Callable[[_Result], Values],
+    of: _Compared[_Result],
     progress: Progress,
 ) -> _Result:
     """A result with its comparison, where it is asked for and nothing is missing of the result.
@@ -199,7 +223,7 @@ def _with_convergence_errors(
     first : computes the result.
     again : the same of another case, without what is not compared.
     asked : whether the comparison is asked for.
-    values : of a result, which are compared.
+    of : what is compared.
     progress : called with the fraction of both that is done.
     """
     share = 0.4 if asked else 1.0  # of the progress
@@ -210,8 +234,8 @@ def _with_convergence_errors(
         return result
     if asked_to_stop():
         return result.interrupted(COMPARISON)
-    begin, wall, own = processor_time(), clock.perf_counter(), values(result)
-    checked = _convergence(values, own, result, lambda case: again(case, part_of(progress, share, 1.0)))
+    begin, wall, own = processor_time(), clock.perf_counter(), of.values(result)
+    checked = _convergence(of, own, result, lambda case: again(case, part_of(progress, share, 1.0)))
     if asked_to_stop():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
@@ -220,7 +244,7 @@ def _with_convergence_errors(
 
 
 def _convergence(
-    values: Callable[[_Result], Values],
+    of: _Compared[_Result],
     own: Values,
     result: _Result,
     solve: Callable[[Scenario], _Result],
@@ -235,7 +259,12 @@ def _convergence(
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
-    errors = errors_of(relative_changes([own], [values(second)]), result.scenario, keeps_all(second["modes"]))
+    changes = relative_changes([own], [of.values(second)])
+    if of.cycles is not None:
+        changes = raised(changes, of.cycles(result, second))
+    errors = errors_of(changes, result.scenario, keeps_all(second["modes"]))
+    if of.least is not None:
+        errors = raised(errors, of.least(result))
     return Convergence(errors, tuple(doubtful(errors, {})), second["modes"]["kept_modes"].item(), modes)
 
 
@@ -254,6 +283,71 @@ def _of_sweep(result: SweepResult) -> Values:
     of_model = {"contact_share": result.summary["contact_share"]}
     of_model |= {"gapping_ratio": finite(result.summary.get("gapping_ratio", {}))}
     return compared(of_model | entries) | _frequencies(result)
+
+
+def _changes_of_cycles(first: SweepResult, second: SweepResult) -> Changes:
+    """Relative changes of the cycles that decide on the largest values, and of the shares of all cycles.
+
+    The largest values of two models may agree by chance where their cycles do not.
+    """
+    changes: dict[str, dict[str, float]] = {}
+    for name, one in first.curves.items():
+        other = second.curves[name]
+        peaks = {value.entry: of for value, of in peaks_in(other.cycles)}
+        for value, of in peaks_in(one.cycles):
+            changes.setdefault(value.entry, {}).update(
+                (f"{name} {place}".strip(), _change_of_highest(x, peaks[value.entry][place]))
+                for place, x in of.items()
+                if place in peaks.get(value.entry, {})
+            )
+        shares = other.cycles.by_label("contact_share")
+        changes.setdefault("contact_share", {}).update(
+            (f"{name} {place}", _change_of_share(one.weights, x.values, shares[place].values))
+            for place, x in one.cycles.by_label("contact_share").items()
+        )
+    return dict(changes)
+
+
+def _change_of_highest(one: Floats, other: Floats) -> float:
+    """The largest of the relative changes of the `HIGHEST` largest values (C,), the largest with the largest."""
+    highest, others = (-np.sort(-of[~np.isnan(of)])[:HIGHEST] for of in (one, other))
+    scale = max(highest[:1].sum(), others[:1].sum())
+    if scale == 0.0:
+        return 0.0
+    count = int(np.count_nonzero(highest[: others.size] >= NEARLY * highest[0]))
+    return float(np.max(np.abs(highest[:count] - others[:count]), initial=0.0) / scale)
+
+
+def _change_of_share(weights: Floats, one: Floats, other: Floats) -> float:
+    """The relative change of a mean of cycles (C,) and two standard errors of it, the cycles being independent."""
+    if other.size != one.size:  # ended by chance in another cycle
+        return 0.0
+    change = weights * (one - other)
+    scale = max(float(weights @ one), float(weights @ other))
+    return 0.0 if scale == 0.0 else float(abs(change.sum()) + 2.0 * np.sqrt(change @ change)) / scale
+
+
+def _least_of_level(result: SweepResult) -> Errors:
+    """What a level that is lowered to limits leaves unknown of the values: how far these limits are exceeded.
+
+    Every level that holds them as well would do, and each model finds another one.
+    """
+    from beamsim.analyses.sweep.swept_sine import LEVEL_KNOWN, held_by_level
+
+    held, least = held_by_level(result.scenario), dict[str, dict[str, float]]()
+    for name, curve in result.curves.items():
+        if curve.notching is None:
+            continue
+        excess = max([CLOSE, *(limit.share - 1.0 for limit in curve.notching.limits)])
+        for value, of in peaks_in(curve.cycles):
+            least.setdefault(value.entry, {}).update(
+                (f"{name} {place}".strip(), LEVEL_KNOWN if (value.limit, place) in held else excess) for place in of
+            )
+        least.setdefault("contact_share", {}).update(
+            (f"{name} {place}", excess if 0.0 < curve.weights @ x.values < 1.0 else 0.0)
+            for place, x in curve.cycles.by_label("contact_share").items()
+        )
+    return dict(least)
 
 
 def _of_continuation(result: ContinuationResult) -> Values:

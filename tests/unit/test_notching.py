@@ -177,11 +177,11 @@ def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):
 
 
 def test_a_limit_that_the_level_keeps_is_met_as_well_as_the_level_is_known():
-    """By 0.05 % above it is met, by 0.2 % exceeded; the limit of a probe for which nothing is lowered always is."""
+    """By 0.15 % above it is met, by 0.3 % exceeded; the limit of a probe for which nothing is lowered always is."""
     settings = {"to": "18 Hz", "rate": "12 oct/min", "notch_to": {"probes.second.acceleration": "6 g"}}
     (curve,) = sweep(case(**settings)).curves.values()
     first, second = (float(curve.channel("absolute_acceleration", name).peak.max()) for name in ("first", "second"))
-    for share, verdict in ((1.0005, "ok"), (1.002, "exceeded")):
+    for share, verdict in ((1.0015, "ok"), (1.003, "exceeded")):
         limits = {"first": first / share, "second": second / share}
         given = {**CASE, "sweep": {**SWEEP, **settings}, "limits": {"peak_acceleration": limits}}
         margins = sweep(load_scenario(given)).summary["margins"]

@@ -16,7 +16,7 @@ from beamsim.analyses.sweep.layouts import NOTCH_LIMITS, NOTCH_RANGES, NOTCHES
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, level_row
 from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.swept_motion import LevelControl, SweptLoads, SweptMotion
+from beamsim.flow.swept_motion import CLOSE, LevelControl, SweptLoads, SweptMotion
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
 from beamsim.inputs.measured import on_curve
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
@@ -307,18 +307,23 @@ def continuous(profile: Profile, leg: Leg) -> Profile:
     return Profile.through(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
 
 
-def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
-    """Margins of which those that the level keeps say how well it is known: its table is thinned by as much."""
+def held_by_level(scenario: Scenario) -> set[tuple[str, str]]:
+    """Limit and place of the values that the level of a sweep is lowered for, as ``peak_force`` and a snubber."""
     limits = getattr(scenario.sweep, "notch_to", None) or {}
     of = [limited_quantity(name, scenario.base_force or BASE_FORCE.name) for name in limits]
-    held = {(f"peak_{each.quantity}" if each.quantity else each.section, each.item) for each in of if each is not None}
+    return {(f"peak_{each.quantity}" if each.quantity else each.section, each.item) for each in of if each is not None}
+
+
+def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
+    """Margins of which those that the level keeps say how closely: within what a trial of the level is accepted."""
+    held = held_by_level(scenario)
 
     def of_level(name: str, at: str) -> bool:
         value, place = limited_value(name)
         return (value.limit, place or at.partition(",")[0]) in held
 
     return judged({
-        name: item | ({"held_within": LEVEL_KNOWN} if of_level(name, item["at"]) else {})
+        name: item | ({"held_within": CLOSE} if of_level(name, item["at"]) else {})
         for name, item in margins.items()
     })  # fmt: skip
 
