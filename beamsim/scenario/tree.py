@@ -49,6 +49,7 @@ _KEEP_APART = "keep measured data in files of their own"
 MOST_VALUES = 25_000
 """A document of more keys and values than this, as written or with its aliases unfolded, is refused: of more, PyYAML
 would take longer than two seconds."""
+_UNFOLDS = f"unfolds to more than {MOST_VALUES} values"
 
 
 class WrittenMapping(dict[str, Any]):
@@ -235,8 +236,7 @@ class _Reader:
         """What a node at a path is: mappings and lists that know where they were written, and scalars."""
         self.count += 1
         if self.count > MOST_VALUES:
-            message = f"unfolds to more than {MOST_VALUES} values"
-            raise ScenarioError(problem((), message, "use fewer aliases", (self.file, None)))
+            raise ScenarioError(problem((), _UNFOLDS, "use fewer aliases", (self.file, None)))
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node, path)
         if node.tag != _TAG + ("map" if isinstance(node, yaml.MappingNode) else "seq"):
@@ -253,6 +253,10 @@ class _Reader:
             return items
         finally:
             self.open.discard(id(node))
+
+    def _given_twice(self, path: Path, line: int, node: yaml.Node) -> None:
+        """Note that a key was given before, in a line."""
+        self._problem(path, f"is given twice, first in line {line}", "keep one of the two", node)
 
     def _scalar(self, node: yaml.ScalarNode, path: Path) -> object:
         """The text, number or truth of a node at a path."""
@@ -285,8 +289,7 @@ class _Reader:
             key = key_node.value
             value = self.data(value_node, (*path, key))
             if key in items:
-                message = f"is given twice, first in line {lines[key]}"
-                self._problem((*path, key), message, "keep one of the two", key_node)
+                self._given_twice((*path, key), lines[key], key_node)
                 continue
             items[key], lines[key] = value, key_node.start_mark.line + 1
             marked = value_node if isinstance(value_node.value, str) else key_node
