@@ -47,7 +47,7 @@ def first_apart(
                 given = dict(zip(names, case, strict=True)) if several else {first: case}
                 try:
                     _check(test, arguments | given, k)
-                except Exception as error:  # noqa: BLE001: of any kind
+                except Exception as error:
                     failures.append(f"{label(case) or case!r}: {type(error).__name__}: {error}")
             assert not failures, "\n".join(failures)
 
