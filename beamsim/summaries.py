@@ -105,20 +105,20 @@ def words(name: str) -> str:
     return name.removesuffix(next((end for end in UNITS if name.endswith(end)), "")).replace("_", " ")
 
 
-def figure_in_words(key: str) -> str:
-    """A figure for people: an entry of a summary without its unit, and whose it is, in the name that the user gave.
+def value_in_words(key: str) -> str:
+    """Name of a summary value in words: the entry without its unit, and the user's name of its place.
 
-    >>> figure_in_words("largest_bending_stress_pa"), figure_in_words("peak_force_n.pad_n")
+    >>> value_in_words("largest_bending_stress_pa"), value_in_words("peak_force_n.pad_n")
     ('largest bending stress', 'peak force of pad_n')
-    >>> figure_in_words("peak_moment_n_m.hinge")
+    >>> value_in_words("peak_moment_n_m.hinge")
     'peak moment of hinge'
-    >>> figure_in_words("spectral_lines.root_1 absolute_acceleration")
+    >>> value_in_words("spectral_lines.root_1 absolute_acceleration")
     'spectral lines of root_1 absolute acceleration'
-    >>> figure_in_words("random.tip absolute_acceleration crest_factor")
+    >>> value_in_words("random.tip absolute_acceleration crest_factor")
     'tip absolute acceleration crest factor'
     """
     entry, _, place = key.partition(".")
-    if entry == "random":  # a group of figures, each with its own name behind the quantity
+    if entry == "random":  # a group of values, each with its own name behind the quantity
         return place_in_words(entry, place)
     return f"{words(entry)} of {place_in_words(entry, place)}" if place else words(entry)
 

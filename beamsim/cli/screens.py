@@ -22,7 +22,7 @@ from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.scenario import USED
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.summaries import figure_in_words
+from beamsim.summaries import value_in_words
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
 DIGITS = 3  # at most; fewer where the last ones would be smaller than the second digit of the error
@@ -204,7 +204,7 @@ class Errors:
         """The errors of values that the summary holds in another form, such as lines of spectra."""
         for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
             if (entry, place) not in self._printed:
-                yield figure_in_words(f"{entry}.{place}" if place else entry), self.text(entry, place)
+                yield value_in_words(f"{entry}.{place}" if place else entry), self.text(entry, place)
 
 
 def significant_digits(value: float, error: float) -> int:

@@ -53,7 +53,7 @@ def resonances(result: NormalModeResult) -> Chart:
         for k, curve in enumerate(followed) if curve["frequency_hz"].values.size
     }  # fmt: skip
     thick = {"color": "0.55", "linestyle": "-", "linewidth": 2.6, "zorder": 1}
-    predicted, held = (
+    predicted, found = (
         np.column_stack(
             [of_levels[f"{before}frequency_hz"].values, of_levels[f"{before}amplitude"].sel(probe=name).values]
         )
@@ -63,9 +63,9 @@ def resonances(result: NormalModeResult) -> Chart:
         Curve("nonlinear mode", ridge["frequency_hz"].values, ridge["amplitude"].sel(probe=name).values, thick),
         *branch_curves(list(lines.values())),
         marked("predicted", predicted, color="0.15", marker="o", markersize=7, markerfacecolor="white"),
-        marked("phase resonance", held, color="0.15", marker="D", markersize=4, zorder=6),
+        marked("phase resonance", found, color="0.15", marker="D", markersize=4, zorder=6),
     ]
-    shown = [predicted[:, 1], held[:, 1], *(line.y for line in lines.values())]
+    shown = [predicted[:, 1], found[:, 1], *(line.y for line in lines.values())]
     up = (f"Largest deflection of {name}", scale_for("m", *shown))
     chart = Chart(("Frequency", HERTZ), up, curves, of="")
     if not lines:
@@ -93,17 +93,17 @@ def levels(result: NormalModeResult) -> Chart:
     return Chart((f"Largest deflection of {name}", "m"), ("Level", _level_scale(result)), curves, log="xy")
 
 
-def plot_held_shapes(held: Dataset, ax: Axes, stations: Stations) -> None:
+def plot_held_shapes(level: Dataset, ax: Axes, stations: Stations) -> None:
     """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17).
 
     Parameters
     ----------
-    held : of a level, with its shapes (2, nx) and those of the mode.
+    level : of a level, with its shapes (2, nx) and those of the mode.
     ax : to draw on.
     stations : nx, where shapes are known.
     """
     shapes: list[tuple[str, Any, dict[str, Any]]] = []
-    instants, of_held, of_mode = (held[name].values for name in ("instants", "shapes", "mode_shapes"))
+    instants, of_held, of_mode = (level[name].values for name in ("instants", "shapes", "mode_shapes"))
     for k in (0, 1):
         colour = {"color": curve_style(k)["color"]}
         shapes.append((f"held, t = {instants[k]:.4g} s", of_held[k], {**colour, "linestyle": "-"}))

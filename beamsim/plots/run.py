@@ -121,12 +121,12 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str = "") -> str:
+def _doubts(result: RunResult, entry: str, called: str = "peaks", quantity: str = "") -> str:
     """Which values of an entry have not converged, as a note: all, or those of one quantity."""
-    errors = result.summary.get("convergence", {}).get(figure, {})
+    errors = result.summary.get("convergence", {}).get(entry, {})
     listed = result.summary.get("doubtful", ())
-    doubtful = [name for name in errors if f"{figure}.{name}" in listed]
-    places = {name: place_in_words(figure, name) for name in doubtful}
+    doubtful = [name for name in errors if f"{entry}.{name}" in listed]
+    places = {name: place_in_words(entry, name) for name in doubtful}
     if quantity:  # the last word of a place
         places = {name: name.rpartition(" ")[0] for name in doubtful if name.rpartition(" ")[2] == quantity}
     texts = [f"{of} {100 * errors[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]

@@ -23,7 +23,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
 from beamsim.scenario.parameters import field_type, yaml_with_units
 from beamsim.structures.assembly import snubber_site
-from beamsim.summaries import figure_in_words, place_in_words
+from beamsim.summaries import place_in_words, value_in_words
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
 
@@ -233,7 +233,7 @@ def _trust(result: Result) -> Iterator[str]:
     for key, error in known[:ERRORS_SHOWN]:
         value, _, place = key.partition(".")
         mark = "! " if key in doubtful else ""
-        errors.append([figure_in_words(value), place_in_words(value, place), f"{mark}{100 * error:.2g} %"])
+        errors.append([value_in_words(value), place_in_words(value, place), f"{mark}{100 * error:.2g} %"])
     more = f" (the {ERRORS_SHOWN} largest of {len(known)})" if len(known) > ERRORS_SHOWN else ""
     yield table(Cells(("value", "of", "error"), errors, f"Error of every value, from a finer model{more}"))
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())

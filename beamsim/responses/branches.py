@@ -118,13 +118,13 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
     """
     f, system = model.followed, model.system
     followed = f.kind == "frequency"
-    parameters = [np.asarray(f.outward(branch.traced.values), dtype=float) for branch in branches]
+    parameters = [np.asarray(f.from_unknown(branch.traced.values), dtype=float) for branch in branches]
     parameter, motions = np.concatenate(parameters), [motion for branch in branches for motion in branch.motions]
     special = [
         [
             special_row(each, at, at if followed else model.frequency_hz, system.contact_names)
             for each in branch.traced.special
-            for at in [float(f.outward(each.parameter))]
+            for at in [float(f.from_unknown(each.parameter))]
         ]
         for branch in branches
     ]

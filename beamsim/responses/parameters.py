@@ -48,13 +48,13 @@ class FollowedParameter:
     snubber: str = ""
     moved: MovedSnubber | None = None
 
-    def inward(self, value: float) -> float:
+    def to_unknown(self, value: float) -> float:
         """The continuation's unknown at a value."""
         if self.kind == "frequency":
             return 2 * np.pi * value
         return value if self.kind == "level" else 1.0 + (value - self.first) / (self.last - self.first)
 
-    def outward(self, unknown: Any) -> Any:
+    def from_unknown(self, unknown: Any) -> Any:
         """The value at one unknown or many."""
         if self.kind == "frequency":
             return unknown / (2 * np.pi)
@@ -62,11 +62,11 @@ class FollowedParameter:
 
     def shown(self, outcome: Outcome) -> Outcome:
         """An outcome with its parameter in the user's unit."""
-        return outcome.in_unit(self.outward, self.unit)
+        return outcome.in_unit(self.from_unknown, self.unit)
 
     def system(self, unmoved: StructuralSystem, unknown: float) -> StructuralSystem:
         """The system whose motion a point of the continuation is; frequency and level leave it as it is."""
-        return unmoved if self.moved is None else self.moved.system(self.outward(unknown))
+        return unmoved if self.moved is None else self.moved.system(self.from_unknown(unknown))
 
     @property
     def label(self) -> str:
@@ -78,7 +78,7 @@ class FollowedParameter:
         """The systems by the unknown, of which a flow is one, and their derivatives by it."""
 
         def at(unknown: float) -> tuple[PeriodicFlow, ContactDirection]:
-            contacts, rates = not_none(self.moved)(self.outward(unknown))
+            contacts, rates = not_none(self.moved)(self.from_unknown(unknown))
             step = self.last - self.first
             by_unknown = ContactDirection(
                 step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape,

@@ -30,7 +30,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limits, parse_limit, read_first
 from beamsim.scenario import Scenario
-from beamsim.summaries import figure_in_words
+from beamsim.summaries import value_in_words
 from beamsim.typing import Floats, Ints, not_none
 
 FREQUENCIES = 6  # natural frequencies that are compared
@@ -178,9 +178,9 @@ def relative_changes(
     return changes
 
 
-def larger(one: Changes, other: Changes) -> Changes:
+def larger(first: Changes, other: Changes) -> Changes:
     """The larger of two changes of each value."""
-    out = dict(one)
+    out = dict(first)
     for name, value in other.items():
         present = out.get(name, value)
         if isinstance(value, dict) and isinstance(present, dict):
@@ -353,13 +353,13 @@ def _coordinates(modes: Dataset) -> float:
     return float(modes["coordinates"].item()) if "coordinates" in modes else math.inf
 
 
-def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
+def with_convergence(result: _Result, convergence: Convergence, values: Values | None = None) -> _Result:
     """A result whose summary and outcome say which of its values do not converge.
 
     Parameters
     ----------
     result : with its margins, without any error of the values.
-    checked : the errors of its values.
+    convergence : the errors of its values.
     values : that limits are compared with, where they were compared with a finer model's.
 
     Returns
@@ -367,12 +367,12 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
     Result
         With the verdict on each limit, to which the error of its value counts.
     """
-    summary = result.summary | checked.summary()
+    summary = result.summary | convergence.summary()
     if "margins" in summary:
-        summary["margins"] = _margins_with_errors(summary, values or {}, checked.errors)
+        summary["margins"] = _margins_with_errors(summary, values or {}, convergence.errors)
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
-    outcome, doubts = result.outcome, [_diverged(result, checked)] if checked.after else []
-    if first := [key for key in checked.doubtful if read_first(result.scenario, result["modes"], key)]:
+    outcome, doubts = result.outcome, [_diverged(result, convergence)] if convergence.after else []
+    if first := [key for key in convergence.doubtful if read_first(result.scenario, result["modes"], key)]:
         doubts = [doubt_about(result, first, *doubts)]
     if not doubts or not outcome.usable:
         return result.ended(outcome.but(*doubts))
@@ -457,7 +457,7 @@ def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outco
     worst = sorted(sizes, key=lambda key: -sizes[key])
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
-    figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
+    figures = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
     sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {listed(figures)}"
@@ -467,17 +467,17 @@ def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outco
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
-def _diverged(result: Result, checked: Convergence) -> Outcome:
+def _diverged(result: Result, convergence: Convergence) -> Outcome:
     """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
-    times, time, run = checked.sensitivity, checked.diverged_s, not_none(result.scenario.run)
-    figures = tuple(dict.fromkeys(figure_in_words(x.partition(".")[0]) for x in checked.after))
+    times, time, run = convergence.sensitivity, convergence.diverged_s, not_none(result.scenario.run)
+    figures = tuple(dict.fromkeys(value_in_words(x.partition(".")[0]) for x in convergence.after))
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
             f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
             "on what follows",
-            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, checked.first_modes)}, or take "
-            "means of a longer run",
+            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, convergence.first_modes)}, or "
+            "take means of a longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (

@@ -110,7 +110,7 @@ def _without(result: RunResult, reason: str) -> RunResult:
 
 
 def _compared(result: RunResult, motion: RunMotion) -> dict[str, Any]:
-    """The comparison for the summary: by figure and place the value of the run and of the reference."""
+    """The comparison for the summary: by quantity and place the value of the run and of the reference."""
     exact, stepped = result.summary, values_of_motion(motion)
     histories, end = not_none(motion.histories), motion.marched.end
     ours, theirs = _events(result["events"], end), _events(motion.events, end)

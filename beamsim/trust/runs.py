@@ -420,8 +420,8 @@ def _with_lines(derived: DerivedValues, errors: Errors) -> tuple[Errors, Floats 
     """The errors with the largest of the lines of each spectrum, over its strongest line, and those of each line.
 
     The error of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
-    static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
-    other lines, which may be leakage, nor a line of an output.
+    static vector is no property of the structure, and has none (nan); neither has a mean below the least amplitude
+    of the other lines, which may be leakage, nor a line of an output.
     """
     errors = dict(errors)
     amplitudes, frequencies = (dict(places(errors.pop(f"line_{of}", {}))) for of in ("amplitude", "frequency"))
@@ -443,7 +443,7 @@ def _with_lines(derived: DerivedValues, errors: Errors) -> tuple[Errors, Floats 
 
 @dataclass(frozen=True)
 class DerivedValues:
-    """The spectra of probes and the statistics of a run, and the same figures of the motions of other models.
+    """The spectra of probes and the statistics of a run, and the same values of the motions of other models.
 
     Parameters
     ----------
@@ -466,7 +466,7 @@ class DerivedValues:
         return [f"{signal} {k}" for k in range(self.lines[signal]["line"].values.size)]
 
     def reported(self) -> Values:
-        """The figures as they are in the result."""
+        """The values of the result."""
         figures = self._of_spectra(
             {
                 signal: (of["line_frequency_hz"].values, of["line_amplitude"].values, of["rms"].item())
@@ -486,7 +486,7 @@ class DerivedValues:
         return {"random": {f"{of['signal']} {key}": x for of in signals for key, x in sampling_errors(of).items()}}
 
     def again(self, model: Model, parts: int = 1) -> list[Values]:
-        """The figures of the motion of another model.
+        """The values of the motion of another model.
 
         Parameters
         ----------

@@ -122,11 +122,11 @@ def moved_as_built(assembly, along, path):
     if model is None:
         return False
     for value in tried(along):
-        unknown = model.followed.inward(value)
+        unknown = model.followed.to_unknown(value)
         moved = model.followed.system(model.system, unknown)
         anew = build_system(load_scenario(data, {path_text(path): value}))
         assert unlike(described(moved), described(anew)) == [], (along, value)
-        contacts, _ = model.followed.moved(model.followed.outward(unknown))
+        contacts, _ = model.followed.moved(model.followed.from_unknown(unknown))
         for name in ("shape", "gap", "base_participations"):
             np.testing.assert_array_equal(getattr(contacts, name), getattr(moved.dynamics.contacts, name))
     return True
@@ -251,7 +251,7 @@ def test_a_stop_moves_up_to_a_support_that_moves():
     data = {"beam": span, "snubbers": stops, "excitation": shaken, "reduction": {"modes": "all"}}
     along = {"kind": "position", "from": 0.135, "to": 0.25}
     model = followed(data, along)
-    moved = model.followed.system(model.system, model.followed.inward(0.25))
+    moved = model.followed.system(model.system, model.followed.to_unknown(0.25))
     probes = [{"name": f"p{k}", "position": x} for k, x in enumerate((0.135, 0.25))]
     anew = build_system(load_scenario({**data, "probes": probes}, {"snubbers[0].position": 0.25}))
     found, expected = (responses(system, 190.0, "snubbers") for system in (moved, anew))

@@ -184,7 +184,7 @@ def test_a_motion_of_an_assembly_repeats_in_the_case_built_anew(name):
     problem, period = model.problem(model.levels[0]), 1.0 / scenario["excitation"]["frequency"]
     systems = [build_system(load_scenario(scenario, {key: value})) for value in ends]
     for value, anew, other in zip(ends, systems, reversed(systems), strict=True):
-        unknown = model.followed.inward(value)
+        unknown = model.followed.to_unknown(value)
         flow, _ = problem.flow_at(unknown)
         state = linear_guess(flow)
         for _ in range(5):

@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.studies.responses import means
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.summaries import figure_in_words
+from beamsim.summaries import value_in_words
 from tests.helpers.commands import invoke
 
 CASE = {
@@ -112,9 +112,9 @@ def test_a_limit_of_tip_is_not_that_of_left_tip():
 
 
 def test_names_are_shown_as_they_were_given():
-    assert figure_in_words("peak_displacement_m.left_end tip_2") == "peak displacement of left_end tip_2"
+    assert value_in_words("peak_displacement_m.left_end tip_2") == "peak displacement of left_end tip_2"
     assert (
-        figure_in_words("spectral_lines.left_end tip_2 absolute_acceleration")
+        value_in_words("spectral_lines.left_end tip_2 absolute_acceleration")
         == "spectral lines of left_end tip_2 absolute acceleration"
     )
     assert not means("tip/peak_force", "snubbers/left tip/peak_force")

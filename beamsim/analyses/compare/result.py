@@ -100,9 +100,9 @@ HARMONICS = _rows(
     },
 )  # fmt: skip
 RECORDS = {
-    f"{whose}_{what}": _rows(f"{whose}_{what}", f"{whose.capitalize()} {what} of all channels.", columns, "sample")
+    f"{side}_{what}": _rows(f"{side}_{what}", f"{side.capitalize()} {what} of all channels.", columns, "sample")
     for what, columns in (("histories", _HISTORY), ("spectra", _SPECTRUM))
-    for whose in ("predicted", "measured")
+    for side in ("predicted", "measured")
 }
 """A few periods, or the whole of a record that does not repeat; none of a measured spectrum."""
 RESPONSE_SPECTRA = _rows(
@@ -318,12 +318,12 @@ def _table(layout: Layout, parts: Sequence[Mapping[str, Any]]) -> Dataset:
     columns = [name for name in layout.variables if name not in (dim, "comparison")]
     sizes = [len(part[columns[0]]) for part in parts]
     values = {name: np.concatenate([np.asarray(part[name], dtype=float) for part in parts]) for name in columns}
-    whose = np.repeat(np.arange(len(parts)), np.array(sizes, dtype=np.int64))
-    return layout.dataset({dim: 1 + np.arange(sum(sizes)), "comparison": whose, **values})
+    comparison = np.repeat(np.arange(len(parts)), np.array(sizes, dtype=np.int64))
+    return layout.dataset({dim: 1 + np.arange(sum(sizes)), "comparison": comparison, **values})
 
 
-def _parts(values: Complexes, whose: str) -> dict[str, Floats]:
-    return {f"{whose}_real": values.real, f"{whose}_imag": values.imag}
+def _parts(values: Complexes, side: str) -> dict[str, Floats]:
+    return {f"{side}_real": values.real, f"{side}_imag": values.imag}
 
 
 def channel_datasets(channels: Sequence[ChannelComparison]) -> dict[str, Dataset]:
@@ -339,11 +339,11 @@ def channel_datasets(channels: Sequence[ChannelComparison]) -> dict[str, Dataset
         for c in channels
     ]
     datasets["harmonics"] = _table(HARMONICS, rows)
-    for whose in ("predicted", "measured"):
-        histories = [{n: getattr(c, f"{whose}_{n}") for n in _HISTORY} for c in channels]
-        datasets[f"{whose}_histories"] = _table(RECORDS[f"{whose}_histories"], histories)
-        spectra = [getattr(c, f"{whose}_spectrum")._asdict() for c in channels]
-        datasets[f"{whose}_spectra"] = _table(RECORDS[f"{whose}_spectra"], spectra)
+    for side in ("predicted", "measured"):
+        histories = [{n: getattr(c, f"{side}_{n}") for n in _HISTORY} for c in channels]
+        datasets[f"{side}_histories"] = _table(RECORDS[f"{side}_histories"], histories)
+        spectra = [getattr(c, f"{side}_spectrum")._asdict() for c in channels]
+        datasets[f"{side}_spectra"] = _table(RECORDS[f"{side}_spectra"], spectra)
     none = dict.fromkeys(("frequency_hz", "predicted_response", "measured_response", "difference_db"), np.zeros(0))
     spectra = [none if c.record is None else {name: getattr(c.record, name) for name in none} for c in channels]
     if any(c.record is not None for c in channels):
@@ -374,8 +374,8 @@ def _rows_of(table: Dataset, number: int) -> dict[str, Floats]:
     return {name: array.values[own] for name, array in table.items()}
 
 
-def _complex(rows: Mapping[str, Floats], whose: str) -> Complexes:
-    return np.asarray(rows[f"{whose}_real"] + 1j * rows[f"{whose}_imag"])
+def _complex(rows: Mapping[str, Floats], side: str) -> Complexes:
+    return np.asarray(rows[f"{side}_real"] + 1j * rows[f"{side}_imag"])
 
 
 def _about(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
@@ -392,8 +392,8 @@ def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparis
     about = _about(datasets["channels"], number, [name for name in CHANNELS.variables if name != "comparison"])
     of_record = {name: about.pop(name) for name in _OF_RECORD}
     harmonics, record = _rows_of(datasets["harmonics"], number), None
-    computed, recorded = (_rows_of(datasets[f"{whose}_histories"], number) for whose in ("predicted", "measured"))
-    spectra = [_rows_of(datasets[f"{whose}_spectra"], number) for whose in ("predicted", "measured")]
+    computed, recorded = (_rows_of(datasets[f"{side}_histories"], number) for side in ("predicted", "measured"))
+    spectra = [_rows_of(datasets[f"{side}_spectra"], number) for side in ("predicted", "measured")]
     if not np.isnan(of_record["quality"]):
         of = _rows_of(datasets["response_spectra"], number)
         responses = (of[name] for name in ("frequency_hz", "predicted_response", "measured_response"))

@@ -189,7 +189,7 @@ def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) 
 def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
     """The branches of one level, those of the excitation's own period first; none where it was time to end."""
     f, settings = model.followed, model.settings
-    first, last = f.inward(f.first), f.inward(f.last)
+    first, last = f.to_unknown(f.first), f.to_unknown(f.last)
     reach, wide_reach = reaches_of(first, last, beyond=f.moved is None)
     tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
@@ -209,7 +209,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
             branches += coexisting_branches(replace(tracer, reach=wide_reach), list(values), branches, budget)
         if not isinstance(settings.method, HarmonicBalance):
             branches += side_branches(branches, wide_reach, settings.longest_period, budget)
-    values_at = [f.inward(value) for value in f.points_at]
+    values_at = [f.to_unknown(value) for value in f.points_at]
     wanted = [Wanted(f.kind, value, lambda point: point.parameter, value) for value in values_at]
     pieces: list[OrbitBranch] = []
     for branch in branches:
@@ -224,11 +224,11 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
 def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> list[Outcome]:
     """What was not reached and why, and where no stable motion was found."""
     f = model.followed
-    first, last = f.inward(f.first), f.inward(f.last)
+    first, last = f.to_unknown(f.first), f.to_unknown(f.last)
     within = "" if level is None else Where(level, model.scenario.level_unit, "level")
 
     def ranges(intervals: list[tuple[float, float]]) -> Where:
-        return Where([(float(f.outward(a)), float(f.outward(b))) for a, b in intervals], f.unit)
+        return Where([(float(f.from_unknown(a)), float(f.from_unknown(b))) for a, b in intervals], f.unit)
 
     parts: list[Outcome] = []
     gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)

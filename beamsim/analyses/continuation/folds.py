@@ -226,7 +226,9 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
         if branch.problem.multiple != 1:
             continue
         for fold in (s for s in branch.special if s.kind in ("fold", "nonsmooth_fold")):
-            if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in curves):
+            if budget.spent() or any(
+                _passes_frequency(curve, fold.parameter, _present(model, level)) for curve in curves
+            ):
                 continue
             touching = fold if fold.kind == "nonsmooth_fold" else _grazing_at(branch, fold)
             curves.append(_curve(model, _Corner(branch.problem, fold, touching, index), level, budget))
@@ -255,7 +257,7 @@ def _present(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _holds(curve: FollowedFolds, omega: float, present: float) -> bool:
+def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> bool:
     """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
     p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
@@ -287,7 +289,7 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
         start_hz=fold.parameter / (2 * np.pi),
         outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
         frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
-        parameter=np.array([second.outward(p.parameter) for p in points]),
+        parameter=np.array([second.from_unknown(p.parameter) for p in points]),
         residual=np.array([p.residual for p in points]),
         states=np.array([p.u[:-2] for p in points]).reshape(len(points), corner.orbits.flow.size),
         peak=np.array(peaks).reshape(-1, len(model.system.probes)),
@@ -298,7 +300,7 @@ def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budge
     """Both directions of a curve from the present value of the second parameter; one from an end of the range."""
     second, orbits, fold = not_none(model.second), corner.orbits, corner.fold
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
-    low, high = sorted((second.inward(second.first), second.inward(second.last)))
+    low, high = sorted((second.to_unknown(second.first), second.to_unknown(second.last)))
 
     def within(point: BranchPoint) -> Outcome | None:
         at = float(point.u[-2])
@@ -311,11 +313,11 @@ def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budge
 
     halves: list[OrbitBranch] = []
     for direction, edge in ((1.0, high), (-1.0, low)):
-        if abs(second.inward(present) - edge) < AT_EDGE * max(abs(edge), 1.0):
+        if abs(second.to_unknown(present) - edge) < AT_EDGE * max(abs(edge), 1.0):
             continue
         begun = None
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            begun = start_of_curve(orbits, corner.touching or fold, path, second.inward(present), direction)
+            begun = start_of_curve(orbits, corner.touching or fold, path, second.to_unknown(present), direction)
         if begun is None:
             halves.append(OrbitBranch(None, (), TOO_CLOSE))
         else:

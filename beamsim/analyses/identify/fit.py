@@ -239,13 +239,13 @@ class Fit:
                 out[:, i] = (at_one - at_other) / (one - other)
         return out
 
-    def best(self, start: Floats, held: Bools | None = None, tolerance: float = 1e-10) -> Best:
+    def best(self, start: Floats, fixed: Bools | None = None, tolerance: float = 1e-10) -> Best:
         """The least sum of squares within the bounds.
 
         Parameters
         ----------
         start : (p,) where the search begins.
-        held : (p,) which parameters keep their values; none by default.
+        fixed : (p,) which parameters keep their values; none by default.
         tolerance : relative, of the sum and of x.
 
         Returns
@@ -263,18 +263,18 @@ class Fit:
         """
         try:
             with asked_by(at_once=True):
-                return self._searched(start, held, tolerance)
+                return self._searched(start, fixed, tolerance)
         except Interrupted:
             if self._least is None:
                 raise
             return self._least
 
-    def _searched(self, start: Floats, held: Bools | None, tolerance: float) -> Best:
+    def _searched(self, start: Floats, fixed: Bools | None, tolerance: float) -> Best:
         """See `best`."""
         from scipy.optimize import least_squares
 
         start = np.clip(start, np.nextafter(self.lower, np.inf), np.nextafter(self.upper, -np.inf))
-        free = np.ones(start.size, dtype=bool) if held is None else ~held
+        free = np.ones(start.size, dtype=bool) if fixed is None else ~fixed
         first = self.residuals(start)
         if not free.any():
             return Best(start, float(first @ first), True)

@@ -23,7 +23,7 @@ from beamsim.analyses.nnm.orbits import ModeBranch, mode_branch, mode_datasets, 
 from beamsim.analyses.nnm.paths import UNITS, ModeBranches, ModePath, mode_path
 from beamsim.analyses.nnm.phase_resonance import HeldMode, hold_mode
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.analyses.nnm.summary import expansion_summary, held_summary, nnm_summary, relaxed_summary
+from beamsim.analyses.nnm.summary import expansion_summary, nnm_summary, phase_resonance_summary, relaxed_summary
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
@@ -119,7 +119,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         work.left_out.append("the search for special points")
     branches = _branches(job, work)
     motion = _motion(system, branches, followed.problem.vectors[:, job.mode])
-    held = settings.phase_resonance is not None and work.goes_on("nnm.phase_resonance")
+    held = settings.phase_resonance is not None and work.continues("nnm.phase_resonance")
     resonance = hold_mode(system, followed.problem, followed.backbone.points, progress) if held else None
     compared = {"multiple_scales": work.expansion, "relaxed_minimisation": work.relaxed}
     datasets = mode_datasets(job, branches, _special(job, work, special)) | _jumps(job, followed) | {"motion": motion}
@@ -142,7 +142,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         requested_points=_requested(branches, work) or None,
         multiple_scales=None if work.expansion is None else expansion_summary(work.expansion),
         relaxed_minimisation=None if work.relaxed is None else relaxed_summary(work.relaxed),
-        phase_resonance=None if resonance is None else held_summary(resonance),
+        phase_resonance=None if resonance is None else phase_resonance_summary(resonance),
     )
 
 
@@ -159,8 +159,8 @@ class _MethodResults:
     left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
     requested: list[RequestedPoint] = field(default_factory=list)
 
-    def goes_on(self, to: str) -> bool:
-        """Whether to go on; the step is recorded as left out where not."""
+    def continues(self, to: str) -> bool:
+        """Whether the next step is to be taken; if a stop was requested, the step is recorded as left out."""
         if asked_to_stop():
             self.left_out.append(to)
             return False
@@ -199,15 +199,15 @@ def _followed(job: ModePath, compare: Collection[str], progress: Progress) -> _M
     followed, requested = _with_points(job, job.follow(progress))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
-    if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting"):
+    if isinstance(solver, FullPeriodMethod) and work.continues("full-period shooting"):
         work.full_period = follow_full_period(job, work.followed, solver, progress)
         if solver.branches and work.full_period.backbone.outcome.complete:
-            work.goes_on("the end of the search for non-brake orbits")
+            work.continues("the end of the search for non-brake orbits")
     work.processor_time_s = processor_time() - begin
-    if (work.relaxing or "relaxed_minimisation" in compare) and work.goes_on("relaxed minimisation"):
+    if (work.relaxing or "relaxed_minimisation" in compare) and work.continues("relaxed minimisation"):
         steps = solver if isinstance(solver, RelaxedMinimisationMethod) else RelaxedMinimisationMethod()
         work.relaxed = compare_relaxed(job, work.followed, work.processor_time_s, steps, progress)
-    if "multiple_scales" in compare and work.goes_on("the expansion"):
+    if "multiple_scales" in compare and work.continues("the expansion"):
         path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
         work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
     return work
@@ -225,8 +225,8 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
     wanted: list[Wanted] = []
     for quantity, values in (("energy", settings.energies), ("frequency", settings.frequencies)):
         for value in values:
-            inward = job.inward(float(value)) if quantity == problem.parameter else None
-            wanted.append(Wanted(quantity, float(value), numbers[quantity], inward))
+            unknown = job.to_unknown(float(value)) if quantity == problem.parameter else None
+            wanted.append(Wanted(quantity, float(value), numbers[quantity], unknown))
     branches: list[OrbitBranch] = []
     requested: list[RequestedPoint] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):

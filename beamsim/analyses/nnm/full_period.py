@@ -264,7 +264,7 @@ def follow_full_period(
     breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
     for a, b in until_asked(_steps(branches) if settings.branches and not asked_to_stop() else ()):
         origin = symmetry_breaking(BranchStep(branches.problem, a, b))
-        if origin is not None and not any(_alike(branches.problem, origin, known) for known in breakings):
+        if origin is not None and not any(_same_orbit(branches.problem, origin, known) for known in breakings):
             breakings.append(origin)
     reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)
     non_brake: list[OrbitBranch] = []
@@ -297,7 +297,7 @@ def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
             yield from pairwise(Branch(branches.problem, start, low, high, Settings(most_points=60)))
 
 
-def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:
+def _same_orbit(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:
     """Whether two are one orbit, seen from either of its instants of rest."""
     u, v = a.point.u, b.point.u
     if a.mode != b.mode or not np.allclose(u[-2:], v[-2:], rtol=SAME, atol=SAME):

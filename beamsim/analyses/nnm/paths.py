@@ -113,9 +113,9 @@ class ModePath:
         orbits, start = self._small()
         if self.parameter == "frequency":
             return self._in_frequency(orbits, start, progress)
-        if abs(start.parameter - self.inward(self.first)) > 1e-12:
-            start = self._led_to(orbits, start, self.inward(self.first), " J")
-        return self._backbone(orbits, start, self.inward(self.last), progress)
+        if abs(start.parameter - self.to_unknown(self.first)) > 1e-12:
+            start = self._led_to(orbits, start, self.to_unknown(self.first), " J")
+        return self._backbone(orbits, start, self.to_unknown(self.last), progress)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
         """A motion so small that it is linear, or nearly so."""
@@ -172,7 +172,7 @@ class ModePath:
 
     def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress) -> ModeBranches:
         """From the motion of the first frequency, where the backbone in the energy passes it."""
-        first, last = self.inward(self.first), self.inward(self.last)
+        first, last = self.to_unknown(self.first), self.to_unknown(self.last)
         low, high = sorted((first, last))
         in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=1)
         before: BranchPoint | None = None
@@ -222,7 +222,7 @@ class ModePath:
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
 
-    def inward(self, value: float) -> float:
+    def to_unknown(self, value: float) -> float:
         """The unknown that stands for a value: the logarithm of an energy, rad/s."""
         if self.parameter == "energy":
             return float(np.log(value))
@@ -294,7 +294,7 @@ def held_energy(system: StructuralSystem, energy: float | None) -> float:
     """
     if energy is not None:
         return float(energy)
-    if not alike(system):
+    if not motions_scale(system):
         raise ScenarioError.at(
             "nnm.energy",
             "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
@@ -345,13 +345,13 @@ def mode_path(system: StructuralSystem) -> ModePath:
     mode = flexible_mode(system, settings.mode)
     contacts = system.dynamics.contacts.split()
     parameter = settings.continue_in
-    if settings.phase_resonance is not None and parameter.kind == "stiffness_factor" and not alike(system):
+    if settings.phase_resonance is not None and parameter.kind == "stiffness_factor" and not motions_scale(system):
         raise ScenarioError.at(
             "nnm.phase_resonance",
             "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
             "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
         )
-    if parameter.kind != "stiffness_factor" and alike(system):
+    if parameter.kind != "stiffness_factor" and motions_scale(system):
         raise ScenarioError.at(
             "nnm.continue_in.kind",
             f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
@@ -369,7 +369,7 @@ def mode_path(system: StructuralSystem) -> ModePath:
     return ModePath(system, family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
 
 
-def alike(system: StructuralSystem) -> bool:
+def motions_scale(system: StructuralSystem) -> bool:
     """Whether motions of all energies are the same up to a factor: no gap, no load, no smooth spring."""
     dynamics = system.dynamics
     return not (np.any(dynamics.contacts.clearances) or np.any(dynamics.constant_load) or system.cubic is not None)

@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.nnm.layouts import HELD, HELD_SPECTRA, PHASE_RESONANCE, PREDICTED_LEVELS, RESONANCE_CURVES
 from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
-from beamsim.analyses.nnm.paths import alike
+from beamsim.analyses.nnm.paths import motions_scale
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.labelled import Dataset
@@ -181,13 +181,13 @@ def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
     return [0 if of is None else getattr(of, name).size for of in of_levels]
 
 
-def _held_values(held: Sequence[HeldMotion | None]) -> dict[str, Any]:
+def _held_values(motions: Sequence[HeldMotion | None]) -> dict[str, Any]:
     """What is known of held motions level by level; NaN where there is none."""
-    known = next(each for each in held if each is not None)
+    known = next(each for each in motions if each is not None)
     values: dict[str, Any] = {}
     for name in ("departure", "instants", "shapes", "mode_shapes"):
         nothing = np.full(getattr(known, name).shape, np.nan)
-        values[name] = np.array([nothing if of is None else getattr(of, name) for of in held])
+        values[name] = np.array([nothing if of is None else getattr(of, name) for of in motions])
     counts = {"period": known.departure.size, "instant": 2, "station": known.shapes.shape[1]}
     return values | {dim: np.arange(1, count + 1) for dim, count in counts.items()}
 
@@ -240,7 +240,7 @@ class _Levels:
     loads: PeriodicForcing
     mode: int  # from 0
     factor: float  # of the nonlinear springs where the backbone ended
-    alike: bool
+    motions_scale: bool
     unit: str  # of the level
 
     @cached_property
@@ -291,7 +291,7 @@ class _Levels:
         In the tongue of an internal resonance the level rises without end: of several motions the one that is most the
         mode asked for is taken.
         """
-        if self.alike:
+        if self.motions_scale:
             one = self.motion(self.points[-1])
             return one.scaled(target / measure(one))
         off = [measure(m) - target for m in self.motions]
@@ -356,23 +356,23 @@ def hold_mode(
     ScenarioError
         Where the force acts at a node, nothing is damped, or a level lies beyond the backbone.
     """
-    scenario, scales = system.scenario, alike(system)
+    scenario, scales = system.scenario, motions_scale(system)
     settings, excitation = not_none(scenario.nnm), of_kind(Harmonic, scenario.excitation)
     section = not_none(settings.phase_resonance)
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
-    held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
+    shared = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
-    predicted = _predicted(held, levels)
+    predicted = _predicted(shared, levels)
     compared = int(np.argmax(predicted.amplitude.max(axis=1)))
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
-        motion = held.at(level, lambda m: m.level)
+        motion = shared.at(level, lambda m: m.level)
         if motion is None:
-            raise ScenarioError(_beyond(held, predicted, level, at))
-        motions.append(_resonance(held, motion, level, compared, section.span, section.periods))
+            raise ScenarioError(_beyond(shared, predicted, level, at))
+        motions.append(_resonance(shared, motion, level, compared, section.span, section.periods))
         tell(progress, (index + 1) / len(levels))
         if asked_to_stop():
             break
@@ -417,27 +417,27 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
     return first_with_others(parts) if parts else outcome
 
 
-def _predicted(held: _Levels, levels: list[float]) -> PredictedLevels:
+def _predicted(shared: _Levels, levels: list[float]) -> PredictedLevels:
     """Levels along the backbone."""
-    if held.alike:
-        one = held.motion(held.points[-1])
+    if shared.motions_scale:
+        motion = shared.motion(shared.points[-1])
         drawn = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
-        motions = [one.scaled(level / one.level) for level in drawn]
+        motions = [motion.scaled(level / motion.level) for level in drawn]
     else:
-        motions = held.motions
+        motions = shared.motions
     return PredictedLevels(
         energy=np.array([m.energy for m in motions]),
         frequency_hz=np.array([m.frequency_hz for m in motions]),
         level=np.array([m.level for m in motions]),
         dissipated=np.array([m.scale**2 * m.force.dissipated for m in motions]),
         contact_share=np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
-        amplitude=np.array([held.amplitudes(m) for m in motions]).T,
+        amplitude=np.array([shared.amplitudes(m) for m in motions]).T,
     )
 
 
-def _beyond(held: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
+def _beyond(shared: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
     """Why a level is not met, and the energy that it would need: extrapolated as a power of the level."""
-    unit, e, levels = held.unit, predicted.energy, predicted.level
+    unit, e, levels = shared.unit, predicted.energy, predicted.level
     above = level > levels.max()
     k = slice(-2, None) if above else slice(0, 2)
     slope = float(np.diff(np.log(levels[k]))[0] / np.diff(np.log(e[k]))[0]) if e.size > 1 else 0.5
@@ -453,27 +453,27 @@ def _beyond(held: _Levels, predicted: PredictedLevels, level: float, at: str) ->
 
 
 def _resonance(
-    held: _Levels, motion: _BackboneMotion, level: float, compared: int, span: float, periods: int
+    shared: _Levels, motion: _BackboneMotion, level: float, compared: int, span: float, periods: int
 ) -> ResonantMotion:
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
-    problem = held.problem(level, motion.force.omega)
-    point = _exact_motion(held, problem, motion, level)
-    left_alone = _left_alone(held, problem, motion, periods)
+    problem = shared.problem(level, motion.force.omega)
+    point = _exact_motion(shared, problem, motion, level)
+    left_alone = _left_alone(shared, problem, motion, periods)
     predicted: dict[str, Any] = {
         "level": level,
         "predicted_frequency_hz": motion.frequency_hz,
         "predicted_energy": motion.energy,
-        "predicted_amplitude": held.amplitudes(motion),
+        "predicted_amplitude": shared.amplitudes(motion),
         "held": left_alone,
     }
     if point is None:
-        nothing = np.full(len(held.damped.probes), np.nan)
+        nothing = np.full(len(shared.damped.probes), np.nan)
         return ResonantMotion(**predicted, amplitude=nothing, multipliers=np.zeros(0, dtype=complex))
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
-    motion_found = held.forced.of(problem, [point])[0]
+    motion_found = shared.forced.of(problem, [point])[0]
     amplitude = motion_found.peak
-    balanced = held.at(float(amplitude[compared]), lambda m: float(held.amplitudes(m)[compared]))
+    balanced = shared.at(float(amplitude[compared]), lambda m: float(shared.amplitudes(m)[compared]))
     return ResonantMotion(
         **predicted,
         found=True,
@@ -485,19 +485,19 @@ def _resonance(
         residual=orbit.residual,
         quadrature=cosine,
         energy_error=motion_found.energy_error,
-        curve=_curve(held, problem, point, span),
+        curve=_curve(shared, problem, point, span),
     )
 
 
-def _exact_motion(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
+def _exact_motion(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
     """The exact motion at phase resonance: from the prediction, or by way of other motions of the same backbone."""
-    for beginning, way in _ways(held, problem, motion, level):
+    for beginning, way in _ways(shared, problem, motion, level):
         z, omega, point = beginning.states(np.zeros(1))[0], beginning.force.omega, None
         for here in way:
             point = find_phase_resonance(here, z, omega)
             if point is None:
                 break
-            z, omega = point.u[: 2 * held.damped.dynamics.size], point.parameter
+            z, omega = point.u[: 2 * shared.damped.dynamics.size], point.parameter
         if point is not None:
             return point
     problem.level = level
@@ -505,7 +505,7 @@ def _exact_motion(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion,
 
 
 def _ways(
-    held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float
+    shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float
 ) -> Iterator[tuple[_BackboneMotion, Iterable[ForcedOrbits]]]:
     """Motions to begin with, and the problems that lead from each to the one asked for.
 
@@ -518,22 +518,22 @@ def _ways(
         for problem.level in levels.tolist():
             yield problem
 
-    if held.alike:
-        last = len(held.points) - 1
+    if shared.motions_scale:
+        last = len(shared.points) - 1
         for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
-            other = held.motion(held.points[begin])
-            factors = (held.orbits.split(point.u)[2] for point in held.points[begin:last])
-            softer = (held.problem(level, other.force.omega, factor) for factor in factors)
+            other = shared.motion(shared.points[begin])
+            factors = (shared.orbits.split(point.u)[2] for point in shared.points[begin:last])
+            softer = (shared.problem(level, other.force.omega, factor) for factor in factors)
             yield other.scaled(level / other.level), chain(softer, [problem])
         return
-    near = [m for m in held.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
+    near = [m for m in shared.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
     near.sort(key=lambda m: abs(np.log(m.level / level)) - m.share)
     for other in near[:ATTEMPTS]:
         count = 1 + int(abs(np.log(level / other.level)) / LEVEL_STEP)
         yield other, over(np.geomspace(other.level, level, count + 1))
 
 
-def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
+def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     first = point.towards(1.0)
@@ -545,7 +545,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
         if branch.outcome.code == CLOSED_CURVE:
             break
     followed = joined(*halves)
-    motions = held.forced.of(problem, followed.points)
+    motions = shared.forced.of(problem, followed.points)
     return ResponseAboutResonance(
         outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
@@ -555,10 +555,10 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     )
 
 
-def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
+def _left_alone(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     flow = problem.flow.with_loads(motion.force.omega, motion.level)
-    system = held.damped.dynamics
+    system = shared.damped.dynamics
     n, T = system.size, motion.whole.duration
     mode = motion.states(T * np.arange(RATE) / RATE)
     weight = np.concatenate([np.sqrt(system.stiffness), np.ones(n)])
@@ -572,9 +572,9 @@ def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, p
     departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size
     # the mode is at rest where its own clock shows 0 and half a period
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
-    field = held.damped.deflection
+    field = shared.damped.deflection
     whole = states.reshape(periods * RATE, -1)[:, :n]
-    displacement = np.array([whole @ probe.shape for probe in held.damped.probes])
+    displacement = np.array([whole @ probe.shape for probe in shared.damped.probes])
     return HeldMotion(
         time=np.arange(periods * RATE) * (T / RATE),
         displacement=displacement,

@@ -156,29 +156,29 @@ _SAME_OF_LEVELS = (
 )  # fmt: skip
 
 
-def held_summary(held: HeldMode) -> dict[str, Any]:
+def phase_resonance_summary(resonance: HeldMode) -> dict[str, Any]:
     """Forced motions at phase resonance, level by level."""
     return {
-        "quantity": held.quantity,
-        "unit": held.unit,
-        "probe": held.probes[held.compared],
-        "status": held.outcome.of_part,
-        "levels": list(_level_summaries(held)),
+        "quantity": resonance.quantity,
+        "unit": resonance.unit,
+        "probe": resonance.probes[resonance.compared],
+        "status": resonance.outcome.of_part,
+        "levels": list(_level_summaries(resonance)),
     }
 
 
-def _level_summaries(held: HeldMode) -> Iterator[dict[str, Any]]:
-    for m in held.motions:
+def _level_summaries(resonance: HeldMode) -> Iterator[dict[str, Any]]:
+    for m in resonance.motions:
         peak, at = np.nan, np.nan
         if m.curve is not None:
-            amplitude = m.curve.amplitude[held.compared]
+            amplitude = m.curve.amplitude[resonance.compared]
             k = int(np.argmax(amplitude))
             peak, at = float(amplitude[k]), float(m.curve.frequency_hz[k])
         yield {
             **{name: getattr(m, name) for name in _SAME_OF_LEVELS},
             "predicted_energy_j": m.predicted_energy,
-            "predicted_amplitude_m": float(m.predicted_amplitude[held.compared]),
-            "amplitude_m": float(m.amplitude[held.compared]),
+            "predicted_amplitude_m": float(m.predicted_amplitude[resonance.compared]),
+            "amplitude_m": float(m.amplitude[resonance.compared]),
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,
             "curve": "" if m.curve is None else m.curve.outcome.of_part,

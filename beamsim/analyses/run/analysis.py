@@ -148,9 +148,9 @@ def solved(
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
         evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
-    figures, spectra = values_of_motion(motion), None
+    values, spectra = values_of_motion(motion), None
     if everything or needed.root_mean_squares:
-        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion, figures), spectra)
+        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion, values), spectra)
     datasets |= {} if spectra is None else {"spectra": spectra}
     datasets |= bodies_of_run(motion, evaluation) if everything else {}
     if everything and motion.contact is not None:
@@ -164,12 +164,12 @@ def solved(
     )
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(motion, figures, spectra, needed, evaluation)
+    summary = summary_of_run(motion, values, spectra, needed, evaluation)
     if everything and sampled is not None:
         compute, unknown = partial(aliased_in_histories, motion, sampled), dict[str, float]()
         summary["aliased_in_histories"] = evaluation.computed("aliasing", compute, unknown, minor=True) or None
     if system.jumping_forces:
-        found = evaluation.computed("jumps", partial(_without_limit, motion, figures), list[WithoutLimit](), minor=True)
+        found = evaluation.computed("jumps", partial(_without_limit, motion, values), list[WithoutLimit](), minor=True)
         warnings += [each.warning for each in found]
         summary["without_limit"] = [".".join(key) for each in found for key in keys_of(each.channel)] or None
     fields, notes = _asked_for(result, motion, summary, needed, evaluation)
@@ -219,7 +219,7 @@ def pull_warnings(motion: RunMotion) -> list[str]:
 
 
 def _asked_for(
-    result: RunResult, motion: RunMotion, figures: Mapping[str, Any], needed: Needed, evaluation: Evaluation
+    result: RunResult, motion: RunMotion, values: Mapping[str, Any], needed: Needed, evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
@@ -227,7 +227,7 @@ def _asked_for(
     ----------
     result : of the motion.
     motion : it came from.
-    figures : values of the motion, by entry of the summary.
+    values : values of the motion, by entry of the summary.
     needed : of it; what a note may follow from is computed in any case.
     evaluation : what is computed from the motion.
     """
@@ -236,7 +236,7 @@ def _asked_for(
     datasets: dict[str, Dataset] = {}
     notes: list[str] = []
     if scenario.excitation.stationary and needed.statistics:
-        fields |= _random(result, motion, figures, evaluation, datasets)
+        fields |= _random(result, motion, values, evaluation, datasets)
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
         datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())
@@ -256,14 +256,14 @@ def _asked_for(
 def _random(
     result: RunResult,
     motion: RunMotion,
-    figures: Mapping[str, Any],
+    values: Mapping[str, Any],
     evaluation: Evaluation,
     datasets: dict[str, Dataset],
 ) -> dict[str, Any]:
     """Add the statistics of the response to a random input to the datasets; the outcome with them."""
     from beamsim.analyses.run.random_response import largest_known, random_response
 
-    random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, figures), None)
+    random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, values), None)
     if random is None:
         return {}
     datasets["random"] = random
@@ -346,14 +346,14 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
     ]
 
 
-def _without_limit(motion: RunMotion, figures: Mapping[str, Any]) -> list[WithoutLimit]:
+def _without_limit(motion: RunMotion, values: Mapping[str, Any]) -> list[WithoutLimit]:
     """The accelerations that have no limit as the number of modes grows, from values of the motion."""
     if motion.trajectory is None:
         return []
     system, filtered = motion.system, not_none(motion.system.scenario.run).low_pass is not None
-    of_probes = {} if filtered else figures["peak_acceleration_g"]
+    of_probes = {} if filtered else values["peak_acceleration_g"]
     peaks = {("probes", name): peak * STANDARD_GRAVITY for name, peak in of_probes.items()}
-    peaks |= {("outputs", name): peak for name, peak in figures.get("peak_output", {}).items()}
+    peaks |= {("outputs", name): peak for name, peak in values.get("peak_output", {}).items()}
     return [*without_limit(system, [*jumps_of_motion(system, motion.trajectory, system.jumping_forces)], peaks)]
 
 

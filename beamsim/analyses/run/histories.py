@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import sliding_figures
+from beamsim.analyses.run.impacts import sliding_values
 from beamsim.analyses.run.layouts import BODIES, CONTACT, FRICTION_INTERVALS, HISTORIES
 from beamsim.analyses.run.motion import Evaluation, LargestContact, RunMotion
 from beamsim.analyses.run.spectra import spectral
@@ -161,7 +161,7 @@ def _crushed(motion: RunMotion) -> dict[int, float]:
 
 
 def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
-    """Of each friction contact what `sliding_figures` tells, as far as it is known."""
+    """Of each friction contact what `sliding_values` returns, as far as it is known."""
     system, scenario = motion.system, motion.system.scenario
     contacts = [each.item for each in scenario.listed("friction")]
     unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
@@ -170,7 +170,7 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
         return unknown
     random = scenario.excitation.stationary and motion.outcome.complete
     counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
-    return evaluation.computed("sliding", lambda: sliding_figures(system, counted, contacts, random=random), unknown)
+    return evaluation.computed("sliding", lambda: sliding_values(system, counted, contacts, random=random), unknown)
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:

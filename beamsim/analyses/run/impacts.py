@@ -9,7 +9,7 @@ released snubber loses until it is met again belongs to the impact before.
 Sliding speed is that of the face, which behind a tangential spring is the slider. Where sliding begins under less than
 the static force the slider moves by what the spring springs back; this counts as sliding.
 
-Of random inputs the figures have intervals (`jackknife`), from blocks with many impacts.
+Of random inputs the values have intervals (`jackknife`), from blocks with many impacts.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]],
     for j, of_snubber in enumerate(zip(*of_chunks, strict=True)):
         contacts = _joined(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
-        counted = every.taken(every.peak_force >= settings.force_threshold)
+        counted = every.select(every.peak_force >= settings.force_threshold)
         each.append(counted)
         statistics.append(_statistics((begin, end), every, counted))
         cycles.append(distinct_cycles(_with_rests(contacts)))
@@ -102,7 +102,7 @@ def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]],
         values |= {
             "interval": np.arange(1, len(intervals) + 1),
             "interval_snubber": [j for j, _ in intervals],
-            **{name: [getattr(row, name) for _, row in intervals] for name in FigureInterval._fields},
+            **{name: [getattr(row, name) for _, row in intervals] for name in ValueInterval._fields},
         }
     of_cycles = " | ".join(dict.fromkeys(of["force_unit"] for of in units))
     of_statistics = IMPACT_STATISTICS.dataset(values, {"snubber": units}, force_unit=of_cycles)
@@ -158,8 +158,8 @@ class _Impacts:
     energy_lost: Floats
     cut: Bools
 
-    def taken(self, which: Bools) -> _Impacts:
-        """Some of them."""
+    def select(self, which: Bools) -> _Impacts:
+        """The impacts for which ``which`` is true."""
         return _Impacts(*(values[which] for values in vars(self).values()))
 
 
@@ -170,7 +170,7 @@ class _Contacts:
     rows: _Impacts
     forces: tuple[Floats, ...]  # N, at the ends and the turning points of each
     lost_before: float  # J, since a contact in an earlier part
-    goes_on: bool  # the first one began in an earlier part, or before the motion
+    begins_in_contact: bool  # the first one began in an earlier part, or before the motion
     lasts: bool  # the last one does not end in this part
 
 
@@ -200,22 +200,22 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
         summed(impulse, since), summed(square, since), speeds[:count], -speeds[count:], summed(lost, since),
         np.zeros(count, dtype=bool),
     )  # fmt: skip
-    goes_on = bool(touching[0]) and not _closes_at_start(trajectory, contact)
-    return _Contacts(rows, forces, float(lost[~since].sum()), goes_on, bool(touching[-1]))
+    begins_in_contact = bool(touching[0]) and not _closes_at_start(trajectory, contact)
+    return _Contacts(rows, forces, float(lost[~since].sum()), begins_in_contact, bool(touching[-1]))
 
 
 def _joined(parts: Sequence[_Contacts]) -> _Contacts:
     """The contacts of all parts in a row; one that goes on in the next part is one contact."""
     rows = _Impacts(*map(np.concatenate, zip(*(vars(part.rows).values() for part in parts), strict=True)))
     starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # number of the first contact of each part
-    goes_on = np.zeros(rows.begin.size, dtype=bool)
+    begins_in_contact = np.zeros(rows.begin.size, dtype=bool)
     for number, before, part in zip(starts[1:], parts[:-1], parts[1:], strict=True):
-        if before.lasts and part.goes_on:
-            goes_on[number] = True
+        if before.lasts and part.begins_in_contact:
+            begins_in_contact[number] = True
         if number:
             rows.energy_lost[number - 1] += part.lost_before
     forces = tuple(force for part in parts for force in part.forces)
-    whole = _merged(_Contacts(rows, forces, 0.0, parts[0].goes_on, parts[-1].lasts), ~goes_on)
+    whole = _merged(_Contacts(rows, forces, 0.0, parts[0].begins_in_contact, parts[-1].lasts), ~begins_in_contact)
     return replace(whole, rows=replace(whole.rows, contacts=np.ones_like(whole.rows.contacts)))
 
 
@@ -243,7 +243,7 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     begin, end = contacts.rows.begin, contacts.rows.end
     rest = np.append(np.inf, begin[1:] - end[:-1])[: begin.size]
     impacts = _merged(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
-    if contacts.goes_on:
+    if contacts.begins_in_contact:
         impacts.approach_speed[0], impacts.cut[0] = np.nan, True
     if contacts.lasts:
         impacts.separation_speed[-1], impacts.cut[-1] = np.nan, True
@@ -357,7 +357,7 @@ def _with_rests(contacts: _Contacts) -> Floats:
     """Forces with zero before and after each contact, where that is within the motion."""
     rest = np.zeros(1)
     parts = [each for force in contacts.forces for each in (rest, force)]
-    parts = parts[1:] if contacts.goes_on else parts
+    parts = parts[1:] if contacts.begins_in_contact else parts
     return np.concatenate([*parts, rest[:0] if contacts.lasts else rest])
 
 
@@ -375,7 +375,7 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
 """Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
 
 
-class FigureInterval(NamedTuple):
+class ValueInterval(NamedTuple):
     """One value of a random input with its interval."""
 
     figure: str
@@ -384,7 +384,7 @@ class FigureInterval(NamedTuple):
     high: float
 
 
-def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[FigureInterval, ...]:
+def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[ValueInterval, ...]:
     """Intervals of a random run; none where the impacts are too few."""
     begin = max(SKIPPED * end, begin)
     width = (end - begin) / BLOCKS
@@ -405,10 +405,10 @@ def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> 
     return jackknife(blocks, _FIGURES)
 
 
-def jackknife(blocks: Sums, figures: Mapping[str, Callable[[Sums], Floats]]) -> tuple[FigureInterval, ...]:
-    """Intervals of figures, each a function of sums over equal blocks of time.
+def jackknife(blocks: Sums, estimators: Mapping[str, Callable[[Sums], Floats]]) -> tuple[ValueInterval, ...]:
+    """Jackknife confidence intervals of functions of block sums, from blocks of equal length in time.
 
-    It is the jackknife's over the blocks (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t, of a stationary
+    The jackknife runs over the blocks (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t, of a stationary
     motion whose blocks are long against its memory.
     """
     from scipy.special import stdtrit
@@ -417,14 +417,14 @@ def jackknife(blocks: Sums, figures: Mapping[str, Callable[[Sums], Floats]]) -> 
     without = {name: whole[name] - values for name, values in blocks.items()}
     quantile = float(stdtrit(BLOCKS - 1, 0.5 * (1.0 + CONFIDENCE)))
     rows = []
-    for figure, of in figures.items():
+    for name_of_value, of in estimators.items():
         value, left_out = float(of(whole)[0]), of(without)
         error = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
-        rows.append(FigureInterval(figure, value, value - quantile * error, value + quantile * error))
+        rows.append(ValueInterval(name_of_value, value, value - quantile * error, value + quantile * error))
     return tuple(rows)
 
 
-def sliding_figures(
+def sliding_values(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
     """What friction contacts did in a motion, as fields of their histories.
@@ -434,7 +434,7 @@ def sliding_figures(
     system : of the contacts.
     trajectory : the motion that counts.
     contacts : f, those of the scenario in its order.
-    random : whether the input is random, so that the figures have intervals.
+    random : whether the input is random, so that the values have intervals.
 
     Returns
     -------
@@ -460,11 +460,11 @@ def sliding_figures(
     ]
 
 
-def _sliding_intervals(sums: Sums, times: Floats) -> tuple[FigureInterval, ...]:
-    """Intervals of one contact's figures from the sums until some times; none where it slides too rarely."""
+def _sliding_intervals(sums: Sums, times: Floats) -> tuple[ValueInterval, ...]:
+    """Confidence intervals for one contact from the sums until some times; none where it slides too rarely."""
     blocks = {name: np.diff(of) for name, of in sums.items()} | {"duration": np.diff(times)}
-    figures = {figure: partial(_rate, name) for figure, name in _RATES.items()}
-    return jackknife(blocks, figures) if blocks["slides"].sum() >= LEAST else ()
+    estimators = {figure: partial(_rate, name) for figure, name in _RATES.items()}
+    return jackknife(blocks, estimators) if blocks["slides"].sum() >= LEAST else ()
 
 
 def _rate(name: str, sums: Sums) -> Floats:

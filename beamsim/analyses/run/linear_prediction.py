@@ -1,9 +1,9 @@
 r"""What linear motions say of a run: the structures between which contact switches, and when contact changes first.
 
 *Random input.* With every snubber always open, or always closed as if it were glued, the stationary response has the
-variance :math:`\int |H|^2 S df`, with S the density of the input. Beside the figures of the run they show how much the
-stops change. The integral is taken by Gauss-Legendre rules on panels that are short near the resonances, where the
-integrand varies over a half-power bandwidth; its error is below 1e-6.
+variance :math:`\int |H|^2 S df`, with S the density of the input. Compared with the values of the run they show the
+effect of the stops. The integral is taken by Gauss-Legendre rules on panels that are short near the resonances, where
+the integrand varies over a half-power bandwidth; its error is below 1e-6.
 
 *Gapping.* The linear motion about equilibrium is that in which every contact keeps the phase that it has at rest. Of a
 sine it is the steady one (`beamsim.responses.gapping`). Of a pulse, a record and other inputs it is marched from

@@ -51,20 +51,20 @@ def spectral(system: StructuralSystem) -> ChannelSet:
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
-def resting(name: str, quantity: str, figures: Mapping[str, Any]) -> bool:
+def resting(name: str, quantity: str, values: Mapping[str, Any]) -> bool:
     """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
 
     Parameters
     ----------
     name, quantity : as a spectrum names them.
-    figures : values of the motion or the summary, in which such a peak is 0.
+    values : values of the motion or the summary, in which such a peak is 0.
 
     Returns
     -------
     False of other quantities than displacement, absolute acceleration and those of outputs.
     """
     peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
-    return bool(figures.get(peak, {}).get(name) == 0.0)
+    return bool(values.get(peak, {}).get(name) == 0.0)
 
 
 class Label(NamedTuple):
@@ -80,13 +80,13 @@ class Label(NamedTuple):
         return f"{self.name} {self.quantity}"
 
 
-def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
+def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
     """Spectra of every probe and output, whatever the output rate; of a time-stepped motion those of its samples.
 
     Parameters
     ----------
     motion : of which the last part is looked at; its scenario says what is asked for.
-    figures : values of the motion; what rests by them has no lines.
+    values : values of the motion; what rests by them has no lines.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
     if not labels:
         return None
     if trajectory is None or trajectory.end <= 0.0:
-        return _of_stepped(not_none(motion.histories), system, labels, figures)
+        return _of_stepped(not_none(motion.histories), system, labels, values)
     begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     filtered = not_none(system.scenario.run).low_pass is not None  # so are the extremes of accelerations
@@ -109,21 +109,21 @@ def spectra_of(motion: RunMotion, figures: Mapping[str, Any]) -> Dataset | None:
     windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
-    return _spectra(labels, records, windows, excitation_hz, figures, residual, settings.frequencies)
+    return _spectra(labels, records, windows, excitation_hz, values, residual, settings.frequencies)
 
 
 def _of_stepped(
-    histories: Histories, system: StructuralSystem, labels: Sequence[Label], figures: Mapping[str, Any]
+    histories: Histories, system: StructuralSystem, labels: Sequence[Label], values: Mapping[str, Any]
 ) -> Dataset:  # fmt: skip
     """Spectra of a time-stepped motion; see `spectra_of`."""
     samples = np.hstack([histories.of(key) for key in spectral(system).places]).T
     settings = not_none(system.scenario.run).spectrum
-    return spectra_of_samples(histories.time, samples, labels, settings, system.excitation_frequency_hz, figures)
+    return spectra_of_samples(histories.time, samples, labels, settings, system.excitation_frequency_hz, values)
 
 
 def spectra_of_samples(
     time: Floats, samples: Floats, labels: Sequence[Label], settings: SpectrumSettings, excitation_hz: float,
-    figures: Mapping[str, Any],
+    values: Mapping[str, Any],
 ) -> Dataset:  # fmt: skip
     """Spectra of the last part of records of samples.
 
@@ -132,7 +132,7 @@ def spectra_of_samples(
     time, samples, excitation_hz : as of `sampled_records`.
     settings : which part; a Hann window if they name none.
     labels : (K,) of the signals.
-    figures : as of `spectra_of`.
+    values : as of `spectra_of`.
 
     Returns
     -------
@@ -140,12 +140,12 @@ def spectra_of_samples(
     """
     records = sampled_records(time, samples, excitation_hz, settings.last, settings.periods)
     windows = [settings.window or "hann"] * len(records)
-    return _spectra(labels, records, windows, excitation_hz, figures, (), settings.frequencies, records[0].rate)
+    return _spectra(labels, records, windows, excitation_hz, values, (), settings.frequencies, records[0].rate)
 
 
 def _spectra(
     labels: Sequence[Label], records: Sequence[SpectrumRecord], windows: Sequence[str], excitation_hz: float,
-    figures: Mapping[str, Any], residual_hz: Sequence[float], chosen_hz: Sequence[float], rate_hz: float | None = None,
+    values: Mapping[str, Any], residual_hz: Sequence[float], chosen_hz: Sequence[float], rate_hz: float | None = None,
 ) -> Dataset:  # fmt: skip
     r"""Single-sided peak-amplitude spectra of records of one part of a motion, and the table of their lines.
 
@@ -180,7 +180,7 @@ def _spectra(
     for number, (label, record, shape) in enumerate(zip(labels, records, shapes, strict=True)):
         check_stop()
         curves.append(np.abs(record.amplitudes(shape)))
-        if resting(label.name, label.quantity, figures) or not np.isfinite(levels[number].peak):
+        if resting(label.name, label.quantity, values) or not np.isfinite(levels[number].peak):
             continue
         fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
         kinds = ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)]
@@ -189,7 +189,7 @@ def _spectra(
         for name, column in numbers.items():
             columns[f"line_{name}"].extend(column)
     amplitude, units = np.array(curves), [{"unit": label.unit} for label in labels]
-    values = {
+    variables = {
         "excitation_hz": excitation_hz,
         "start_s": records[0].start,
         "duration_s": duration,
@@ -204,7 +204,7 @@ def _spectra(
         "line": 1 + np.arange(len(columns["line_signal"])),
         **columns,
     }
-    return SPECTRA.dataset(values, {"signal": units, "line": [units[k] for k in columns["line_signal"]]})
+    return SPECTRA.dataset(variables, {"signal": units, "line": [units[k] for k in columns["line_signal"]]})
 
 
 def _line_columns(fit: LineFit, peak: float, excitation_hz: float, duration: float) -> dict[str, Any]:

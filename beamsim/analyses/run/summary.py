@@ -279,14 +279,14 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    motion: RunMotion, figures: Mapping[str, Any], spectra: Dataset | None, needed: Needed, evaluation: Evaluation
+    motion: RunMotion, values: Mapping[str, Any], spectra: Dataset | None, needed: Needed, evaluation: Evaluation
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
     Parameters
     ----------
     motion : of the run.
-    figures : values of the motion and of its model.
+    values : values of the motion and of its model.
     spectra : where they were left out, root mean squares are nan.
     needed : entries; how gapping is predicted takes longer than most.
     evaluation : what is computed from the motion.
@@ -302,7 +302,7 @@ def summary_of_run(
     summary: dict[str, Any] = {
         "rms_displacement_m": {p: rms[f"{p} displacement"] for p in probes},
         "rms_acceleration_g": {p: rms[f"{p} {MAIN_QUANTITY}"] / STANDARD_GRAVITY for p in probes},
-        **figures,
+        **values,
         "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic is None,
         "energy_error": motion.energy_error,
@@ -430,8 +430,8 @@ def _outputs_at_rest(extremes: Extremes, speed: float, acceleration: float) -> d
     }
 
 
-def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
+def peak_times(system: StructuralSystem, extremes: Extremes, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """s, by entry of the values and by name: when the peak is reached; of equal peaks any of them."""
     probes, forces = [probe.name for probe in system.probes], system.channels.of_keys(FORCE).channels
     when = {
         entry: dict(zip(probes, largest_at(extremes.get(key, NO_EXTREMES)).tolist(), strict=True))
@@ -439,7 +439,5 @@ def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[st
     }
     of_contacts = by_magnitude(forces, extremes[FORCE])[3].tolist() if FORCE in extremes else []
     times = {channel.name: time for channel, time in zip(forces, of_contacts, strict=False)}
-    when |= {entry: times for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}
-    return {
-        entry: {name: of[name] for name, peak in figures[entry].items() if peak > 0.0} for entry, of in when.items()
-    }
+    when |= {entry: times for entry in ("peak_force_n", "peak_moment_n_m") if entry in values}
+    return {entry: {name: of[name] for name, peak in values[entry].items() if peak > 0.0} for entry, of in when.items()}

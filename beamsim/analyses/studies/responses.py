@@ -107,17 +107,17 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
     return of_curves | _of_frequencies(opened, closed, snubbers)
 
 
-def run_responses(figures: Mapping[str, Any]) -> Responses:
+def run_responses(summary: Mapping[str, Any]) -> Responses:
     """Responses of a run, from entries of its summary; of those that are not there, none."""
     values: Responses = {}
     for section in ("probes", "snubbers", "springs", "friction", "outputs"):
-        found = [(v, figures[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in figures]
+        found = [(v, summary[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in summary]
         for name in dict.fromkeys(name for _, of in found for name in of):
             values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
-    values |= {v.name: figures[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in figures}
-    snubbers = bool(figures["static_force_n"] or figures.get("static_moment_n_m"))
-    values |= _of_frequencies(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
-    return values | ({"energy_error": figures["energy_error"]} if "energy_error" in figures else {})
+    values |= {v.name: summary[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in summary}
+    snubbers = bool(summary["static_force_n"] or summary.get("static_moment_n_m"))
+    values |= _of_frequencies(summary["open_frequencies_hz"], summary["closed_frequencies_hz"], snubbers)
+    return values | ({"energy_error": summary["energy_error"]} if "energy_error" in summary else {})
 
 
 def _of_sweep(result: SweepResult) -> Responses:

@@ -136,26 +136,28 @@ def demand_consistent(result: SweepResult) -> None:
         for name, share in curve.cycles.by_label("contact_share").items():
             if not np.all((share.values >= 0.0) & (share.values <= 1.0)):
                 raise ValueError(f"contact_share of {name} in {curve.name} is not between 0 and 1")
-    if not _alike(result.peaks, _peaks(result.curves.values(), result["modes"])):
+    if not _equal_values(result.peaks, _peaks(result.curves.values(), result["modes"])):
         raise ValueError("its peaks are not those of its curves")
     for entry, value in _summary(result).items():
-        if entry != "margins" and not _alike(result.summary.get(entry), value):  # a check with a finer model changes it
+        if entry != "margins" and not _equal_values(
+            result.summary.get(entry), value
+        ):  # a check with a finer model changes it
             raise ValueError(f"{entry} of its summary is not that of its curves")
 
 
 ROUND_OFF = 1e-9  # relative difference of values that are computed again on another processor
 
 
-def _alike(one: Any, other: Any) -> bool:
+def _equal_values(value: Any, other: Any) -> bool:
     """Whether two values of summaries, with all that they contain, are equal but for round-off."""
-    one, other = (math.nan if each is None or each == {} else each for each in (one, other))  # files leave it out
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return all(_alike(one.get(key), other.get(key)) for key in {**one, **other})
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_alike, one, other))
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return bool(np.isclose(one, other, rtol=ROUND_OFF, atol=0.0, equal_nan=True))
-    return bool(one == other)
+    value, other = (math.nan if each is None or each == {} else each for each in (value, other))  # files leave it out
+    if isinstance(value, Mapping) and isinstance(other, Mapping):
+        return all(_equal_values(value.get(key), other.get(key)) for key in {**value, **other})
+    if isinstance(value, list | tuple) and isinstance(other, list | tuple):
+        return len(value) == len(other) and all(map(_equal_values, value, other))
+    if isinstance(value, int | float) and isinstance(other, int | float):
+        return bool(np.isclose(value, other, rtol=ROUND_OFF, atol=0.0, equal_nan=True))
+    return bool(value == other)
 
 
 def _computed_before(index: int, earlier: SweepResult) -> LevelRun | None:

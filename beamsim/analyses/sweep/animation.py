@@ -48,14 +48,14 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     system = build_system(swept_scenario(result.scenario))
     curve = max(result.curves.values(), key=lambda each: float(np.max(_response(each))))
     cycle = int(np.argmax(_response(curve)))
-    one = SweepLevel(system, settings, curve.level, curve.level_index)
+    level = SweepLevel(system, settings, curve.level, curve.level_index)
     if isinstance(settings, SweptSine):
         begin = float(curve.time[max(cycle - 1, 0)])
-        sampled = _swept(one, curve, (begin, begin + CYCLES_SHOWN / float(curve.frequency_hz[cycle])), progress)
+        sampled = _swept(level, curve, (begin, begin + CYCLES_SHOWN / float(curve.frequency_hz[cycle])), progress)
     else:
         f = float(curve.frequency_hz[cycle])
-        sampled = _stepped(one, curve.direction, f, progress)
-        system = replace(system, forcing=loads_at(one, f)[0])  # supports follow it
+        sampled = _stepped(level, curve.direction, f, progress)
+        system = replace(system, forcing=loads_at(level, f)[0])  # supports follow it
     times = np.linspace(*sampled.span, SAMPLES)
     instants = paced_by_contact(times, sampled.at(times)[1])
     return frames_at(system, instants, *sampled.at(instants[0]), sampled.at(between_frames(instants[0]))[0])
@@ -91,9 +91,9 @@ class _ShownMotion:
         return states, forces, openings
 
 
-def _swept(one: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _ShownMotion:
+def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _ShownMotion:
     """A part of a swept sine, as far as it goes."""
-    march = swept_march(one, curve.notching, progress).motion
+    march = swept_march(level, curve.notching, progress).motion
     parts: list[tuple[float, Trajectory]] = []
     for chunk in march.chunks():
         since, motion = float(march.windows.edge[chunk.first]), chunk.motion
@@ -102,20 +102,20 @@ def _swept(one: SweepLevel, curve: SweepCurve, span: tuple[float, float], progre
         if since + motion.end > span[1]:
             break
     since, last = parts[-1]
-    return _ShownMotion(one.system, parts, (span[0], min(span[1], since + last.end)))
+    return _ShownMotion(level.system, parts, (span[0], min(span[1], since + last.end)))
 
 
-def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
+def _stepped(level: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
     """The steady motion of a step, over whole periods where it has one."""
-    steps, (stepper, motion) = steps_of(one), stepper_of(one)
+    steps, (stepper, motion) = steps_of(level), stepper_of(level)
     upto = steps.index((direction, f)) + 1
     period = 0
     for done, (_, hz) in enumerate(steps[:upto], 1):
-        period = steady_at(one, hz, stepper, motion)[0].period
+        period = steady_at(level, hz, stepper, motion)[0].period
         tell(progress, done / upto)
     cycles = math.ceil(CYCLES_SHOWN / max(period, 1)) * max(period, 1)
     steady = stepper.trajectory(motion, cycles)
-    return _ShownMotion(one.system, [(0.0, steady)], (0.0, steady.end))
+    return _ShownMotion(level.system, [(0.0, steady)], (0.0, steady.end))
 
 
 def _response(curve: SweepCurve) -> Floats:

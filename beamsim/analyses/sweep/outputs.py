@@ -41,22 +41,23 @@ class LevelRun:
 
 
 def level_row(
-    one: SweepLevel, outcome: Outcome, columns: Mapping[str, Any], aliased: Mapping[str, Any] | None = None
+    level: SweepLevel, outcome: Outcome, columns: Mapping[str, Any], aliased: Mapping[str, Any] | None = None
 ) -> Dataset:
     """The row of `LEVELS` of a level.
 
     Parameters
     ----------
-    one : the level.
+    level : the level.
     outcome : how its computation ended.
     columns : the work of the solver, and what else is known of it.
     aliased : of a kept history, see `SweepLevel.aliased`.
     """
     values = {
-        "level_index": one.index, "level": float(one.value), **outcome.as_texts(), "status": outcome.of_part, **columns,
+        "level_index": level.index, "level": float(level.value), **outcome.as_texts(), "status": outcome.of_part,
+        **columns,
     }  # fmt: skip
     return LEVELS.dataset(
-        {name: [value] for name, value in values.items()} | dict(aliased or {}), level_unit=one.level_unit or "1"
+        {name: [value] for name, value in values.items()} | dict(aliased or {}), level_unit=level.level_unit or "1"
     )
 
 

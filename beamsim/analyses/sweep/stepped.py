@@ -35,20 +35,20 @@ def frequencies_of(settings: SteppedSine) -> Floats:
     return np.linspace(settings.from_, settings.to, settings.points)
 
 
-def steps_of(one: SweepLevel) -> list[tuple[str, float]]:
+def steps_of(level: SweepLevel) -> list[tuple[str, float]]:
     """Direction and frequency, Hz, of every step at a level."""
-    settings = of_kind(SteppedSine, one.settings)
+    settings = of_kind(SteppedSine, level.settings)
     up, way = frequencies_of(settings).tolist(), settings.direction
     ways = {"up": up, "down": up[::-1]}
     return [(direction, f) for direction, of in ways.items() if way in (direction, "both") for f in of]
 
 
-def step_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
+def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     """Step through the frequencies at one level, in all directions.
 
     Parameters
     ----------
-    one : the level, of a stepped sine.
+    level : the level, of a stepped sine.
     progress : called with the share of the frequencies that is done.
 
     Returns
@@ -56,39 +56,39 @@ def step_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
     LevelRun
         Up to a frequency at which the motion could not be computed, or to where it was stopped.
     """
-    begin, outcome, steps = processor_time(), COMPLETE, steps_of(one)
-    stepper, motion = stepper_of(one)
+    begin, outcome, steps = processor_time(), COMPLETE, steps_of(level)
+    stepper, motion = stepper_of(level)
     points: dict[str, list[_SteadyPoint]] = {}
     for done, (direction, f) in enumerate(steps, 1):
         if done > 1 and asked_to_stop():
             outcome = interruption(f"before {f:.6g} Hz")
             break
         try:
-            points.setdefault(direction, []).append((f, *steady_at(one, f, stepper, motion)))
+            points.setdefault(direction, []).append((f, *steady_at(level, f, stepper, motion)))
         except ArithmeticError as error:
             outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
             break
         tell(progress, done / len(steps))
-    curves = [_curve(one, direction, of) for direction, of in points.items() if of]
+    curves = [_curve(level, direction, of) for direction, of in points.items() if of]
     work = {
         "truncation": 0.0, "cycles": stepper.cycles, "events": stepper.events, "evaluations": stepper.evaluations,
         "segments": stepper.segments, "states": len(stepper.flow.visited), "processor_time_s": processor_time() - begin,
     }  # fmt: skip
-    return LevelRun(tuple(curves), level_row(one, balanced(outcome, curves), work))
+    return LevelRun(tuple(curves), level_row(level, balanced(outcome, curves), work))
 
 
-def stepper_of(one: SweepLevel) -> tuple[CycleStepper, Motion]:
+def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
     """What carries a motion from step to step, and the motion at its start."""
-    _, first = steps_of(one)[0]
-    forcing, observers = loads_at(one, first)
-    flow = ExactFlow(one.system.dynamics, forcing, 1.0 / first, observers)
-    return CycleStepper(flow, 1.0 / first), start(flow, one.system.initial_state)[0]
+    _, first = steps_of(level)[0]
+    forcing, observers = loads_at(level, first)
+    flow = ExactFlow(level.system.dynamics, forcing, 1.0 / first, observers)
+    return CycleStepper(flow, 1.0 / first), start(flow, level.system.initial_state)[0]
 
 
-def loads_at(one: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
+def loads_at(level: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
     """The loads of a level at a frequency, Hz, see `harmonic_loads`."""
     omega = 2 * np.pi * f
-    return harmonic_loads(one.system, omega, sine_of(one.system.scenario.sine, omega, one.value))
+    return harmonic_loads(level.system, omega, sine_of(level.system.scenario.sine, omega, level.value))
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
@@ -102,13 +102,13 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
 
 
 def steady_at(
-    one: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
+    level: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
 ) -> tuple[Settled, Exponent | None, CycleRecord]:
     """The steady motion at the next frequency, with the exponent of one that does not repeat.
 
     Parameters
     ----------
-    one : the level.
+    level : the level.
     f : the frequency, Hz.
     stepper, motion : as the step before left them; changed in place.
 
@@ -117,7 +117,7 @@ def steady_at(
     ArithmeticError
         If the work exceeds that of the stepper.
     """
-    settings, (forcing, observers) = of_kind(SteppedSine, one.settings), loads_at(one, f)
+    settings, (forcing, observers) = of_kind(SteppedSine, level.settings), loads_at(level, f)
     stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / f), 1.0 / f, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
@@ -126,14 +126,14 @@ def steady_at(
     cycles = _cycles_to_measure(settings, settled.period) if settled.period else 64  # measured if there is no period
     exponent = None if settled.period else largest_exponent(stepper, motion, min(400, settings.most_cycles))
     measured = record_cycles(
-        stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, one.rows(stepper.flow),
-        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), one.searched,
+        stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, level.rows(stepper.flow),
+        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), level.searched,
     )  # fmt: skip
     return settled, exponent, measured
 
 
-def _curve(one: SweepLevel, direction: str, points: list[_SteadyPoint]) -> SweepCurve:
-    probes, n = one.system.probes, one.system.dynamics.size
+def _curve(level: SweepLevel, direction: str, points: list[_SteadyPoint]) -> SweepCurve:
+    probes, n = level.system.probes, level.system.dynamics.size
     shapes = np.array([p.shape for p in probes]).reshape(-1, n)
     frequencies, settled, exponents, measured = zip(*points, strict=True)
     frequency = np.array(frequencies)
@@ -159,12 +159,12 @@ def _curve(one: SweepLevel, direction: str, points: list[_SteadyPoint]) -> Sweep
         "section_displacement": (section[:, :n] @ shapes.T).T,
         "section_velocity": (section[:, n : 2 * n] @ shapes.T).T,
     })  # fmt: skip
-    level = abs(one.value)
+    amplitude = abs(level.value)
     values = {
         "frequency_hz": frequency, "time": elapsed[:-1],
-        "excitation_amplitude": [acceleration_amplitude(level, one.quantity, f) for f in frequencies],
+        "excitation_amplitude": [acceleration_amplitude(amplitude, level.quantity, f) for f in frequencies],
         "energy_error": np.array([energy_errors(m.imbalance, m.energy).max() for m in measured]),
     }  # fmt: skip
     merged = CycleRecord.joined([m.merged() for m in measured])
     tables = {"steady_states": steady, "poincare": at_phase_0}
-    return one.curve(merged, direction, values, tables)
+    return level.curve(merged, direction, values, tables)

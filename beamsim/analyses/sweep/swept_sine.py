@@ -64,11 +64,13 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
     return loads
 
 
-def sweep_profile(one: SweepLevel) -> tuple[Profile, float]:
+def sweep_profile(level: SweepLevel) -> tuple[Profile, float]:
     """The level over frequency, a table of which the level is a factor, and the phase of the sine at the start."""
-    settings = of_kind(SweptSine, one.settings)
-    profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
-    return profile, one.system.scenario.sine.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
+    settings = of_kind(SweptSine, level.settings)
+    profile = make_profile(level.value, level.quantity, settings.profile, settings.between, settings.notches)
+    return profile, level.system.scenario.sine.phase + phase_of_acceleration(
+        level.quantity, level.value, settings.profile
+    )
 
 
 class SweptMarch(NamedTuple):
@@ -79,12 +81,12 @@ class SweptMarch(NamedTuple):
     corrections: tuple[Correction, ...] | None  # of a base's acceleration
 
 
-def swept_march(one: SweepLevel, notching: Notching | None, progress: Progress = None) -> SweptMarch:
+def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress = None) -> SweptMarch:
     """The motion of a level in all directions.
 
     Parameters
     ----------
-    one : the level, of a swept sine.
+    level : the level, of a swept sine.
     notching : its table, where it is lowered to limits.
     progress : as of `sweep_level`.
 
@@ -92,11 +94,11 @@ def swept_march(one: SweepLevel, notching: Notching | None, progress: Progress =
     -------
     SweptMarch
     """
-    system, settings = one.system, of_kind(SweptSine, one.settings)
-    legs, (profile, phase) = legs_of(settings), sweep_profile(one)
+    system, settings = level.system, of_kind(SweptSine, level.settings)
+    legs, (profile, phase) = legs_of(settings), sweep_profile(level)
     if notching is not None:  # as the same table in a file would give it
         table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
-        profile = Profile.interpolated([(f, level, notching.quantity) for f, level in table])
+        profile = Profile.interpolated([(f, value, notching.quantity) for f, value in table])
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
@@ -105,12 +107,12 @@ def swept_march(one: SweepLevel, notching: Notching | None, progress: Progress =
     return SweptMarch(march, profile, corrections)
 
 
-def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
+def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
 
     Parameters
     ----------
-    one : the level, of a swept sine.
+    level : the level, of a swept sine.
     progress : called with the share of the work that is done.
 
     Returns
@@ -118,17 +120,17 @@ def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
     LevelRun
         The directions up to where it ended, the last of which may be incomplete.
     """
-    settings = of_kind(SweptSine, one.settings)
+    settings = of_kind(SweptSine, level.settings)
     beginning = 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
-        notch_limits = limited_of(settings.notch_to, one)
-        notching = notched_level(one, notch_limits, part_of(progress, 0.0, CONTROL))
-    march, profile, corrections = swept_march(one, notching, part_of(progress, beginning, 1.0))
+        notch_limits = limited_of(settings.notch_to, level)
+        notching = notched_level(level, notch_limits, part_of(progress, 0.0, CONTROL))
+    march, profile, corrections = swept_march(level, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
-    parts, history, aliased = _recorded(one, march)
-    curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
+    parts, history, aliased = _recorded(level, march)
+    curves = _curves(level, profile, windows, CycleRecord.joined(parts)) if parts else ()
     columns = {
         "truncation": windows.truncation, "cycles": sum(part.count for part in parts), "events": march.events,
         "evaluations": march.evaluations, "segments": march.segments, "states": march.states,
@@ -143,11 +145,11 @@ def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
         judged = [with_notching(notching, notch_limits, curve) for curve in curves]
         curves, missed = tuple(curve for curve, _ in judged), [not_held for _, not_held in judged if not_held]
         outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
-    return LevelRun(curves, level_row(one, outcome, columns, aliased), history)
+    return LevelRun(curves, level_row(level, outcome, columns, aliased), history)
 
 
 def _recorded(
-    one: SweepLevel, march: SweptMotion
+    level: SweepLevel, march: SweptMotion
 ) -> tuple[list[CycleRecord], Dataset | None, Mapping[str, Any] | None]:
     """March and record the cycles of each chunk, and the time history if one is requested.
 
@@ -156,17 +158,17 @@ def _recorded(
     parts : of the cycles.
     history, aliased : rows of `HISTORIES`, and what lies above half their rate, see `SweepLevel.aliased`.
     """
-    settings, windows = of_kind(SweptSine, one.settings), march.windows
+    settings, windows = of_kind(SweptSine, level.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.arange(0 if rate is None else samples_until(windows.duration, rate)) / (rate or 1.0)
     times = between_samples(times)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
     for chunk in march.chunks():
-        output_of = one.rows(chunk.motion.flow)
+        output_of = level.rows(chunk.motion.flow)
         if chunk.reached:
             phases = SinePhase.of_windows(chunk.windows)
-            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, one.searched)
+            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, level.searched)
             parts.append(record.some(slice(chunk.reached)))
         sampled = sum(values.shape[0] for values in samples)
         here = reached(march.end, times)[sampled:]
@@ -175,13 +177,13 @@ def _recorded(
         return parts, None, None
     values = np.concatenate(samples)
     values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # it may end between two samples
-    history = one.history(times[: values.shape[0] : 2], values[::2])
-    return parts, history, one.aliased(share_above_half_rate(values))
+    history = level.history(times[: values.shape[0] : 2], values[::2])
+    return parts, history, level.aliased(share_above_half_rate(values))
 
 
-def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
+def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
     """The curves of the legs that were reached."""
-    settings = of_kind(SweptSine, one.settings)
+    settings = of_kind(SweptSine, level.settings)
     tracked = replace(record, harmonic=np.moveaxis(record.tracked((0.0, *settings.tracked_orders)), 0, 2))
     curves = []
     for index, leg in enumerate(legs_of(settings)):
@@ -197,7 +199,7 @@ def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: Cy
             "energy_error": energy_errors(of_leg.imbalance, of_leg.energy, complete),
         }  # fmt: skip
         direction = "up" if leg.last_hz > leg.first_hz else "down"
-        curves.append(one.curve(of_leg if complete[-1] else of_leg.with_rest_in_last(), direction, values))
+        curves.append(level.curve(of_leg if complete[-1] else of_leg.with_rest_in_last(), direction, values))
     return tuple(curves)
 
 
@@ -227,13 +229,13 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, ...]:
+def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[Limited, ...]:
     """The limits with the columns of a level to which they apply.
 
     Parameters
     ----------
     limits : by name, such as ``probes.tip.acceleration``, in SI units.
-    one : the level.
+    level : the level.
 
     Returns
     -------
@@ -247,21 +249,21 @@ def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, .
     """
     columns = {
         LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
-        for c, k in one.channels.located
+        for c, k in level.channels.located
     }
-    limited, base_force = [], one.system.scenario.base_force or BASE_FORCE.name
+    limited, base_force = [], level.system.scenario.base_force or BASE_FORCE.name
     for name, limit in limits.items():
         of = not_none(limited_quantity(name, base_force))
         limited.append(Limited(name, float(limit), of, columns[of]))
     return tuple(limited)
 
 
-def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progress) -> Notching:
+def notched_level(level: SweepLevel, limited: Sequence[Limited], progress: Progress) -> Notching:
     """Follow the first leg and lower its level to the limits; what the response is then is left to `compared`.
 
     Parameters
     ----------
-    one : the level, of a swept sine.
+    level : the level, of a swept sine.
     limited : the limits.
     progress : called with the share of the leg that is done.
 
@@ -270,15 +272,15 @@ def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progres
     Notching
         The table of the level, in the quantity with which the sweep begins, without limits and ranges.
     """
-    system, settings, quantity = one.system, of_kind(SweptSine, one.settings), one.quantity
+    system, settings, quantity = level.system, of_kind(SweptSine, level.settings), level.quantity
     if settings.profile:
         quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
-    leg, (profile, phase) = legs_of(settings)[0], sweep_profile(one)
+    leg, (profile, phase) = legs_of(settings)[0], sweep_profile(level)
     specification = continuous(profile, leg)
     columns = np.array([each.column for each in limited])
 
     def limited_outputs(flow: ExactFlow) -> RowsOf:
-        rows = one.rows(flow)
+        rows = level.rows(flow)
         return lambda phases: rows(phases)[columns]
 
     control = LevelControl(
