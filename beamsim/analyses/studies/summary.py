@@ -307,6 +307,8 @@ def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:
     if not parameter.numeric:
         return False
     low, high = next((p.low, p.high) for p in table.plan.study.varied if p.path == parameter.path)
+    if not np.isfinite([low, high]).all():  # a list of values has no range
+        return False
     return bool(np.isclose(parameter.values[case], (low, high), rtol=1e-9, atol=1e-9 * (high - low)).any())
 
 
