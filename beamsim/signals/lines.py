@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -77,7 +77,7 @@ def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Vi
 
 def lines_of(
     record: SpectrumRecord, levels: Levels, one_sided: bool, excitation_hz: float, chosen_hz: Sequence[float],
-    orders_hz: Collection[float] | None = None,
+    unlocked_hz: Sequence[float] | None = None,
 ) -> LineFit:  # fmt: skip
     """Lines of a spectrum by frequency.
 
@@ -103,8 +103,8 @@ def lines_of(
     one_sided : whether the beginning counts most.
     excitation_hz : Hz, nan where there is no single excitation frequency.
     chosen_hz : Hz, frequencies that are fitted in any case; they replace what is nearer than a bin.
-    orders_hz : Hz, of the orders that are locked to the excitation; by default those that both halves of the record
-        show to be.
+    unlocked_hz : Hz, of lines that are not locked to the excitation, with all others locked; by default both halves of
+        the record show which are.
     """
     view = view_of(record, excitation_hz, one_sided)
     if view is None:
@@ -112,7 +112,7 @@ def lines_of(
     else:
         lines = _peaks(record, view, excitation_hz, levels)
         if 0.0 < excitation_hz < np.inf and lines:
-            lines = _only_locked(record, lines, orders_hz)
+            lines = _only_locked(record, lines, unlocked_hz)
         fit = fit_lines(record, _refined(record, lines, view), view)
         if fit.remainder is not None:
             fit = _separated(record, fit, excitation_hz, view)
@@ -305,18 +305,19 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
 
 
 def _only_locked(
-    record: SpectrumRecord, lines: list[SpectralLine], orders_hz: Collection[float] | None
+    record: SpectrumRecord, lines: list[SpectralLine], unlocked_hz: Sequence[float] | None
 ) -> list[SpectralLine]:  # fmt: skip
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
     frequency = np.array([line.frequency_hz for line in lines])
-    if orders_hz is None:
+    if unlocked_hz is None:
         (_, early), (_, late) = (half.project(frequency) for half in record.halves())
-        orders_hz = frequency[np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))].tolist()
+        locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
+    else:
+        near = np.abs(np.subtract.outer(frequency, unlocked_hz)) < 1.0 / record.duration
+        locked = ~near.any(axis=1)
     return [
-        line
-        if line.order in (None, 1) or line.frequency_hz in orders_hz
-        else line._replace(order=None, frequency_hz=line.peak_hz)
-        for line in lines
+        line if line.order in (None, 1) or steady else line._replace(order=None, frequency_hz=line.peak_hz)
+        for line, steady in zip(lines, locked.tolist(), strict=True)
     ]
 
 

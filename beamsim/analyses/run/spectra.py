@@ -350,7 +350,7 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a signal, the mean first, in another record.
 
     The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency,
-    and the same ones are locked to it.
+    and those that are not locked to it are the same.
     Any other line is the nearest one of at least half its size, since a natural frequency depends on the model, but no
     nearer to another line. A line that the other record does not have is fitted at its old frequency, together with
     those found.
@@ -366,7 +366,7 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
     excitation_hz, one_sided = known["excitation_hz"].item(), Window.named(known["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
     frequency, free = every_hz[1:], np.isin(known["line_kind"].values[1:], ("other", "residual"))
-    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), set(frequency[~free].tolist()))
+    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), frequency[free])
     found = np.array(fit.frequency_hz)
     away = np.abs(found - frequency[:, None])
     reach = np.where(free, np.maximum(NEARBY_BINS / record.duration, NEARBY * frequency), ROUND_OFF * frequency)
