@@ -670,9 +670,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
     else:
         if any(value_at(scenario, place) != nominal for place in places):
             raise InvalidValueError(
-                "needs one nominal value, but these paths have different ones",
-                "vary them separately",
-                ("path",),
+                "needs one nominal value, but these paths have different ones", "vary them separately", ("path",)
             )
         key = "deviation" if isinstance(parameter, Scattered) else "tolerance"
         deviation = _deviation(scenario, first, getattr(parameter, key), float(nominal), key)

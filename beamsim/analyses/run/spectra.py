@@ -156,8 +156,7 @@ def _spectra(
 
     (the line at half the sample rate is not doubled); of a motion in closed form the sums are integrals. The division
     by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin shows its own amplitude with every
-    window; the mean is taken out first because it would otherwise leak into the first bins. Spectra go up to the
-    highest frequency that the records cover.
+    window. The mean is taken out first, since it would leak into the first bins. Spectra end where the records do.
 
     Phases of lines are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
     0 or 180 degrees, its sign. The mean is the first line, the others follow by frequency. There are none where a
@@ -166,12 +165,11 @@ def _spectra(
     Parameters
     ----------
     labels, records, windows : of each signal, the part that is analysed, and the window of its curve.
-    excitation_hz : Hz, nan where there is no single excitation frequency.
-    figures : as of `spectra_of`.
+    excitation_hz, rate_hz : Hz, nan where there is no single excitation frequency; Hz, of samples.
+    values : as of `spectra_of`.
     residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
     chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
         excitation has this frequency; they replace what is nearer than a bin.
-    rate_hz : Hz, of samples.
     """
     duration = records[0].duration
     curves, levels = [], [record.levels() for record in records]
