@@ -18,7 +18,6 @@ amplitude that depends on where a segment starts. Source 0 is the constant one, 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -401,7 +400,7 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
     sources = Sources(
         start, amplitude, np.array(exponent), powers, np.array(channel, dtype=np.int64),
         longest_piece=np.max(np.where(acts, length[:, None], 0.0), axis=0),
-        limit=_limits(powers),
+        limit=np.where(powers == 0, RESONANCE, powers + 1.0),
         group_last=np.array(last, dtype=np.int64),
     )  # fmt: skip
     if powers.any():
@@ -409,21 +408,12 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
     return sources
 
 
-def _limits(power: Ints) -> Floats:
-    """(F,) ``|nu - lambda|`` times a piece, below which the responses to powers of time (F,) are power series.
-
-    Above it the terms of the polynomial, up to ``p! / (|nu - lambda| tau)^p``, do not cancel; the series that starts
-    from zero would take ever more terms.
-    """
-    roots = [math.factorial(p) ** (1.0 / p) for p in range(1, int(power.max()) + 1)]
-    return np.array([RESONANCE, *roots])[power]
-
-
 def _lower_limits(sources: Sources) -> None:
     """Lower the limits of powers with which a channel hardly changes.
 
-    The terms of a polynomial cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p in its channel, so
-    that powers with which a channel hardly changes may be polynomials earlier, by the root of their share.
+    A response that is a polynomial has terms that cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p
+    in its channel. Those of the power series that starts from zero do not while the distance is no larger than
+    ``p + 1``; powers with which a channel hardly changes may be polynomials earlier, by the root of their share.
     """
     limit = sources.limit
     for first in np.flatnonzero((sources.power == 0) & (sources.group_last > np.arange(limit.size))):
@@ -468,7 +458,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     return Sources(
         record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
         power, np.repeat(np.arange(-1, len(parts)), [1, *degrees]), np.full(power.size, longest),
-        _limits(power), np.repeat(np.cumsum([1, *degrees]) - 1, [1, *degrees]),
+        np.where(power == 0, RESONANCE, power + 1.0), np.repeat(np.cumsum([1, *degrees]) - 1, [1, *degrees]),
     )  # fmt: skip
 
 
