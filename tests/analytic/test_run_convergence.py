@@ -200,19 +200,15 @@ def test_a_force_that_changes_by_more_than_half_is_not_reliable():
     assert {item["verdict"] for item in unchecked.summary["margins"].values()} == {"ok"}
 
 
-def test_the_verdict_on_a_limit_takes_the_change_of_the_value(damped):
-    """The acceleration at the dashpot changes by a third: limits near it are neither met nor exceeded."""
-    at = damped.summary["peak_acceleration_g"]
-    changes = damped.summary["convergence"]["peak_acceleration_g"]
-    lowest, highest = (max(at[name] * (1 + sign * changes[name]) for name in at) for sign in (-1, 1))
-    for level, verdict in ((0.99 * lowest, "exceeded"), (1.01 * lowest, "not reliable"),
-                           (0.99 * highest, "not reliable"), (1.01 * highest, "ok")):  # fmt: skip
+def test_a_limit_on_a_value_that_grows_with_the_modes_is_neither_met_nor_exceeded(damped):
+    """The acceleration at the dashpot has no limit as the modes grow: no level is known to hold it."""
+    value = max(damped.summary["peak_acceleration_g"].values())
+    for level in (0.5 * value, 2.0 * value):
         limits = {"peak_acceleration": level * 9.80665, "peak_force": "1 MN"}
         margins = beamsim.run(panel(limits=limits)).summary["margins"]
-        assert margins["peak_acceleration"]["verdict"] == verdict
-        assert margins["peak_acceleration"]["exceeded"] == (verdict == "exceeded")
-        assert margins["peak_acceleration"]["lowest"] == pytest.approx(lowest * 9.80665)
-        assert margins["peak_acceleration"]["highest"] == pytest.approx(highest * 9.80665)
+        assert margins["peak_acceleration"]["verdict"] == "not reliable"
+        assert not margins["peak_acceleration"]["exceeded"]
+        assert margins["peak_acceleration"]["highest"] == np.inf
         assert margins["peak_force"]["verdict"] == "ok"
 
 
