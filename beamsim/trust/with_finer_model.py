@@ -292,7 +292,8 @@ def _changes_of_cycles(first: SweepResult, second: SweepResult) -> Changes:
     """
     changes: dict[str, dict[str, float]] = {}
     for name, one in first.curves.items():
-        other = second.curves[name]
+        if (other := second.curves.get(name)) is None:  # interrupted before
+            continue
         peaks = {value.entry: of for value, of in peaks_in(other.cycles)}
         for value, of in peaks_in(one.cycles):
             changes.setdefault(value.entry, {}).update(

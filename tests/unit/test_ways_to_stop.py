@@ -226,3 +226,13 @@ def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(
     whole = Fit(numbers, lambda x, beside: rosenbrock(x)).best(np.array([0.2, 0.9]))
     assert whole.converged
     np.testing.assert_allclose(whole.x, 1.0, rtol=0, atol=1e-6)
+
+
+def test_a_sweep_that_ends_in_its_finer_model_keeps_its_curves():
+    """The finer model had not begun its second curve, with whose cycles those of the first were compared."""
+    changes = {"sweep.from": "60 Hz", "sweep.to": "64 Hz", "sweep.rate": "60 oct/min", "sweep.levels": [9.81]}
+    request = During("_convergence", times=3)
+    part = beamsim.sweep(load_scenario(config_path("sweep_up_down"), changes), stop=request)
+    assert request.left == 0
+    assert part.outcome.interrupted
+    assert len(part.curves) == 2
