@@ -364,7 +364,7 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
     excitation_hz, one_sided = known["excitation_hz"].item(), Window.named(known["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
     frequency, free = every_hz[1:], np.isin(known["line_kind"].values[1:], ("other", "residual"))
-    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), frequency[free])
+    fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), frequency[free].tolist())
     found = np.array(fit.frequency_hz)
     away = np.abs(found - frequency[:, None])
     reach = np.where(free, np.maximum(NEARBY_BINS / record.duration, NEARBY * frequency), ROUND_OFF * frequency)
