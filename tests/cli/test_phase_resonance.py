@@ -62,7 +62,7 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
     assert held["phase_resonance"]["energy_error"].values.max() < 1e-10
     assert held["resonance_curves"]["energy_error"].values.max() < 1e-10
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
-    monkeypatch.setattr(periodic_motion, "energy_error", lambda flow, flow_map: 3e-5)
+    monkeypatch.setattr(periodic_motion, "energy_errors", lambda motions: np.full(len(motions.maps), 3e-5))
     lost = nnm(load_scenario(BACKBONE, SHORT | levels))
     assert lost["phase_resonance"]["outcome"].item() == "orbit_energy_not_balanced"
     assert "at level 7.84532 m/s^2" in lost.status
