@@ -126,8 +126,8 @@ def test_free_plate_meets_published_converged_values_to_five_digits() -> None:
     np.testing.assert_allclose(finite_elements("CFFF", 16, 6, grading=2.0), ritz("CFFF", 6, 24), rtol=6e-5)
 
 
-def test_an_edge_reaction_misses_about_its_stated_error():
-    """7 %, where 6.1 % are stated: its order is below the 2 that errors of plates count on."""
+def test_an_edge_reaction_is_within_its_stated_error():
+    """6.98 %, where 7.02 % are stated: it counts on an order of 1.5, not on the 2 of other values of plates."""
     case = {
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": 20.0},
         "outputs": [{"name": "edge", "kind": "reaction_force", "support": "left"}],
@@ -151,4 +151,5 @@ def test_an_edge_reaction_misses_about_its_stated_error():
     limit = values[2] - (values[1] - values[2]) / (ratio - 1.0)
     value, error = reaction(8, convergence="on")
     assert value == values[0]
-    assert error < value / limit - 1.0 < 1.3 * error
+    true = value / limit - 1.0
+    assert true < error < 1.3 * true
