@@ -1,6 +1,6 @@
 """Periodic motions: processor time for the nonlinear modes of the thesis and a two-mass benchmark (NLvib example 03).
 
-    python benchmarks/periodic_orbits.py
+    python -m benchmarks.periodic_orbits
 
 One process, processor time after compilation, best of three. The last column is the time reported in 2010 (H. Hazim,
 thesis, chapter 3), or the target of this project.
@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import os
 import time
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.nnm.analysis import nnm
+from docs.site_pages.configs import CONFIGS
 
-CONFIGS = {path.stem: path for path in (Path(__file__).parents[1] / "configs").rglob("*.yaml")}
 JOBS = (
     ("nnm_thesis_mode_1", nnm, "20 h in 2010"),
     ("nnm_first", nnm, "1 s"),

@@ -14,7 +14,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,8 @@ from beamsim.analyses.studies.plan import check_cases, plan_designs
 from beamsim.trust import with_finer_model
 from beamsim.trust.studies import design_study
 from benchmarks.measure import spent
+from docs.site_pages.configs import CONFIGS
 
-CONFIGS = {path.stem: path for path in (Path(__file__).parents[1] / "configs").rglob("*.yaml")}
 REPEATS = 2
 LOOP = [sys.executable, "-c", "for _ in range(40_000_000): pass"]
 

@@ -20,13 +20,14 @@ from beamsim.flow.channels import channel_values
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal, StreamedSignal
 from beamsim.results.values import ACCELERATION, OUTPUT
-from beamsim.system.equations import Channel
+from beamsim.system.equations import Channel, ChannelSet
 from beamsim.system.structural import LIGHT, JumpingForce, StructuralSystem
 from beamsim.typing import Floats, Ints
 
 NOTED = 0.25  # of a peak acceleration: a larger jump exceeds it in a model of a few times the modes
 SAME_SHAPE = 1e-9  # relative difference of the shapes of one place
 JUST_BEFORE = 1e-6  # of the length of the segment that an event ends
+ACCELERATIONS = (ACCELERATION, (OUTPUT.section, "acceleration"))
 OF_PROBES = ("peak_acceleration_g", "rms_acceleration_g")  # entries of summaries that grow with an acceleration
 
 
@@ -115,23 +116,25 @@ def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[
     channel, peak : an acceleration, and the largest magnitude of its limits just after the jumps of a force, m/s^2.
     """
     forces = [force for force in system.forces_that_jump if math.isfinite(force.inverse_mass)]
-    found = accelerations(system) if forces else []
-    for of in jumps_of_motion(system, motion, forces) if found else ():
+    for of in jumps_of_motion(system, motion, forces) if forces else ():
+        if not (at := _accelerations_at(system, of.force)).channels:
+            continue
         missing = (of.force.inverse_mass - float(of.force.shape @ of.force.shape)) * of.largest
         before = of.time - JUST_BEFORE * motion.length[np.maximum(motion.segments_at(of.time) - 1, 0)]
-        for channel in found:
-            if at_force(system, channel, of.force):
-                alone = system.channels.of_keys(channel.key)
-                column = [c.name for c in alone.channels].index(channel.name)
-                after = channel_values(motion, alone, of.time)[:, column]
-                change = after - channel_values(motion, alone, np.maximum(before, 0.0))[:, column]
-                way = np.sign(np.where(of.time > 0.0, change, after))  # everything rests before the beginning
-                yield channel, float(np.abs(after + way * missing).max())
+        after = channel_values(motion, at, of.time)
+        change = after - channel_values(motion, at, np.maximum(before, 0.0))
+        way = np.sign(np.where(of.time[:, None] > 0.0, change, after))  # everything rests before the beginning
+        yield from zip(at.channels, np.abs(after + way * missing[:, None]).max(axis=0).tolist(), strict=True)
+
+
+def _accelerations_at(system: StructuralSystem, force: JumpingForce) -> ChannelSet:
+    """The accelerations of the point at which a force acts."""
+    return system.channels.select(lambda c: c.key in ACCELERATIONS and at_force(system, c, force))
 
 
 def accelerations(system: StructuralSystem) -> list[Channel]:
     """Channels of accelerations."""
-    return [c for c in system.channels.channels if c.key in (ACCELERATION, (OUTPUT.section, "acceleration"))]
+    return [c for c in system.channels.channels if c.key in ACCELERATIONS]
 
 
 def without_limit(

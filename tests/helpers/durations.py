@@ -12,7 +12,8 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from numba.core import event
+
+from beamsim.flow.compiled import processor_time
 
 RECORD = Path(__file__).parents[1] / "data" / "durations.csv"
 SLOW_S = 1.0
@@ -55,9 +56,10 @@ def slow_and_unrecorded(record: Durations, measured: Durations) -> list[str]:
     return sorted(found, key=lambda name: -measured[name])
 
 
-def processor_time() -> float:
-    """Seconds of processor time of this process and of the children that have ended."""
-    return sum(os.times()[:4])
+def spent() -> float:
+    """Seconds of processor time of this process, compilation apart, and of the children that have ended."""
+    times = os.times()
+    return processor_time() + times.children_user + times.children_system
 
 
 class DurationRecorder:
@@ -67,16 +69,10 @@ class DurationRecorder:
         self.path = path  # of the new record; None: measure only, in a worker
         self.measured: Durations = {}
         self._begin = 0.0
-        self._compiling = event.TimingListener()
-        event.register("numba:compile", self._compiling)
-
-    def _spent(self) -> float:
-        compiled = self._compiling.duration if self._compiling.done else 0.0
-        return processor_time() - compiled
 
     def pytest_runtest_logstart(self) -> None:
         """Begin to measure."""
-        self._begin = self._spent()
+        self._begin = spent()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -84,7 +80,7 @@ class DurationRecorder:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Write into the last report of a test what it took, its fixtures included."""
         if call.when == "teardown":
-            item.user_properties.append((PROPERTY, max(self._spent() - self._begin, 0.0)))
+            item.user_properties.append((PROPERTY, spent() - self._begin))
         return (yield)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
