@@ -182,7 +182,7 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, reco
     """
     with scenario.locating():
         try:
-            return _build(build_reduced_model(scenario, shared=shared), recovered)
+            return _build(*_model_with_contacts(scenario, shared=shared), recovered)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise ScenarioError(_out_of_range(scenario, error)) from None
 
@@ -218,7 +218,8 @@ class SystemFamily:
         path : of the gap, stiffness or position of a snubber in the scenario.
         value : in its place; SI.
         """
-        return _build(self._model_with(path, value))
+        model = self._model_with(path, value)
+        return _build(model, _pushing(model))
 
     def contacts_at(self, path: Path, value: float) -> Contacts:
         """The contacts of `at` alone, where no snubber has a preload."""
@@ -258,15 +259,44 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
     """
     with scenario.locating():
         added = [] if ends is None else [*ends]
-        model = build_reduced_model(scenario, added)
+        model, pushing = _model_with_contacts(scenario, added)
         while ends is not None and (more := places_needed(model.structure, model.basis, *ends, added)):
             added += more
-            model = build_reduced_model(scenario, added)
-        return SystemFamily(model, _build(model))
+            model, pushing = _model_with_contacts(scenario, added)
+        return SystemFamily(model, _build(model, pushing))
 
 
-def _build(model: ReducedModel, recovered: bool = True) -> StructuralSystem:
-    scenario, pushing = model.scenario, _pushing(model)
+# Stiffness of a contact times the compliance there of all modes that are left out: 0.04 where a beam has twice the modes
+# that move with the contact (theory, section 7).
+_STIFFNESS_BEYOND_MODES = 0.04
+
+
+def _model_with_contacts(
+    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
+) -> tuple[ReducedModel, _Pushing]:
+    """The reduced model and its contacts, by default up to higher frequencies until the contacts need no more modes."""
+    model, modes = build_reduced_model(scenario, also_at, shared), 0
+    pushing = _pushing(model)
+    while model.default and model.basis.modes > modes and _beyond_modes(model, pushing) > _STIFFNESS_BEYOND_MODES:
+        modes, least_hz = model.basis.modes, 2.0 * model.highest_hz
+        model = build_reduced_model(scenario, also_at, model.shared, least_hz)
+        pushing = _pushing(model)
+    return model, pushing
+
+
+def _beyond_modes(model: ReducedModel, pushing: _Pushing) -> float:
+    """The largest product of a contact's stiffness and the compliance there of the modes that are left out.
+
+    The static vectors have that compliance.
+    """
+    beyond = slice(model.basis.modes, model.basis.size)
+    compliance = np.sum((pushing.contacts.shape[:, beyond] / model.omega[beyond]) ** 2, axis=1)
+    stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
+    return float(np.max(stiffness * compliance, initial=0.0))
+
+
+def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> StructuralSystem:
+    scenario = model.scenario
     if model.moving_supports:
         _check_places_on_supports(model)
     free = _check_couplings(model, pushing) if model.structure.couplings else []

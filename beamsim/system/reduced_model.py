@@ -262,6 +262,7 @@ class ReducedModel:
     shared: SharedBuilds
     acting: Acting
     moving_supports: tuple[MovingSupport, ...] = ()  # supports that move
+    default: bool = False  # whether the scenario leaves the number of modes to the program
     base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
     omega: Floats = field(init=False)  # (n,) rad/s
     stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
@@ -276,6 +277,11 @@ class ReducedModel:
         self.snubber_sites = [snubber_site(located) for located in self.scenario.located_snubbers]
         self.spring_sites = [snubber_site(located) for located in self.scenario.nonlinear_springs]
         self.probe_sites = [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
+
+    @property
+    def highest_hz(self) -> float:
+        """The frequency that the kept modes serve, Hz."""
+        return self.basis.highest_frequency * self.structure.frequency_scale / (2 * np.pi)
 
     @cached_property
     def damping(self) -> Floats:
@@ -339,7 +345,7 @@ class ReducedModel:
 
 
 def build_reduced_model(
-    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
+    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None, least_hz: float = 0.0
 ) -> ReducedModel:
     """Assemble and reduce the structure of a scenario, with static vectors at further places.
 
@@ -348,6 +354,7 @@ def build_reduced_model(
     scenario : a validated scenario.
     also_at : the further places.
     shared : keeps what is built for other scenarios with the same structure.
+    least_hz : the frequency that the default number of modes serves at least.
 
     Returns
     -------
@@ -370,7 +377,7 @@ def build_reduced_model(
         _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs
     sites: list[LoadSite] = [*contacts, *force_sites(scenario), *also_at]
-    asked = _asked_reduction(scenario, structure)
+    asked = _asked_reduction(scenario, structure, least_hz)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
@@ -378,7 +385,7 @@ def build_reduced_model(
     basis = shared.once(
         "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moving), **asked)
     )
-    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving))
+    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving), "default" in asked)
 
 
 def _patterns(
@@ -450,12 +457,12 @@ def force_sites(scenario: Scenario) -> list[LoadSite]:
     return sites
 
 
-def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]:
+def _asked_reduction(scenario: Scenario, structure: Structure, least_hz: float) -> dict[str, Any]:
     """How much `reduce_model` keeps: what the scenario asks for, or the default.
 
     By default a structure keeps the modes up to the frequency of interest of a run, at least ten times the excitation
-    frequency and six flexible modes, and none that its discretisation does not carry; one that carries all of its modes
-    keeps them. The sample rate and the duration of the output have no part in it.
+    frequency, ``least_hz`` and six flexible modes, and none that its discretisation does not carry; one that carries
+    all of its modes keeps them. The sample rate and the duration of the output have no part in it.
     """
     asked = scenario.reduction
     hz = 2 * np.pi / structure.frequency_scale
@@ -465,7 +472,7 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
         return {"highest_frequency": asked.highest_frequency * hz}
     excited = highest_excited_hz(scenario)
     of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz(excited)
-    highest = max(of_run, 10 * excited)
+    highest = max(of_run, 10 * excited, least_hz)
     start = None if scenario.run is None else scenario.run.start
     mode = start.mode if isinstance(start, ModeStart) else 0
     return {"highest_frequency": highest * hz, "default": True, "least_modes": 6, "mode": mode}

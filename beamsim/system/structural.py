@@ -452,7 +452,7 @@ def modes_of(
         "kept_modes": basis.modes,
         "coordinates": None if model.scenario.has_mesh else structure.size,
         "static_vectors": basis.size - basis.modes,
-        "highest_frequency_hz": basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
+        "highest_frequency_hz": model.highest_hz,
         "reduction_bound": bound.loads,
         "probe_bound": bound.probes,
         "shapes": deflection.T,
