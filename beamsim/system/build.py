@@ -266,8 +266,8 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
         return SystemFamily(model, _build(model, pushing))
 
 
-# Stiffness of a contact times the compliance there of all modes that are left out: 0.04 where a beam has twice the modes
-# that move with the contact (theory, section 7).
+# Stiffness of a contact times the compliance there of the modes left out, in a beam with twice the modes that move with
+# the contact (theory, section 7).
 _STIFFNESS_BEYOND_MODES = 0.04
 
 

@@ -14,12 +14,11 @@ def struck_beam(stiffness: float, **more: Any) -> dict[str, Any]:
     """A cantilever in 120 elements that hits a stop at its tip."""
     return {
         "beam": {
-            "length": LENGTH, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 120,
-            "supports": {"left": "clamped", "right": "free"}, "damping": {"kind": "modal", "ratio": 0.01},
+            "length": LENGTH, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0,
+            "elements": 120, "supports": {"left": "clamped", "right": "free"},
+            "damping": {"kind": "modal", "ratio": 0.01},
         },
-        "snubbers": [
-            {"name": "tip", "position": LENGTH, "side": "below", "mounted_on": "base", "stiffness": stiffness, "gap": 0.0}
-        ],
+        "snubbers": [{"name": "tip", "position": LENGTH, "side": "below", "stiffness": stiffness, "gap": 0.0}],
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": 65.0},
         "probes": [{"name": "tip", "position": LENGTH}],
         "run": {"duration": 0.05, "sample_rate": 20000.0, "convergence": "off"},
