@@ -120,7 +120,9 @@ def _open_regular(path: Path | str, mode: str, buffering: int, most_bytes: float
     try:
         if "r" in mode or os.path.exists(path):
             _demand_regular(path, os.stat(path), most_bytes, remedy)
-        file = open(path, mode, buffering, opener=_without_waiting)  # noqa: SIM115 (the caller closes it)
+        # without waiting for the writer of a pipe, if one took the place of the file meanwhile
+        at_once = getattr(os, "O_NONBLOCK", 0)
+        file = open(path, mode, buffering, opener=lambda name, flags: os.open(name, flags | at_once, 0o666))  # noqa: SIM115
     except (OSError, ValueError) as error:
         raise _refusal(path, error) from None
     try:
@@ -141,11 +143,6 @@ def found_in(name: Path | str, *folders: Path | None) -> Path:
     """
     paths = [folder / name for folder in folders if folder is not None]
     return next((path for path in paths if os.path.lexists(path)), Path(name))
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    """Opener that does not wait for the writer of a pipe, if one took the place of the file meanwhile."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
 
 
 def _demand_regular(path: Path | str, state: os.stat_result, most_bytes: float, remedy: str) -> None:
@@ -528,18 +525,24 @@ def put_in_place(temporary: Path, place: Placement) -> None:
     """
     with open(temporary, "rb+") as written:
         os.fsync(written.fileno())
-    aside = _with_second_name(place.target) if place.moves_aside else None
     replace = _replace_patiently if sys.platform == "win32" else os.replace
+    if place.moves_aside:
+        _replace_and_keep(temporary, place, replace)
+    else:
+        replace(temporary, place.target)
+    _ACCESS.get().written[place.target] = state_of(place.target.stat())
+
+
+def _replace_and_keep(temporary: Path, place: Placement, replace: Callable[[Path, Path], object]) -> None:
+    """Move a file to its destination, where what is there keeps a second name, which a warning says."""
+    aside = _with_second_name(place.target)
     try:
         replace(temporary, place.target)
     except BaseException:
-        if aside is not None:
-            _put_back(aside, place.target)
+        _put_back(aside, place.target)
         raise
-    _ACCESS.get().written[place.target] = state_of(place.target.stat())
-    if aside is not None:
-        kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
-        _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
+    kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
+    _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
 
 
 def _replace_patiently(temporary: Path, target: Path) -> None:

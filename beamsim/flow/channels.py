@@ -398,9 +398,12 @@ def _values_about_ends(
     basis, source = state.term_basis[terms], state.term_source[terms]
     exponent, power = state.exponent[basis], state.power[basis]
     around = (np.arange(NODES_OF_ENDS) - 0.5 * (NODES_OF_ENDS - 1)) * (TURN_OF_ENDS / highest)
+    left, singular, right = _fits_of_ends()
     factors = []  # of an order j, by its terms: (-1)^j p! / (p - j)!, then (terms, nodes, K) of values at the nodes
     for order in range(int(power.max()) + 1):
-        weights = _weights_of_ends(exponent / highest, order) * highest ** -(order + 1.0)
+        # weights w_q at which the sum of w_q exp(-i x s_q) is (rate - i x)^-(order + 1) for frequencies x from -1 to 1
+        aims = (exponent / highest - 1j * _FITTED[:, None]) ** -(order + 1)
+        weights = (right @ ((left @ aims) / singular[:, None])).T * highest ** -(order + 1.0)
         size = np.array([(-1.0) ** order * perm(p, order) for p in power.tolist()])
         factors.append(((size[:, None] * weights)[:, :, None] * table[terms, None]).reshape(terms.size, -1))
     for part in blocks(segments.size, NODES_OF_ENDS * count, MANY_VALUES):
@@ -414,16 +417,6 @@ def _values_about_ends(
         ):
             values = sum((x.real @ f.real - x.imag @ f.imag for x, f in zip(sizes, factors, strict=True)), np.zeros(()))
             yield np.add.outer(begun, around).ravel(), values.reshape(-1, count)
-
-
-def _weights_of_ends(rate: Complexes, order: int) -> Complexes:
-    r"""(T, nodes) weights :math:`w_q` of rates (T,) and an order j.
-
-    They make :math:`\sum_q w_q e^{-i x s_q} = (\lambda - i x)^{-j - 1}` for frequencies x from -1 to 1.
-    """
-    left, size, right = _fits_of_ends()
-    wanted = (rate - 1j * _FITTED[:, None]) ** -(order + 1)
-    return np.asarray((right @ ((left @ wanted) / size[:, None])).T)
 
 
 @lru_cache(maxsize=1)

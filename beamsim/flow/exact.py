@@ -41,12 +41,6 @@ OF_STATES = ("exponent", "power", "projector", "term_basis", "term_source", "ter
 FITTED = 6  # power of time from which on an input is a polynomial that was fitted (swept sines)
 
 
-def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
-    """Number of contact states whose tables fit into ``memory`` bytes."""
-    N, functions = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
-    return max(8, int(memory / (56.0 * N * N + 40.0 * N * functions)))
-
-
 def same_at_rest(a: PiecewiseLinearSystem, b: PiecewiseLinearSystem) -> bool:
     """Whether two systems differ in nothing but the forces of their contacts while these act."""
     parts = [
@@ -410,7 +404,9 @@ class ExactFlow:
         """
         contacts, n, every = self.system.contacts, self.system.size, np.arange(self.system.contacts.count)
         rate = self.equations.penetrations
-        start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
+        start = contacts.start
+        if contacts.any_sticks_rigidly:
+            start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
         phases, before = contacts.pressed_at_start(start, start) if contacts.pressed.size else start, None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
@@ -574,7 +570,10 @@ def exact_flow(
         For a record of too many pieces to be taken as a whole.
     """
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
-    most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
+    # each contact state's tables: matrices of the state vector, and the functions that end it
+    dynamics, functions = system.dynamics, 2 * system.dynamics.contacts.count
+    states = 2 * dynamics.size + dynamics.contacts.internal_states
+    most = most_states or max(8, int(TABLES_SHARE * memory / (56.0 * states**2 + 40.0 * states * functions)))
     if pieces is None:
         refuse_many_pieces((*system.forcing.signal, *observers))
     return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)

@@ -355,6 +355,17 @@ def _pulse(excitation: Any) -> Signal:
     return half_sine(level, excitation.duration, excitation.time)
 
 
+def _motion_in_pieces(excitation: One, duration: float | None, folder: Path | None) -> BaseMotion:
+    """Of a swept sine and of a random input, whose motions are made together; see `base_motion`."""
+    if excitation.kind == "swept_sine":
+        windows, corrections = sweep_windows(excitation, duration)
+        acceleration, velocity, displacement = swept_signals(windows)
+        return BaseMotion(acceleration, velocity, displacement, corrections)
+    assert excitation.kind == "random"
+    statement = _statement(excitation, duration, folder)
+    return BaseMotion(*random_signals(excitation, duration, folder), account=InputAccount(statement))
+
+
 def base_motion(excitation: One, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """Motion of the base from the prescribed quantity.
 
@@ -374,13 +385,8 @@ def base_motion(excitation: One, duration: float | None = None, folder: Path | N
     ScenarioError
         As `level_signal`.
     """
-    if excitation.kind == "swept_sine":
-        windows, corrections = sweep_windows(excitation, duration)
-        acceleration, velocity, displacement = swept_signals(windows)
-        return BaseMotion(acceleration, velocity, displacement, corrections)
-    if excitation.kind == "random":
-        statement = _statement(excitation, duration, folder)
-        return BaseMotion(*random_signals(excitation, duration, folder), account=InputAccount(statement))
+    if excitation.kind in ("swept_sine", "random"):
+        return _motion_in_pieces(excitation, duration, folder)
     given, account = level_signal(excitation, duration, folder)
     integrals = power_of(excitation.quantity)
     motion = [given]  # acceleration, velocity and displacement

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -91,7 +92,7 @@ def histories(
         return []
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
-    excitation = result.excitation_hz
+    excitation = result.scenario.excitation.tone_hz
     # the close-up: six periods, or an eighth of a run without excitation frequency
     start = max(begin, end - (6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)))
     curves = [Curve(name, time, x) for name, x in values.items()]
@@ -152,8 +153,9 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     if not shown.size:
         return Chart(("Frequency", HERTZ), (quantity, ""), [])
     frequency, levels = spectra["frequency_hz"].values, spectra["amplitude_db"].values[shown]
-    forced = np.isfinite(result.excitation_hz)
-    unit = result.excitation_hz if forced else 1.0  # Hz
+    excitation = result.scenario.excitation.tone_hz
+    forced = math.isfinite(excitation)
+    unit = excitation if forced else 1.0  # Hz
     # the end of the frequencies at which there is something to see
     top = float(levels.max())
     last = float(frequency[(levels > top - SPECTRUM_DB).any(axis=0)][-1]) / unit

@@ -117,19 +117,16 @@ def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[
     """
     forces = [force for force in system.forces_that_jump if math.isfinite(force.inverse_mass)]
     for of in jumps_of_motion(system, motion, forces) if forces else ():
-        if not (at := _accelerations_at(system, of.force)).channels:
+        here = [channel for channel in accelerations(system) if at_force(system, channel, of.force)]
+        if not here:
             continue
+        at = ChannelSet(tuple(here), system.channels.sizes)
         missing = (of.force.inverse_mass - float(of.force.shape @ of.force.shape)) * of.largest
         before = of.time - JUST_BEFORE * motion.length[np.maximum(motion.segments_at(of.time) - 1, 0)]
         after = channel_values(motion, at, of.time)
         change = after - channel_values(motion, at, np.maximum(before, 0.0))
         way = np.sign(np.where(of.time[:, None] > 0.0, change, after))  # everything rests before the beginning
         yield from zip(at.channels, np.abs(after + way * missing[:, None]).max(axis=0).tolist(), strict=True)
-
-
-def _accelerations_at(system: StructuralSystem, force: JumpingForce) -> ChannelSet:
-    """The accelerations of the point at which a force acts."""
-    return system.channels.select(lambda c: c.key in ACCELERATIONS and at_force(system, c, force))
 
 
 def accelerations(system: StructuralSystem) -> list[Channel]:

@@ -126,6 +126,11 @@ class Input(Schema):
         return ()
 
     @property
+    def tone_hz(self) -> float:
+        """Frequency of the only tone, Hz; NaN where there is none, or several."""
+        return float(self.frequencies_hz[0]) if len(self.frequencies_hz) == 1 else math.nan
+
+    @property
     def highest_tone_hz(self) -> float:
         """Highest frequency of the tones, Hz; 0 without any."""
         return max(self.frequencies_hz, default=0.0)

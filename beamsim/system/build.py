@@ -320,7 +320,6 @@ def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> St
     asked = (model, recoveries, pushing.sites, contacts, forcing)
     outputs = output_channels(*asked) if recovered and scenario.requested_outputs else ()
     dynamics = PiecewiseLinearSystem(model.stiffness, model.damping, contacts, loads.sum(axis=0))
-    frequencies = set(scenario.excitation.frequencies_hz)
     return StructuralSystem(
         model=model,
         as_built=dynamics,
@@ -336,7 +335,7 @@ def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> St
         stops=pushing.stops,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
-        excitation_frequency_hz=float(frequencies.pop()) if len(frequencies) == 1 else np.nan,
+        excitation_frequency_hz=scenario.excitation.tone_hz,
         cubic=pushing.cubic,
         springs=pushing.springs,
         outputs=outputs,

@@ -115,19 +115,14 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
             for place, change in places(of)
         }
         if name == "peak_acceleration_g":
-            found = _of_peaks(found)
+            converging = max((error for error in found.values() if error < CONVERGING), default=0.0)
+            least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)  # chance may hide so much
+            found = {place: max(error, least) if error else 0.0 for place, error in found.items()}
         for place in found:
             if name == "contacts" or place.endswith(COUNTED):
                 found[place] *= (MANY - 1.0) / (MORE_MODES - 1.0)
         errors[name] = found if isinstance(of, dict) else found[""]
     return errors
-
-
-def _of_peaks(errors: dict[str, float]) -> dict[str, float]:
-    """Those of peak accelerations, with what chance may hide."""
-    converging = max((error for error in errors.values() if error < CONVERGING), default=0.0)
-    least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)
-    return {place: max(error, least) if error else 0.0 for place, error in errors.items()}
 
 
 def exact(values: Values) -> Errors:

@@ -124,7 +124,7 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
 def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
     """A channel compared with the history of a run: harmonics in phase, histories without a delay, spectra."""
     place, quantity, signal = pair
-    excitation = result.excitation_hz
+    excitation = result.scenario.excitation.tone_hz
     unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):

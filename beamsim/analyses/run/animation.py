@@ -65,7 +65,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
-    frequencies = [result.excitation_hz, *result["modes"]["open_frequencies_hz"].values]
+    frequencies = [result.scenario.excitation.tone_hz, *result["modes"]["open_frequencies_hz"].values]
     period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))

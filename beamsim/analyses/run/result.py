@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -215,12 +214,6 @@ class RunResult(Result):
         INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SPECTRA,
         SRS, MATCHED, RANDOM, SENSITIVITIES, MODES,
     )  # fmt: skip
-
-    @property
-    def excitation_hz(self) -> float:
-        """Frequency of the excitation, Hz; NaN where there is none, or several, and where there are no spectra."""
-        spectra = self.datasets.get("spectra")
-        return math.nan if spectra is None else float(spectra["excitation_hz"].item())
 
     @property
     def root_mean_squares(self) -> dict[str, dict[str, float]]:
