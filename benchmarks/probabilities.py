@@ -13,16 +13,19 @@ import datetime
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from scipy.stats import norm
+from scipy.optimize import brentq
+from scipy.stats import ncx2, norm
 
 from beamsim.analyses.studies import sampling
+from beamsim.analyses.studies.dependence import SIDES, dependence
 from beamsim.analyses.studies.estimators import FAILED, Estimator
 from beamsim.analyses.studies.reliability import interval
 from beamsim.outcomes import COMPLETE
@@ -39,9 +42,51 @@ class Problem(NamedTuple):
     name: str
     variables: int
     state: Callable[[sampling.Points], Floats]
-    exact: float
+    probability: Callable[[Floats], float]  # exact, with the means of the variables moved by so much (variables,)
     method: str = "importance_sampling"
     random: bool = False  # whether there is a random process besides the variables
+
+    @property
+    def exact(self) -> float:
+        """The probability with the means where they are."""
+        return self.probability(np.zeros(self.variables))
+
+    @property
+    def importance(self) -> Floats:
+        """(variables,) shares of the squares of the derivatives of the probability by the means."""
+        step = 1e-4 * np.eye(self.variables)
+        squares = np.array([self.probability(by) - self.probability(-by) for by in step]) ** 2
+        return squares / squares.sum()
+
+    def doubles(self, variable: int, sign: float) -> float:
+        """The smallest move of a mean to one side that doubles the probability; nan where none of up to 3 does."""
+        unit, twice = sign * np.eye(self.variables)[variable], 2.0 * self.exact
+        moves = np.linspace(0.0, 3.0, 121)
+        above = np.flatnonzero([self.probability(by * unit) >= twice for by in moves])
+        if not above.size:
+            return math.nan
+        ends = moves[above[0] - 1], moves[above[0]]
+        return sign * float(brentq(lambda by: self.probability(by * unit) - twice, *ends))
+
+
+class StandardNumbers:
+    """Numbers that are standard normal variables themselves, as `Scatter` has them."""
+
+    def __init__(self, count: int) -> None:
+        self.numbers = [SimpleNamespace(path=f"u{k}", unit="1") for k in range(count)]
+        self.means, self.deviations = np.zeros(count), np.ones(count)
+
+    def values(self, u: Floats) -> Floats:
+        """They are the variables."""
+        return u
+
+    def shifted(self, u: Floats, number: int, by: float) -> Floats:
+        """(n, d) by how much variables change when the mean of a number is moved."""
+        return np.broadcast_to(-by * np.eye(u.shape[1])[number], u.shape)
+
+    def widened(self, u: Floats, number: int, by: float) -> Floats:
+        """(n, d) the same when its deviation grows, ``by`` in logarithms."""
+        return -by * u * np.eye(u.shape[1])[number]
 
 
 def ring(u: Floats) -> Floats:
@@ -59,14 +104,14 @@ def of_contact(u: Floats) -> Floats:
     return 1.0 - stop * (np.sqrt(share**2 + left / (spring + stop)) - share) / 150.0
 
 
-def exact_of_contact() -> float:
+def exact_of_contact(by: Floats) -> float:
     """By quadrature over stiffness and gap: the speed whose energy deflects the stop up to the limit."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(80)
-    z, y = np.meshgrid(nodes, nodes, indexing="ij")
+    z, y = np.meshgrid(nodes + by[1], nodes + by[2], indexing="ij")
     width = math.sqrt(math.log1p(0.2**2))
     stop, gap = 20e3 * np.exp(width * z - 0.5 * width**2), 1e-3 * (1.0 + 0.2 * y)
     speed = np.sqrt((stop * (150.0 / stop) ** 2 + 1e3 * (gap + 150.0 / stop) ** 2) / 2.0)
-    return float(weights @ norm.sf((speed / 0.5 - 1.0) / 0.1) @ weights) / (2.0 * math.pi)
+    return float(weights @ norm.sf((speed / 0.5 - 1.0) / 0.1 - by[0]) @ weights) / (2.0 * math.pi)
 
 
 @cache
@@ -81,10 +126,10 @@ def of_noise(points: sampling.Points) -> Floats:
     return 1.0 - np.array(largest) / (4.0 + 0.2 * points.u[:, 0])
 
 
-def exact_of_noise() -> float:
+def exact_of_noise(by: Floats) -> float:
     """By quadrature over the limit."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(60)
-    beyond = -np.expm1(PARTS * np.log1p(-2.0 * norm.sf(4.0 + 0.2 * nodes)))
+    beyond = -np.expm1(PARTS * np.log1p(-2.0 * norm.sf(4.0 + 0.2 * (nodes + by[0]))))
     return float(weights @ beyond) / math.sqrt(2.0 * math.pi)
 
 
@@ -101,23 +146,31 @@ def problems() -> Iterator[Problem]:
 
     limits = np.array([3.6, 3.8, 4.0, 4.1])
     yield Problem(
-        "one region, ten variables", 10, of(lambda u: 1.0 - u.sum(axis=1) / math.sqrt(10.0) / 4.75), norm.sf(4.75)
-    )
-    yield Problem(
-        "two regions", 1, of(lambda u: 1.0 - np.abs(1.0 + 10.0 * u[:, 0]) / 41.0), norm.sf(4.0) + norm.sf(4.2)
-    )
-    yield Problem(
-        "four regions", 2, of(lambda u: 1.0 - np.max(np.hstack([u, -u]) / limits, axis=1)),
-        1.0 - float(np.prod(norm.cdf(limits[:2]) - norm.cdf(-limits[2:]))),
+        "one region, ten variables", 10, of(lambda u: 1.0 - u.sum(axis=1) / math.sqrt(10.0) / 4.75),
+        lambda by: float(norm.sf(4.75 - by.sum() / math.sqrt(10.0))),
     )  # fmt: skip
-    yield Problem("a ring", 2, of(ring), math.exp(-(4.5**2) / 2.0))
-    yield Problem("a contact, three variables", 3, of(of_contact), exact_of_contact())
+    yield Problem(
+        "two regions",
+        1,
+        of(lambda u: 1.0 - np.abs(1.0 + 10.0 * u[:, 0]) / 41.0),
+        lambda by: float(norm.sf(4.0 - by[0]) + norm.sf(4.2 + by[0])),
+    )
+    yield Problem(
+        "four regions",
+        2,
+        of(lambda u: 1.0 - np.max(np.hstack([u, -u]) / limits, axis=1)),
+        lambda by: 1.0 - float(np.prod(norm.cdf(limits[:2] - by) - norm.cdf(-limits[2:] - by))),
+    )
+    yield Problem("a ring", 2, of(ring), lambda by: float(ncx2.sf(4.5**2, 2, max(by @ by, 1e-30))))
+    yield Problem("a contact, three variables", 3, of(of_contact), exact_of_contact)
     yield Problem(
         "all of two limits", 2, of(lambda u: np.max(1.0 - (1.0 + 0.1 * u) / np.array([1.3, 1.25]), axis=1)),
-        norm.sf(3.0) * norm.sf(2.5),
+        lambda by: float(norm.sf(3.0 - by[0]) * norm.sf(2.5 - by[1])),
     )  # fmt: skip
-    yield Problem("random excitation", 1, of_noise, exact_of_noise(), "subset", random=True)
-    yield Problem("histories that fail", 2, of(failing), 1.0 - norm.cdf(3.5) * norm.cdf(3.2))
+    yield Problem("random excitation", 1, of_noise, exact_of_noise, "subset", random=True)
+    yield Problem(
+        "histories that fail", 2, of(failing), lambda by: 1.0 - float(norm.cdf(3.5 - by[0]) * norm.cdf(3.2 + by[1]))
+    )
 
 
 def estimated(problem: Problem, samples: int, seed: int) -> Estimator:
@@ -128,6 +181,27 @@ def estimated(problem: Problem, samples: int, seed: int) -> Estimator:
     )  # fmt: skip
     estimator.estimated()
     return estimator
+
+
+def held_intervals(problem: Problem, every: Sequence[Estimator]) -> dict[str, int]:
+    """How many intervals of importance and of what doubles the probability hold the exact values, and of how many.
+
+    Where the method gives no interval, or says that nothing doubles it, there is none to count.
+    """
+    exact = np.array([[problem.doubles(k, sign) for sign in SIDES.values()] for k in range(problem.variables)])
+    numbers: Any = StandardNumbers(problem.variables)
+    counts = dict.fromkeys(("doubles_held", "doubles", "importance_held", "importances"), 0)
+    for of in every:
+        table = dependence(numbers, of, numbers.numbers)
+        low, high, right = (np.abs(x) for x in (table["doubles_low"].values, table["doubles_high"].values, exact))
+        shown = np.isfinite(low) & np.isfinite(right)
+        counts["doubles"] += int(shown.sum())
+        counts["doubles_held"] += int(np.sum(((low <= right) & (right <= high))[shown]))
+        low, high = table["importance_low"].values, table["importance_high"].values
+        shown = np.isfinite(low) & (problem.variables > 1)
+        counts["importances"] += int(shown.sum())
+        counts["importance_held"] += int(np.sum(((low <= problem.importance) & (problem.importance <= high))[shown]))
+    return counts
 
 
 def row(problem: Problem, samples: int, seeds: int) -> dict[str, Any]:
@@ -141,6 +215,7 @@ def row(problem: Problem, samples: int, seeds: int) -> dict[str, Any]:
         "seeds": seeds,
         "check_agrees": sum(of.check is COMPLETE for of in every),
         "histories": round(float(np.mean([of.asked for of in every]))),
+        **held_intervals(problem, every),
     }  # fmt: skip
 
 

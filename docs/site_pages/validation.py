@@ -102,11 +102,13 @@ def probabilities() -> str:
     kept = yaml.safe_load((Path(__file__).parents[1] / "probabilities.yaml").read_text(encoding="utf-8"))
     rows = [
         (of["problem"], of["samples"], f"{of['exact']:.3g}", f"{of['mean'] / of['exact']:.3f}",
-         f"{of['held']} of {of['seeds']}", f"{of['check_agrees']} of {of['seeds']}", of["histories"])
+         f"{of['held']} of {of['seeds']}", f"{of['check_agrees']} of {of['seeds']}", of["histories"],
+         f"{of['doubles_held']} of {of['doubles']}", f"{of['importance_held']} of {of['importances']}")
         for of in kept["rows"]
     ]  # fmt: skip
     heads = [
-        "problem", "samples", "exact", "mean / exact", "95 % interval holds it", "check agrees", "histories on average"
+        "problem", "samples", "exact", "mean / exact", "95 % interval holds it", "check agrees", "histories on average",
+        "what doubles it: intervals that hold it", "importance: intervals that hold it",
     ]  # fmt: skip
     return (
         "## Probabilities\n\nProblems with an exact probability, each with many seeds; the target of the coefficient "
