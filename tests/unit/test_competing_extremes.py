@@ -194,7 +194,7 @@ def test_all_values_for_which_extremes_compete_are_in_one_note():
     }  # fmt: skip
     [note] = [text for text in result.warnings if "extremes compete" in text]
     assert {name for name, _ in rows} == {PEAK}
-    assert all(name in note and path in note for name, path in rows)
+    assert f"the table gives both sides of {len(rows) - 1} more derivative" in note
 
 
 def test_the_rule_itself():

@@ -34,6 +34,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
 from beamsim.labelled import Dataset
+from beamsim.outcomes import first_of
 from beamsim.results.competition import NEGLIGIBLE, Competition
 from beamsim.results.values import ACCELERATION, VALUES, Value, parse_limit, searched
 from beamsim.scenario import Scenario
@@ -183,7 +184,7 @@ def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) ->
 
 
 def _competing(noted: Sequence[tuple[VariedParameter, Contenders, Competition]]) -> Iterator[str]:
-    """A note on the values for which extremes compete, the nearest with both derivatives, the others by name.
+    """A note on the values for which extremes compete: the nearest with both derivatives, and how many others.
 
     Parameters
     ----------
@@ -191,19 +192,16 @@ def _competing(noted: Sequence[tuple[VariedParameter, Contenders, Competition]])
     """
     if not noted:
         return
-    near = sorted(range(len(noted)), key=lambda k: abs(noted[k][2].takes_over) / _tolerance(noted[k][0]))
-    number, of, each = noted[near[0]]
+    nearest = min(noted, key=lambda one: abs(one[2].takes_over) / _tolerance(one[0]))
+    number, of, each = nearest
     unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
-    paths, alike = dict[str, list[str]](), dict[str, list[str]]()
-    for k in near[1:]:
-        paths.setdefault(noted[k][1].name, []).append(noted[k][0].path)
-    for name, by in paths.items():
-        alike.setdefault(", ".join(sorted(by)), []).append(name)
-    more = "; ".join(f"{', '.join(names)} by {by}" for by, names in alike.items())
+    names = list(dict.fromkeys(one[1].name for one in noted if one is not nearest))
+    others = f"{len(noted) - 1} more {'derivative' if len(noted) == 2 else 'derivatives'} of {first_of(names, 3)}"
     yield (
         f"run.sensitivities: {number.path}: extremes compete: {of.name} has the derivative {each.below:.4g}{per} for "
         f"smaller and {each.above:.4g}{per} for larger values (the extreme at {of.times[each.rival]:.6g} s takes over "
-        f"where it changes by {each.takes_over + 0.0:+.3g}{unit}){f'; also for {more}' if more else ''}"
+        f"where it changes by {each.takes_over + 0.0:+.3g}{unit})"
+        + (f"; the table gives both sides of {others}, too" if names else "")
     )
 
 
