@@ -153,7 +153,8 @@ class Errors:
             yield f"* off by more than {100 * ALLOWED_ERROR:g} %"
         if self._printed & (self._after - self._doubtful - self._unlimited):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
-        if self._printed & self._unlimited:
+        limits_grow = any(_growing(self._result, name) for name in self._result.summary.get("margins", {}))
+        if self._printed & self._unlimited or limits_grow:
             low_pass = "run.low_pass, " if self._result.KIND == "run" else ""
             yield f"^ {_WITHOUT_LIMIT}: give {low_pass}a damping of the body, or a point mass there"
 

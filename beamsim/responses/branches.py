@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from beamsim.labelled import Dataset
 from beamsim.orbits.branch import OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
+from beamsim.responses.jumps import ACCELERATIONS, WithoutLimit, jumps_of_motion, keys_of, without_limit
 from beamsim.responses.parameters import ResponseModel
 from beamsim.responses.periodic_motion import MeasuredMotion, Measurement, measured
 from beamsim.responses.points import ReportedMaximum, with_maxima
@@ -52,6 +53,7 @@ class MeasuredBranch:
     multipliers: Complexes  # (np, m)
     stable: Bools  # (np,)
     neglected: Floats | None = None  # (np,) size of the neglected harmonics, of harmonic balance
+    without_limit: tuple[WithoutLimit, ...] = ()  # of the largest accelerations of stable motions
 
 
 def response(model: ResponseModel, traced: OrbitBranch, level: float) -> MeasuredBranch:
@@ -79,6 +81,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Measure
     spectra = [problem.multipliers(point) for point in traced.points]
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
+    stable = np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE
     by_balance = isinstance(settings.method, HarmonicBalance)
     return MeasuredBranch(
         traced,
@@ -86,9 +89,30 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Measure
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         multipliers=multipliers,
-        stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
+        stable=stable,
         neglected=np.array([truncation(problem, point) for point in traced.points]) if by_balance else None,
+        without_limit=tuple(_without_limit(measurement, traced, motions, stable)) if system.jumping_forces else (),
     )
+
+
+def _without_limit(
+    measurement: Measurement, traced: OrbitBranch, motions: Sequence[MeasuredMotion], stable: Bools
+) -> Iterator[WithoutLimit]:
+    """The largest accelerations of stable motions that have no limit as the modes grow: forces jump in these motions.
+
+    None where motions are known by harmonics or in time steps alone.
+    """
+    numbers, found = np.flatnonzero(stable), dict[int, dict[tuple[str, str], float]]()
+    for channel, column in measurement.channels.located if numbers.size else ():
+        if channel.key in ACCELERATIONS:
+            peaks = [motions[number].peak[column] for number in numbers.tolist()]
+            largest = int(np.argmax(peaks))
+            found.setdefault(int(numbers[largest]), {})[channel.section, channel.name] = float(peaks[largest])
+    for number, peaks_of in found.items():
+        if (motion := measurement.trajectory(traced, number)) is None:
+            return
+        system, trajectory = motion
+        yield from without_limit(system, [*jumps_of_motion(system, trajectory, system.jumping_forces)], peaks_of)
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
@@ -224,3 +248,15 @@ def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
     limits, unit = model.scenario.limits, model.followed.unit
     margins = margins_along(limits, ((value, name, size, f"{at:.4g} {unit}") for value, name, size, at in found))
     return {**entries, "margins": margins}
+
+
+def growing_with_modes(branches: Sequence[MeasuredBranch]) -> list[str] | None:
+    """``entry.place`` of the largest values that have no limit as the number of modes grows; None without any.
+
+    Parameters
+    ----------
+    branches : whose largest values are reported.
+    """
+    channels = [each.channel for branch in branches for each in branch.without_limit]
+    keys = [".".join(key) for channel in channels for key in keys_of(channel) if key[0].startswith("peak")]
+    return list(dict.fromkeys(keys)) or None

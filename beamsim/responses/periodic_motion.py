@@ -18,9 +18,11 @@ from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.harmonic_motions import HarmonicMotions
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.responses.loads import harmonic_loads, sine_of
@@ -114,6 +116,17 @@ class Measurement:
         flow, motion = problem.flow_at(point.parameter), point.data
         known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
         return replace(known, energy_error=balance_error(problem, point))
+
+    def trajectory(self, traced: OrbitBranch, number: int) -> tuple[StructuralSystem, Trajectory] | None:
+        """The motion of a point of a branch over its period, with its system; None where it has no closed form."""
+        problem, point = traced.problem, traced.points[number]
+        if isinstance(problem, ForcedBalance) or not isinstance((cycle := problem.cycle(point))[0], VariationalFlow):
+            return None
+        flow, flow_map = cycle
+        system = self.system if self.moved is None else self.moved(self.system, point.parameter)
+        forcing, observers = self._loads(flow.omega, flow.level)
+        exact = ExactFlow(flow.system, forcing, flow_map.duration, observers)
+        return system, simulate(exact, traced.orbits[number].state)
 
     def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
         """The motion of a system whose channels are those of this one in other places, in the columns of these.

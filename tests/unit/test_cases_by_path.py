@@ -140,3 +140,17 @@ def test_files_of_the_case_of_a_result_must_be_as_they_were(tmp_path, monkeypatc
     done = invoke("run", "case.h5", "--no-plots", "-q")
     assert done.exit_code == 2
     assert "is not the file that was solved: its content is another" in done.output
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "remedy"),
+    [
+        (beamsim.sweep, "continuation", "call beamsim.continuation"),
+        (beamsim.sweep, "coexisting", "call beamsim.coexisting"),
+        (beamsim.continuation, "sweep", "kind: continuation"),
+        (beamsim.coexisting, "continuation", "kind: coexisting"),
+    ],
+)
+def test_another_kind_of_sweep_is_refused_with_what_to_do(call, kind, remedy, case):
+    with pytest.raises(beamsim.ScenarioError, match=remedy):
+        call(case(f"sweep: {SWEEPS[kind]}\n"))

@@ -40,7 +40,13 @@ from beamsim.outcomes import (
     interruption,
 )
 from beamsim.parallel import Cluster, Computation, working
-from beamsim.responses.branches import MeasuredBranch, largest_values, response, response_datasets
+from beamsim.responses.branches import (
+    MeasuredBranch,
+    growing_with_modes,
+    largest_values,
+    response,
+    response_datasets,
+)
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
@@ -130,6 +136,9 @@ def coexisting(
         If none is found, or the connection to the cluster is lost.
     """
     begin, processor = clock.perf_counter(), processor_time()
+    if not isinstance(scenario.sweep, Coexisting):
+        example = "write `sweep: {kind: coexisting, at: [68 Hz], starts: {kind: phases, number: 100}}`"
+        raise ScenarioError.at("sweep.kind", "is not coexisting", example)
     marches = Marches(scenario)
     hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(MOST_POINTS, MOST_SECONDS)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
@@ -154,11 +163,13 @@ def coexisting(
         if marches.settings.unstable and not asked_to_stop():
             _add_unstable(marches, motions, budget)
         order = _in_order(motions)
-        result = _gathered(marches, order, rows, ends)
+        branches = [_measured(marches, motion) for _, motion in order]
+        result = _gathered(marches, order, branches, rows, ends)
         result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
     ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
     result = replace(result, outcome=ended, wall_time_s=clock.perf_counter() - begin)
-    return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
+    summary = _summary(marches, result) | {"without_limit": growing_with_modes(branches)}
+    return result.with_summary(**summary, processor_time_s=processor_time() - processor)
 
 
 def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
@@ -280,14 +291,15 @@ class _MotionRow(NamedTuple):
 
 
 def _gathered(
-    marches: Marches, order: _Order, rows: Floats, ends: Mapping[float, Mapping[int, Destination]]
-) -> CoexistingResult:
+    marches: Marches, order: _Order, branches: Sequence[MeasuredBranch], rows: Floats,
+    ends: Mapping[float, Mapping[int, Destination]],
+) -> CoexistingResult:  # fmt: skip
     """The result without its outcome, summary and disturbances."""
     scenario, system, hz = marches.scenario, marches.model.system, list(ends)
     destination, cycles = np.zeros((2, len(hz), len(rows)), dtype=np.int64)
     for at, of in enumerate(ends.values()):
         cycles[at, list(of)] = [end.cycles for end in of.values()]
-    motions, branches = list[_MotionRow](), [_measured(marches, motion) for _, motion in order]
+    motions = list[_MotionRow]()
     for (number, m), branch in zip(order, branches, strict=True):
         at = hz.index(m.hz)
         destination[at, m.starts] = number

@@ -45,7 +45,13 @@ from beamsim.outcomes import (
     interruption,
     part_of,
 )
-from beamsim.responses.branches import MeasuredBranch, largest_values, response, response_datasets
+from beamsim.responses.branches import (
+    MeasuredBranch,
+    growing_with_modes,
+    largest_values,
+    response,
+    response_datasets,
+)
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, cut, with_points_at
@@ -114,6 +120,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     )
     return result.with_summary(
         **_summary(model, result, folds),
+        without_limit=growing_with_modes(branches),
         method=settings.method.kind,
         followed=[_followed(result, branch) for branch in result.branches],
         overlay=_described(result.overlay),

@@ -312,7 +312,9 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
             "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
         )
     if not isinstance(settings, (SweptSine, SteppedSine)):
-        raise ScenarioError.at("sweep.kind", f"= {settings.kind} belongs to another analysis", "")
+        raise ScenarioError.at(
+            "sweep.kind", f"= {settings.kind} belongs to another analysis", f"call beamsim.{settings.kind}"
+        )
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
     folder = scenario.folder_of("sweep", "profile_file", "file")
