@@ -2,7 +2,8 @@
 
 The main branch begins at the first value. Where it ends before the last (an isolated loop, a corner that the follower
 does not pass), another begins from a motion that a transient comes to where nothing is known yet: first at the far end,
-then in the middle of the longest interval that is left. A branch that runs into a known one ends there.
+then in the middle of the longest interval that is left. A branch that runs into a known one ends there. One that leaves
+the range at an end is followed beyond it only where both ends together leave something out.
 
 Motions that transients from rest do not come to are sought in two ways: by transients from states that reach the
 contacts, and by following motions down in level from one at which contact exists. Other branches leave these: at
@@ -26,6 +27,7 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import (
     INTERRUPTED,
     POINT_LIMIT,
+    REACHED_END,
     BranchPoint,
     FailedSearch,
     OrbitBranch,
@@ -321,24 +323,28 @@ def trace_range(
         known = gaps_between([*spans, (min(begin, parameter), max(begin, parameter))], low, high)
         grown(1.0 - sum(b - a for a, b in known) / (high - low))
 
-    begin = first
+    begin, inside = first, replace(tracer, reach=(low, high))
     for count in range(12):
         tried.append(begin)
         start = tracer.begin(begin, last - first if count == 0 else first - last)
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
-            directions = [1.0] if begin in (first, last) else [1.0, -1.0]
-            branches.append(joined(*(follow(tracer, start, way, budget, branches, tell) for way in directions)))
-        gaps = missing(branches, first, last)
-        if not gaps or budget.spent():
-            break
-        begin = last
-        if last in tried or not any(last in gap for gap in gaps):
+            directions, within = ([1.0], inside) if begin in (first, last) else ([1.0, -1.0], tracer)
+            branches.append(joined(*(follow(within, start, way, budget, branches, tell) for way in directions)))
+        gaps, begin = missing(branches, first, last), last
+        if gaps and (last in tried or not any(last in gap for gap in gaps)):
+            if inside is not tracer:
+                inside = tracer
+                for k, branch in enumerate(branches):
+                    branches[k] = followed_beyond(tracer, branch, budget, [*branches[:k], *branches[k + 1 :]])
+                gaps = missing(branches, first, last)
             # the middle of the longest interval between gaps' ends and failed places
             cuts = [[a, *sorted(x for x in tried if a < x < b), b] for a, b in gaps]
             pieces = [piece for each in cuts for piece in pairwise(each)]
-            a, b = max(pieces, key=lambda piece: piece[1] - piece[0])
+            a, b = max(pieces, key=lambda piece: piece[1] - piece[0], default=(low, high))
             begin = 0.5 * (a + b)
+        if not gaps or budget.spent():
+            break
     if not missing(branches, first, last):
         budget.cut_off.clear()  # what one branch left out, another one reached
     grown(1.0)
@@ -406,6 +412,29 @@ def follow(
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
     branch = Branch(tracer.problem, start, *tracer.reach, Settings(most_points=most))
     return walk(branch, budget, joining(known, tell=tell), limit)
+
+
+def followed_beyond(tracer: Tracer, branch: OrbitBranch, budget: Budget, known: list[OrbitBranch]) -> OrbitBranch:
+    """A branch, followed on where its last point left a range: the curve may come back.
+
+    Parameters
+    ----------
+    tracer : with the values that must not be left.
+    branch : within the range.
+    budget, known : see `follow`.
+
+    Returns
+    -------
+    OrbitBranch
+        The same one where it did not leave the range, or where nothing may be followed beyond it.
+    """
+    last = branch.points[-1]
+    outwards = tracer.reach[1] if last.tangent[-1] > 0 else tracer.reach[0]
+    if branch.outcome.code != REACHED_END or last.parameter == outwards or budget.spent():
+        return branch
+    on = follow(tracer, last, 1.0, budget, known)
+    points, special = (*branch.points[:-1], *on.points), (*branch.special, *on.special)
+    return replace(on, points=points, special=special, outcome=on.outcome.but(*branch.outcome.sub_outcomes))
 
 
 def joining(
