@@ -2,7 +2,7 @@
 
 A screen is a title with a verdict, statements, the line of what was understood, a table, sentences, and the files. Each
 sentence, each part of the verdict and each cell is compared with the numbers of the file by a rule of
-`tests/helpers/sentences.py`; what no rule recognises is a fault, too.
+`tests/helpers/sentences`; what no rule recognises is a fault, too.
 """
 
 from __future__ import annotations
