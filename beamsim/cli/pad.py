@@ -13,7 +13,6 @@ from beamsim.outcomes import EXIT_RULES, exit_code
 from beamsim.plots.style import amount
 from beamsim.scenario import units
 from beamsim.scenario.quantities import Quantity
-from beamsim.system.force_tables import free_travel_remark
 
 _READ: dict[str, Quantity] = {
     "modulus": Quantity(units.PRESSURE, above=0.0),
@@ -134,7 +133,6 @@ def _comments(found: PadNumbers) -> Iterator[str]:
             yield f"  {amount(frequency, 'Hz')}: stiffness {amount(stiffness, 'N/m')}, loss factor {loss:.2g}"
         fast = found.stiffness + sum(branch.stiffness for branch in found.maxwell)
         yield f"and in an impact {amount(fast, 'N/m')}; the loop tells no more than ten times its own frequency"
-    if found.free_travel:
-        yield free_travel_remark(found.free_travel)
+    yield from found.remarks
     if found.loss_factor and not found.dashpot and not found.maxwell:
         yield "no dashpot: give --frequency, at which it shall have this loss factor"

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path as FilePath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -124,19 +125,28 @@ def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableO
     if table.fit is None:
         check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
         return TableOfStop(ForceCurve(deflection, force), 0.0)
-    curve, misfit = fit_from_zero(deflection, force, table.fit.segments)
-    free = free_travel(curve)
-    remarks = [free_travel_remark(free)] if free else []
+    curve, misfit, remarks = fit_from_zero(deflection, force, table.fit.segments)
     remarks += _remarks(loop_width(deflection, force), file, time, table.fit.segments)
     return TableOfStop(curve, misfit, "; ".join(remarks))
 
 
 LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
+SMALL_OFFSET = 0.01  # of the largest force, that is remarked on
 NO_FORCE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
+POOR_FIT = 0.05  # misfit over the largest force, beyond which more segments are advised
+LIMITED_ROWS, LIMITED_TRAVEL = 3, 0.1  # at exactly the largest force: rows, and share of the largest deflection
 REMEDY_OF_OFFSET = "subtract from the column of {} what it reads where contact begins; a real free travel is the gap"
 
 
-def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
+class FittedForces(NamedTuple):
+    """A curve through zero, fitted to measured points."""
+
+    curve: ForceCurve
+    misfit: float  # N, root mean square of the points' distances from the curve
+    remarks: tuple[str, ...]  # what is doubtful about the points or the curve
+
+
+def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedForces:
     """`fit_curve` to measured points without an offset, with which a curve through zero has another stiffness.
 
     Parameters
@@ -146,28 +156,84 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> tuple[For
 
     Returns
     -------
-    ForceCurve, float
-        The curve, and the root mean square of the points' distances from it, N.
+    FittedForces
 
     Raises
     ------
     InputFileError
         Where the force begins at a deflection of more than 5 % of the largest one, or is more than 5 % of the largest
-        one at zero deflection.
+        one at zero deflection, or compression counts negative.
     ValueError
         As `fit_curve`.
     """
-    fitted = fit_curve(deflection, force, segments)
+    _demand_positive(deflection, force)
+    curve, misfit = fit_curve(deflection, force, segments)
     order = np.argsort(deflection, kind="stable")
     x, y = deflection[order], force[order]
-    at_zero = float(np.interp(0.0, x, y))
-    if x[0] > LARGEST_OFFSET * x[-1] and abs(y[0]) < LARGEST_OFFSET * y.max():
-        what, column = f"its force begins at {1e3 * x[0]:.3g} mm", "deflection"
-    elif x[0] <= LARGEST_OFFSET * x[-1] and abs(at_zero) > LARGEST_OFFSET * y.max():
-        what, column = f"its force is {at_zero:.3g} N at zero deflection", "force or deflection"
-    else:
-        return fitted
-    raise InputFileError(f"has an offset: {what}", REMEDY_OF_OFFSET.format(column))
+    at_zero, largest = float(np.interp(0.0, x, y)), float(y.max())
+    late = bool(x[0] > LARGEST_OFFSET * x[-1])
+    if late and abs(y[0]) < LARGEST_OFFSET * largest:
+        message = f"has an offset: its force begins at {1e3 * x[0]:.3g} mm"
+        raise InputFileError(message, REMEDY_OF_OFFSET.format("deflection"))
+    if not late and abs(at_zero) > LARGEST_OFFSET * largest:
+        message = f"has an offset: its force is {at_zero:.3g} N at zero deflection"
+        raise InputFileError(message, REMEDY_OF_OFFSET.format("force or deflection"))
+    remarks = [] if late else _small_offset(at_zero, largest)
+    if free := free_travel(curve):
+        remarks.append(
+            f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
+            f"{REMEDY_OF_OFFSET.format('deflection')}"
+        )
+    remarks += _limited(x, y)
+    if misfit > (POOR_FIT + 0.5 * loop_width(deflection, force)) * largest:
+        more = 2 * segments + 1
+        if (finer := fit_curve(deflection, force, more)[1]) < 0.5 * misfit:
+            remarks.append(
+                f"the curve misses the points by {100 * misfit / largest:.2g} % of the largest force (root mean "
+                f"square), with {more} segments by {100 * finer / largest:.2g} %: give more segments"
+            )
+    return FittedForces(curve, misfit, tuple(remarks))
+
+
+def _small_offset(at_zero: float, largest: float) -> list[str]:
+    """A remark on a force at zero deflection, N, of more than 1 % of the largest one."""
+    if abs(at_zero) <= SMALL_OFFSET * largest:
+        return []
+    return [
+        f"the force is {at_zero:.3g} N at zero deflection, {100 * abs(at_zero) / largest:.2g} % of the largest one, "
+        f"and changes the stiffness by about as much: if that is an offset, "
+        f"{REMEDY_OF_OFFSET.format('force or deflection')}"
+    ]
+
+
+def _demand_positive(deflection: Floats, force: Floats) -> None:
+    """Refuse a curve of which most points are no compression until the sign of a column is changed.
+
+    Raises
+    ------
+    InputFileError
+    """
+    if np.any((deflection > 0.0) & (force > 0.0)):
+        return
+    for signs, columns in {(-1, -1): "both columns", (1, -1): "the forces", (-1, 1): "the deflections"}.items():
+        if np.count_nonzero((signs[0] * deflection > 0.0) & (signs[1] * force > 0.0)) > 0.5 * force.size:
+            remedy = f"multiply {columns} by -1"
+            raise InputFileError("has no point with a positive deflection and a positive force", remedy)
+
+
+def _limited(x: Floats, y: Floats) -> list[str]:
+    """A remark on increasing deflections over which the force stays at exactly its largest value.
+
+    >>> _limited(np.arange(5.0) * 1e-3, np.array([0.0, 20.0, 40.0, 40.0, 40.0]))[0].partition(":")[0]
+    'the force stays at exactly 40 N from 2 mm on'
+    """
+    at = x[y == y.max()]
+    if at.size < LIMITED_ROWS or at[-1] - at[0] < LIMITED_TRAVEL * x[-1]:
+        return []
+    return [
+        f"the force stays at exactly {y.max():.4g} N from {1e3 * at[0]:.3g} mm on: if the sensor was at the end of its "
+        "range, leave out the rows from there on"
+    ]
 
 
 def free_travel(curve: ForceCurve) -> float:
@@ -179,14 +245,6 @@ def free_travel(curve: ForceCurve) -> float:
     slopes, free = curve.slopes, float(curve.deflection[1])
     flat = slopes.size > 1 and slopes[0] < NO_FORCE * slopes.max() and free > LARGEST_OFFSET * curve.deflection[-1]
     return free if flat else 0.0
-
-
-def free_travel_remark(free: float) -> str:
-    """What to say about a curve that begins without a force, over so many metres."""
-    return (
-        f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
-        f"{REMEDY_OF_OFFSET.format('deflection')}"
-    )
 
 
 def read_forces(
@@ -234,13 +292,13 @@ def read_forces(
     return found["length"], found["force"], found.get("time")
 
 
-def _remarks(width: float, file: FilePath | None, time: Floats | None, segments: int) -> list[str]:
+def _remarks(width: float, file: FilePath | None, time: Floats | None, segments: int) -> tuple[str, ...]:
     """What to say about a loop of this width: the curve goes through its middle."""
     if width <= LOOP:
-        return []
+        return ()
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
     if file is None or time is None or np.any(np.diff(time) <= 0):
         lost = "Maxwell branches would lose that work: give a file with increasing times to have them fitted"
-        return [f"{remark}; {lost}"]
+        return (f"{remark}; {lost}",)
     command = f"beamsim pad --curve {shlex.quote(str(file))} --segments {segments}"
-    return [f"{remark}; `{command}` prints the softer curve with the Maxwell branches that lose that work"]
+    return (f"{remark}; `{command}` prints the softer curve with the Maxwell branches that lose that work",)

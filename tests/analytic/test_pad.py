@@ -115,7 +115,8 @@ def test_what_cannot_be_used(arguments, messages):
 @pytest.mark.parametrize(
     ("rows", "says"),
     [
-        ("0,0\n1,-3\n", "no point has a positive deflection and a positive force"),
+        ("0,0\n0,-3\n", "no point has a positive deflection and a positive force"),
+        ("0,0\n1,-3\n1,-4\n", "no point with a positive deflection and a positive force; multiply the forces by -1"),
         ("0,0\n1,nan\n", "row 2 of the numbers is not complete"),
         ("0,0\n1e300,1e300\n", "row 2 of the numbers is beyond 1e+06 m and 1e+15 N"),
         ("", "no line starts with a number"),

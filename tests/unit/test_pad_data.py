@@ -216,6 +216,54 @@ def test_free_travel_of_a_curve_is_named(tmp_path):
     assert "the force begins at 0.3 mm, and the curve has that free travel; if it is none, subtract" in said
 
 
+def curve_of(folder, x, force, *, segments=1):
+    """The pad of a curve in mm and N."""
+    file = folder / "curve.csv"
+    file.write_text(
+        "deflection (mm),force (N)\n" + "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(x, force, strict=True))
+    )
+    return pad(KnownPad(curve=file, segments=segments))
+
+
+@pytest.mark.parametrize(
+    ("signs", "remedy"), [((-1, -1), "both columns"), ((1, -1), "the forces"), ((-1, 1), "the deflections")]
+)
+def test_a_curve_with_another_sign_says_which(tmp_path, signs, remedy):
+    """A machine that counts tension positive; the remedy gives the pad's 64.1 kN/m."""
+    x = np.linspace(0.0, 1.0, 41)
+    with pytest.raises(ScenarioError, match=f"no point with a positive deflection .*; multiply {remedy} by -1"):
+        curve_of(tmp_path, signs[0] * x, signs[1] * 64.1 * x)
+    assert curve_of(tmp_path, x, 64.1 * x).stiffness == pytest.approx(64100.0)
+
+
+def test_a_curve_up_to_the_end_of_a_sensors_range_is_remarked_on(tmp_path):
+    """64.1 kN/m, of which 40 N were recorded at most: 51.8 kN/m were found without a word; as advised, 64.1."""
+    x = np.linspace(0.0, 1.0, 41)
+    force = np.minimum(64.1 * x, 40.0)
+    for segments in (1, 3):
+        remark = next(each for each in curve_of(tmp_path, x, force, segments=segments).remarks if "sensor" in each)
+        assert remark.startswith("the force stays at exactly 40 N from 0.625 mm on: ")
+        assert remark.endswith("leave out the rows from there on")
+    left = x < 0.625
+    found = curve_of(tmp_path, x[left], force[left])
+    assert (found.stiffness, found.remarks) == (pytest.approx(64100.0), ())
+
+
+def test_a_small_offset_and_too_few_segments_are_remarked_on(tmp_path):
+    """1.5 N at zero made 66.3 of 64.1 kN/m, and one segment through 0.3 mm of free travel 36.4."""
+    x = np.linspace(0.0, 1.0, 41)
+    (remark,) = curve_of(tmp_path, x, 64.1 * x + 1.5).remarks
+    assert remark.startswith("the force is 1.5 N at zero deflection, 2.3 % of the largest one")
+    late = 64.1 * np.maximum(x - 0.3, 0.0)
+    found = curve_of(tmp_path, x, late)
+    assert found.misfit == pytest.approx(0.13 * late.max(), rel=0.05)
+    assert "misses the points by 13 % of the largest force" in found.remarks[0]
+    assert found.remarks[0].endswith("give more segments")
+    found = curve_of(tmp_path, x, late, segments=3)
+    assert found.misfit < 1e-6
+    assert found.remarks[0].startswith("the force begins at 0.3 mm")
+
+
 def test_branches_at_the_limit_of_what_was_measured_are_not_reliable(tmp_path):
     """A pad that relaxes within 0.1 ms, tested up to 100 Hz, and one that relaxes to nothing."""
     fast, omega = (MaxwellBranch(20e3, 1e-4),), 2 * np.pi * np.geomspace(1.0, 100.0, 20)

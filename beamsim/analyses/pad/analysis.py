@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -31,7 +31,7 @@ from beamsim.contacts.pads import ForceCurve, MaxwellBranch, loop_width
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.files import DecimalMark
-from beamsim.system.force_tables import LOOP, fit_from_zero, free_travel, read_forces
+from beamsim.system.force_tables import LOOP, FittedForces, fit_from_zero, free_travel, read_forces
 from beamsim.typing import Floats, not_none
 
 
@@ -47,6 +47,7 @@ class PadNumbers:
     dynamic: tuple[tuple[float, float, float], ...] = ()  # Hz, N/m, loss factor: curve and branches, about the loop's
     loss_factor: float | None = None  # as given, or of the measured loop
     free_travel: float = 0.0  # m, at the beginning of the curve, without a force
+    remarks: tuple[str, ...] = ()  # what is doubtful about the curve
     outcome: Outcome = COMPLETE  # not reliable where the fit of branches ended at its bounds
 
 
@@ -83,11 +84,11 @@ def pad(data: KnownPad) -> PadNumbers:
         Where too little or too much is known.
     """
     _check(data)
-    points, misfit, loss_factor, free = None, None, data.loss_factor, 0.0
+    points, misfit, loss_factor, free, remarks = None, None, data.loss_factor, 0.0, tuple[str, ...]()
     if data.curve is not None:
-        fitted, misfit, of_loop, record = _measured(data.curve, data.segments, data.columns, data.decimal)
+        (fitted, misfit, remarks), of_loop, record = _measured(data.curve, data.segments, data.columns, data.decimal)
         if record is not None and data.loss_factor is None and data.frequency is None:
-            return _of_record(fitted, record, of_loop)
+            return replace(_of_record(fitted, record, of_loop), remarks=remarks)
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
         if fitted.slopes.size > 1:
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
@@ -100,8 +101,9 @@ def pad(data: KnownPad) -> PadNumbers:
     if loss_factor is not None and data.frequency is not None:
         dashpot = loss_factor * stiffness / (2.0 * math.pi * data.frequency)
     return PadNumbers(
-        stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor, free_travel=free
-    )
+        stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor, free_travel=free,
+        remarks=remarks,
+    )  # fmt: skip
 
 
 def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
@@ -167,8 +169,8 @@ ROUND_OFF = 1e-12  # misfit of a curve over its largest force
 
 def _measured(
     file: Path, segments: int, columns: Sequence[str], decimal: DecimalMark | None
-) -> tuple[ForceCurve, float, float | None, Record | None]:
-    """Fitted curve, misfit in N, the loss factor of the loop where the pad is unloaded too, and the record where loops
+) -> tuple[FittedForces, float | None, Record | None]:
+    """Fitted curve, the loss factor of the loop where the pad is unloaded too, and the record where loops
     were measured over time.
 
     Raises
@@ -177,7 +179,7 @@ def _measured(
     """
     try:
         deflection, force, time = read_forces(file, columns, decimal)
-        curve, misfit = fit_from_zero(deflection, force, segments)
+        fitted = fit_from_zero(deflection, force, segments)
     except InputFileError as fault:
         raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None
     except ValueError as error:
@@ -189,10 +191,11 @@ def _measured(
     loss_factor = None
     if 0.0 < back <= given and len(work) % 2 == 0:
         loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
-    exact = misfit <= ROUND_OFF * float(np.abs(force).max())
+    if fitted.misfit <= ROUND_OFF * float(np.abs(force).max()):
+        fitted = fitted._replace(misfit=0.0)
     timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
     record = Record(time, deflection, force) if timed and time is not None else None
-    return curve, 0.0 if exact else misfit, loss_factor, record
+    return fitted, loss_factor, record
 
 
 def _work(deflection: Floats, force: Floats) -> float:
