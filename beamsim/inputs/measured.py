@@ -15,7 +15,13 @@ from beamsim.files import found_in
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.measurements.columns import column_named, only_column
-from beamsim.measurements.conditioning import conditioned, evenly_timed, offset_warnings, rounding_warnings
+from beamsim.measurements.conditioning import (
+    clipping_warnings,
+    conditioned,
+    evenly_timed,
+    offset_warnings,
+    rounding_warnings,
+)
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
 from beamsim.measurements.signal import MeasuredSignal, axis_kind, in_si
@@ -145,7 +151,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         used = conditioned(signal, excitation, excitation.resample)
     except InputFileError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
-    doubts = offset_warnings(used, starts=not excitation.stationary)
+    doubts = [*clipping_warnings(raw), *offset_warnings(used, starts=not excitation.stationary)]
     size = abs(excitation.factor) * float(np.abs(signal.y).max() / max(np.abs(raw.y).max(), TINY))
     doubts += rounding_warnings(raw, used, size, power_of(excitation.quantity))
     return replace(used, warnings=(*used.warnings, *doubts))

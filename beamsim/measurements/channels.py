@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.measurements.conditioning import conditioned, evenly_timed
+from beamsim.measurements.conditioning import clipping_warnings, conditioned, evenly_timed
 from beamsim.measurements.functions import RATIOS, FunctionType, is_unit_of
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
@@ -243,9 +243,10 @@ def _refuse_unusable_samples(signal: MeasuredSignal, path: Path) -> MeasuredSign
     if signal.x.size < 2:
         raise unusable(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     try:
-        return signal.checked()
+        checked = signal.checked()
     except InputFileError as fault:
         raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
+    return replace(checked, warnings=(*checked.warnings, *clipping_warnings(checked)))
 
 
 def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:

@@ -47,6 +47,8 @@ INTEGRATED = tuple(each.unit for each in (units.LENGTH, units.VELOCITY, units.AN
 WARNED_REMOVAL = 0.01  # of the mean square, that a low-pass filter takes away
 WARNED_START, WARNED_OFFSET = 0.02, 0.01  # of the largest value
 LIKE_GRAVITY = 0.03  # of standard gravity, by which an offset differs from it at most
+FLAT_SAMPLES, FLAT_TOPS = 3, 2  # samples at exactly the end of a sensor's range, and number of such tops
+FLAT_SHARE = 0.5  # of all samples, above which a record rests or switches there
 WARNED_ROUNDING = 0.05  # of the derived acceleration
 FLOAT32_DIGITS = 9  # with which every number in single precision can be written
 PERIODS_OF_FILTER = 2  # of a high-pass filter, that a record lasts at least
@@ -447,6 +449,37 @@ def offset_warnings(signal: MeasuredSignal, *, starts: bool) -> list[str]:
             "value, as a jump at t = 0: begin the record at rest, or take an offset away by remove: mean"
         ]
     return []
+
+
+def clipping_warnings(signal: MeasuredSignal) -> list[str]:
+    """A warning of a time history whose largest or smallest value is the end of a sensor's range.
+
+    The record reaches exactly that value several times, from farther below than its last digit, and keeps it for three
+    samples or more. One that is at it half of the time rests or switches there.
+
+    >>> sine = np.sin(np.arange(200) / 5.0)
+    >>> of = MeasuredSignal("tip", np.arange(200.0), np.minimum(sine, 0.8), unit="g")
+    >>> clipping_warnings(of), clipping_warnings(replace(of, y=sine))
+    (['tip stays at exactly 0.8 g 6 times, for up to 7 samples: the sensor or amplifier was at the end of its range, and
+    the true values are beyond'], [])
+    """
+    if signal.of_frequency or np.iscomplexobj(signal.y):
+        return []
+    y, warnings = np.asarray(signal.y, dtype=float), []
+    for level in (float(y.max()), float(y.min())):
+        there = np.flatnonzero(np.diff(np.pad((y == level).astype(np.int8), 1)))
+        begin, end = there[::2], there[1::2]
+        flat = (end - begin >= FLAT_SAMPLES) & (begin > 0) & (end < y.size)
+        if flat.sum() < FLAT_TOPS or np.sum(end - begin) > FLAT_SHARE * y.size:
+            continue
+        step = np.abs(level - y[begin[flat] - 1])
+        if float(np.median(step)) > 1.5 * float(np.abs(level - y[y != level]).min()):
+            warnings.append(
+                f"{signal.name} stays at exactly {level:.4g} {signal.unit} {flat.sum()} times, for up to "
+                f"{(end - begin)[flat].max()} samples: the sensor or amplifier was at the end of its range, and the "
+                "true values are beyond"
+            )
+    return warnings
 
 
 def resolution(values: Floats) -> float:

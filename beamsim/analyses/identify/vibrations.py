@@ -12,7 +12,7 @@ of neighbouring exact responses. The sum is minimised from several starting poin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import gcd, nan
@@ -25,6 +25,7 @@ from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
     Fit,
+    ParameterEstimate,
     Sought,
     UnpredictableError,
     at_bounds,
@@ -52,9 +53,11 @@ from beamsim.flow.channels import outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.variational import VariationalFlow
+from beamsim.measurements.conditioning import clipping_warnings
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import (
+    MOST_LISTED,
     Interrupted,
     Outcome,
     OutcomeKind,
@@ -63,6 +66,7 @@ from beamsim.outcomes import (
     asked_to_stop,
     check_stop,
     finishing,
+    first_of,
     first_with_others,
     interruption,
     tell,
@@ -120,7 +124,25 @@ def fit_nonlinear(
     found = _judged(vibrations, search, section, begin)
     records = zip(nonlinear.recorded.values(), signals, strict=True)
     of_records = [f"{test.label}: {text}" for test, signal in records for text in signal.warnings]
-    return replace(found, warnings=(*of_records, *found.warnings))
+    return replace(found, warnings=(*of_records, *found.warnings), outcome=_clipped(nonlinear, signals, found.outcome))
+
+
+def _clipped(settings: NonlinearFit, signals: Sequence[MeasuredSignal], outcome: Outcome) -> Outcome:
+    """The outcome of a fit, not reliable where a record that it uses is clipped.
+
+    Parameters
+    ----------
+    settings, signals : the tests, and the signals of those that are records.
+    outcome : of the fit to them.
+    """
+    records = zip(settings.recorded.values(), signals, strict=True)
+    names = [test.label for test, signal in records if clipping_warnings(signal)]
+    if not names:
+        return outcome
+    what = f"{first_of(names, MOST_LISTED)} is clipped at the end of the sensor's range"
+    remedy = "measure again with a wider range, or fit without the test (leave_out)"
+    clipped = Outcome.of(OutcomeKind.UNTRUSTED, "clipped", what, remedy=remedy, tests=tuple(names))
+    return first_with_others([clipped] if outcome.complete else [outcome, clipped])
 
 
 @dataclass(frozen=True)
@@ -220,19 +242,56 @@ def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifySt
         "test_delays_s": {name: each for name, each in delays.items() if np.isfinite(each).all()},
         "starts_agreeing": [search.agreeing, search.tried],
     }
-    at_bound = at_bounds(vibrations.scenario, parameters)
-    outcome = _outcome(interrupted, best, without if complete else (), at_bound)
+    doubtful = [*at_bounds(vibrations.scenario, parameters)]
+    if np.all(np.isfinite(jacobian)):
+        doubtful += _undetermined(parameters, unknown)
+    if scale > FAR_FROM_NOISE:
+        doubtful += _of_other_sign(vibrations.nearer_with_other_sign())
+    outcome = _outcome(interrupted, best, without if complete else (), doubtful)
     warnings += search.warnings
     return Findings([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
+OTHER_SIGN = 0.25  # of the misfit of a record, of the same with the other sign, which is then asked about
+FAR_FROM_NOISE = 10.0  # times the misfit that noise explains, above which the sign of a record is asked about
+
+
+def _undetermined(parameters: Sequence[ParameterEstimate], unknown: Collection[int]) -> list[Outcome]:
+    """What is not reliable where the tests say nothing of a parameter: its value is that of the scenario, or anything.
+
+    Parameters
+    ----------
+    parameters : the estimates.
+    unknown : numbers of those that are segments no test reaches, of which a warning says that.
+    """
+    names = [p.parameter for k, p in enumerate(parameters) if np.isnan(p.standard_deviation) and k not in unknown]
+    if not names:
+        return []
+    return [
+        Outcome.of(
+            OutcomeKind.UNTRUSTED, "undetermined", f"the tests do not determine {first_of(names, MOST_LISTED)}",
+            remedy="add tests that depend on it, in which contact is made and lost, or take it out of estimate",
+            parameters=tuple(names),
+        )
+    ]  # fmt: skip
+
+
+def _of_other_sign(names: Sequence[str]) -> list[Outcome]:
+    """What is not reliable where tests with the other sign are nearer to the motion of the scenario's values."""
+    if not names:
+        return []
+    what = f"{first_of(names, MOST_LISTED)} with the other sign is nearer by far to the motion of the values before"
+    remedy = "write factor: -1 in the test if its sensor counts in the other direction"
+    return [Outcome.of(OutcomeKind.UNTRUSTED, "other_sign", what, remedy=remedy, tests=tuple(names))]
+
+
 def _outcome(
-    interrupted: str, best: Best, without_derivative: Sequence[str], at_bound: Sequence[Outcome]
+    interrupted: str, best: Best, without_derivative: Sequence[str], doubtful: Sequence[Outcome]
 ) -> Outcome:  # fmt: skip
-    """How the fit ended: where it was interrupted, the parameters without a derivative, and those on their bounds."""
+    """How the fit ended: where it was interrupted, what is doubtful, and the parameters without a derivative."""
     if interrupted:
         return interruption(interrupted)
-    outcomes = list(at_bound)
+    outcomes = list(doubtful)
     if not best.converged:
         outcomes.append(
             Outcome.of(
@@ -497,6 +556,18 @@ class _Vibrations:
         if not differencing:  # both sides of a difference start from one motion: Newton's residual error cancels
             self.guesses = list(zip(predictions, compared, strict=True))
         return np.concatenate([each.residuals for each in compared])
+
+    def nearer_with_other_sign(self) -> list[str]:
+        """Names of transients that, with the other sign, are nearer by far to the motion of the scenario's values."""
+        self.residuals(np.zeros(len(self.numbers)))
+        gains = [test.gain for test in fit_of(self.scenario).tests]
+        return [
+            test.name
+            for test, motion, as_written in zip(self.tests, self.last, self.compared, strict=True)
+            if isinstance(test, Transient)
+            and np.sum(test.compared(motion, -gains[test.number], None).residuals ** 2)
+            < OTHER_SIGN * np.sum(as_written.residuals**2)
+        ]
 
     def jacobian(self, x: Floats, count: int) -> tuple[Floats, Floats, bool]:
         """Derivatives (r, p) of the ``count`` residuals, those of the priors at the end, and (t, p) of the delays; the
