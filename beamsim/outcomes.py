@@ -40,10 +40,11 @@ class Interrupted(KeyboardInterrupt):
 
 
 class _Requests(NamedTuple):
-    """Who may ask the computation under way to end, and whether its unfinished part may be given up."""
+    """Who may ask the computation under way to end, whether its unfinished part may be given up, and who follows it."""
 
     stops: tuple[Stop, ...] = ()
     at_once: bool = False
+    progress: Progress = None
 
 
 _NOBODY = _Requests()
@@ -51,16 +52,17 @@ _REQUESTS = ContextVar("requests", default=_NOBODY)
 
 
 @contextmanager
-def asked_by(stop: Stop = never, *, at_once: bool = False) -> Iterator[None]:
+def asked_by(stop: Stop = never, *, at_once: bool = False, progress: Progress = None) -> Iterator[None]:
     """Let ``stop`` ask what the block computes to end, besides those who ask the blocks around it.
 
     Parameters
     ----------
     stop : true once it is time.
     at_once : whether `check_stop` may end the block, on any request; else only what polls `asked_to_stop` does.
+    progress : called with the share of the block that its loops have done, as far as they give it to `check_stop`.
     """
     around = _REQUESTS.get()
-    outer = _REQUESTS.set(_Requests((*around.stops, stop), around.at_once or at_once))
+    outer = _REQUESTS.set(_Requests((*around.stops, stop), around.at_once or at_once, progress))
     try:
         yield
     finally:
@@ -92,8 +94,12 @@ def asked_to_stop() -> bool:
     return any(stop() for stop in _REQUESTS.get().stops)
 
 
-def check_stop() -> None:
+def check_stop(share: float | None = None) -> None:
     """End the computation if it is asked to end; every loop that may take longer than a second calls this.
+
+    Parameters
+    ----------
+    share : of the loop that is done, where it is known; it is reported to the ``progress`` of `asked_by`.
 
     Raises
     ------
@@ -110,6 +116,8 @@ def check_stop() -> None:
     requests = _REQUESTS.get()
     if requests.at_once and any(stop() for stop in requests.stops):
         raise Interrupted
+    if share is not None:
+        tell(requests.progress, share)
 
 
 def part_of(progress: Progress, begin: float, end: float) -> Progress:

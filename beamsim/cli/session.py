@@ -329,7 +329,7 @@ class Progress:
             If the rest would take longer than is allowed at the fastest rate up to now.
         """
         now, before = clock.monotonic(), self._last
-        self._last = min(max(fraction, 0.0), 1.0)
+        self._last = min(max(fraction, before), 1.0)  # a step of the part may begin again
         if self._last != before:
             self._reached = now
         if self._first is None:

@@ -33,7 +33,6 @@ from numpy.polynomial import chebyshev
 from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.kernels import EPS, _exp
-from beamsim.outcomes import check_stop
 from beamsim.typing import Floats, Ints
 
 TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
@@ -106,7 +105,6 @@ def search_extrema(
     """
     known, evaluations = nothing_known(outputs, windows, squares, competitors), 0
     for sums in batches if known.rank.size else ():
-        check_stop()
         scaled = in_shares(sums)
         evaluations += search(scaled, reach(scaled, known), known, -1.0)[1]
     high, low = np.where(np.isnan(known.when), -np.inf, known.value)

@@ -318,7 +318,7 @@ class Trajectory:
         ------
         The segment of each of some parts (n,), no more than `PARTS_AT_ONCE`, and the outputs on them.
         """
-        segment = np.flatnonzero(which)
+        segment, done = np.flatnonzero(which), 0
         begin, end, window = np.zeros(segment.size), np.ones(segment.size), np.zeros_like(segment)
         if edges is not None:
             segment, begin, end, window = self.cut(edges)
@@ -328,8 +328,9 @@ class Trajectory:
             table = state.coefficients(output_of(state.phases), self.flow.sources)
             table = table if gain is None else table * gain(state)[:, None]
             for first in range(0, parts.size, PARTS_AT_ONCE):
+                check_stop(done / segment.size)
                 rows = parts[first : first + PARTS_AT_ONCE]
-                of = segment[rows]
+                of, done = segment[rows], done + rows.size
                 given, y = self.flow.sources.amplitudes_at(self.time[of], self.piece[of]), self.y[of]
                 amplitude, noise = (
                     x[:, state.term_source] / scale
@@ -355,7 +356,6 @@ class Trajectory:
         known, resolution = nothing_known(1), TOLERANCE * float(np.abs([largest.low, largest.high]).max())
         found = [(segments[:0], segments[:0], np.zeros(0), np.zeros(0))]  # segment, order in it, time, value
         for segment, sums in self.sums(output_of, which):
-            check_stop()
             scaled, every = in_shares(sums), np.arange(segment.size)
             turns, _ = search(scaled, np.full((2, segment.size, 1), np.inf), known, resolution)
             inside = turns[:, 0].astype(np.int64)
@@ -383,7 +383,6 @@ class Trajectory:
             which[first : first + SEGMENTS_AT_ONCE] = True
             ends = np.empty((2, np.count_nonzero(which), total.size))
             for segment, sums in self.sums(output_of, which):
-                check_stop()
                 bound, ends[:, segment - first] = variation(in_shares(sums))
                 total += bound.sum(axis=0)
             begin, end = ends

@@ -20,14 +20,14 @@ import numpy as np
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Stop, asked_by
+from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop
 from beamsim.responses.energies import EnergyHistory, stored_energy, work_factors
 from beamsim.results.values import merge_extremes
 from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats, Ints
 
-VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
+VALUES_AT_ONCE = 2**16  # outputs and states at the times that are computed together, less than a second
 FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
 ROUND_OFF = 1e-12  # relative, of the last output time
 NOTABLE = 1e-3  # share of the root mean square that is named: 60 dB, below which no line is listed
@@ -75,13 +75,16 @@ class HistoryRecorder:
     channels : that are sampled.
     times : (nt,) increasing, s; those after the end of the motion are left out.
     overdue : asked now and then whether to end.
+    progress : called with the share of a chunk that is sampled.
     """
 
     histories: Histories  # at the output times up to which the motion was evaluated
 
-    def __init__(self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop) -> None:
+    def __init__(
+        self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop, progress: Progress = None
+    ) -> None:
         self._channels, self._contacts, self._times = channels, flow.system.contacts, times
-        self._overdue, self._ended, self._filled = overdue, False, 0
+        self._overdue, self._progress, self._ended, self._filled = overdue, progress, False, 0
         self._values = np.empty((channels.order.size, times.size)).T  # each column in one piece
         self._touching = np.empty((flow.system.contacts.count, times.size), dtype=bool).T
         self._energy, self._work = np.empty((3, times.size)), 0.0
@@ -93,7 +96,7 @@ class HistoryRecorder:
         if not self._ended:
             last = reached(chunk.end, self._times).size
             try:
-                with asked_by(self._overdue, at_once=True):
+                with asked_by(self._overdue, at_once=True, progress=self._progress):
                     self.record(chunk, last)
             except Interrupted:
                 self._ended = True
@@ -110,6 +113,7 @@ class HistoryRecorder:
         begin, first, flow, channels = float(chunk.time[0]), self._filled, chunk.flow, self._channels
         output_of, states = outputs_of(flow, channels.rows), [flow.equations.state, flow.equations.penetration]
         for number in range(first, max(last, first + 1), self._at_once):
+            check_stop((number - first) / max(last - first, 1))
             part = slice(number, min(number + self._at_once, last))
             at = np.minimum(self._times[part], chunk.end)
             phases = chunk.phases[chunk.segments_at(at)]

@@ -30,7 +30,7 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
-from beamsim.analyses.run.motion import MOTION_ALONE, RunMotion, motion_in_chunks, output_times
+from beamsim.analyses.run.motion import MOTION_ALONE, TIME_SHARES, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
 from beamsim.analyses.run.shock_response import shock_response
@@ -167,9 +167,6 @@ class Model:
         return ContactEvents.of(motion, len(system.snubbers))
 
 
-COARSE = 0.4  # of the time that a run takes with its finer model; 30 to 70 % were measured
-
-
 def run(
     scenario: Source, progress: Progress = None, stop: Stop = never, *, entries: Collection[str] | None = None,
     shared: SharedBuilds | None = None,
@@ -199,10 +196,9 @@ def run(
     scenario = scenario_of(scenario, "run")
     begin, shared = clock.perf_counter(), shared or SharedBuilds()
     alone = scenario.run is not None and scenario.run.convergence == "off"
-    solution = solved(
-        scenario, part_of(progress, 0.0, 1.0 if alone else COARSE), stop, shared, entries if alone else None
-    )
-    tell(progress, 1.0 if alone else COARSE)
+    share = 1.0 if alone else TIME_SHARES[scenario.excitation.stationary].own_model
+    solution = solved(scenario, part_of(progress, 0.0, share), stop, shared, entries if alone else None)
+    tell(progress, share)
     if alone:
         return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
     result = solution.result
@@ -212,7 +208,7 @@ def run(
     checked: Convergence | None = None
     with suppress(Interrupted), asked_by(stop, at_once=True):
         check_stop()
-        checked = compare(solution, shared)
+        checked = compare(solution, shared, part_of(progress, share, 1.0))
     tell(progress, 1.0)
     if checked is None:
         result = result.interrupted(COMPARISON)
@@ -227,13 +223,14 @@ def run(
     return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
-def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
+def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress = None) -> Convergence:
     """What a finer model changes in a run.
 
     Parameters
     ----------
     solution : the run.
     shared : what its system was built from; a finer model may have the same matrices.
+    progress : called from time to time with the fraction that is about done.
 
     Returns
     -------
@@ -253,7 +250,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
             case = scenario.refined(finer_modes(first.motion.system.modes))
-            motion = motion_of(build_system(case, shared), again, output_times(case), None, never, MOTION_ALONE)
+            motion = motion_of(build_system(case, shared), again, output_times(case), progress, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
         else:
@@ -360,7 +357,7 @@ def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues)
     return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
 
 
-def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
+def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress) -> Convergence:
     """What a finer model changes in the first part of a motion that does not fit into the memory, and when a
     disturbance changes the contacts of the whole.
 
@@ -368,7 +365,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
 
     Parameters
     ----------
-    solution, shared : as of `convergence_of`.
+    solution, shared, progress : as of `convergence_of`.
     """
     scenario, compared_s = solution.result.scenario, not_none(solution.motion.compared_s)
     settings = not_none(scenario.run)
@@ -376,12 +373,15 @@ def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
     )
     shorter = settings.model_copy(update={"duration": compared_s})
-    part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, never, shared)
+    share = TIME_SHARES[scenario.excitation.stationary].own_model
+    shorter_scenario = scenario.model_copy(update={"excitation": same, "run": shorter})
+    part = solved(shorter_scenario, part_of(progress, 0.0, share), never, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
     datasets = {name: of for name, of in part.result.datasets.items() if name not in ("random", "srs")}
     part = part._replace(result=replace(part.result, datasets=datasets))
-    checked = replace(convergence_of(part, shared), compared_s=compared_s, lines=None)
+    checked = convergence_of(part, shared, part_of(progress, share, 1.0))
+    checked = replace(checked, compared_s=compared_s, lines=None)
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, whole.disturbed)

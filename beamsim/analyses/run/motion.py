@@ -26,7 +26,7 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Interrupted, Outcome, Stop, asked_by, check_stop, never, part_of
+from beamsim.outcomes import Interrupted, Outcome, Progress, Stop, asked_by, check_stop, never, part_of
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
 from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, reached, samples_until
 from beamsim.results.values import (
@@ -60,7 +60,6 @@ ROOT_MEAN_SQUARES = tuple(entry for entry, value in BY_ENTRY.items() if value.qu
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
 CHUNK_SHARE = 0.064  # of the memory, for the pieces of a chunk
 FEWEST_PIECES = 4096  # in a chunk
-MARCH_SHARE = 0.05  # of the time that a motion takes with what is evaluated of it; 2 to 12 % were measured
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 MOTION_SHARE, HISTORIES_SHARE = 0.5, 0.3  # for the motion (joined, it is there twice), and for its samples
@@ -70,6 +69,19 @@ as a whole; the same again for its histories."""
 KEPT_S = 0.25
 """Processor time after that in which the first part of a longer motion is evaluated, which is kept."""
 FEWEST_SEGMENTS = 64  # of a motion, that are evaluated whatever time that takes
+
+
+class TimeShares(NamedTuple):
+    """Shares of the processor time of a run that have passed after each of its steps."""
+
+    march: float
+    extremes: float
+    histories: float
+    own_model: float  # of the time with a finer model: after all steps with the model of the run
+
+
+TIME_SHARES = {False: TimeShares(0.01, 0.2, 0.8, 0.6), True: TimeShares(0.12, 0.56, 0.68, 0.2)}
+"""About as they were measured of swept sines, and where the input is stationary of a random run."""
 
 
 @dataclass(frozen=True)
@@ -272,7 +284,7 @@ def motion_in_chunks(
     room = int(MOTION_SHARE * settings.memory / (2 * 8 * (flow.size + 8)))  # events, with the motion between them
     most = min(settings.max_events, room) if most_events is None else most_events
     if at_once is None:  # what is marched as a whole is evaluated afterwards
-        progress = part_of(progress, 0.0, MARCH_SHARE)
+        progress = part_of(progress, 0.0, TIME_SHARES[system.scenario.excitation.stationary].march)
     motion = MotionInChunks(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     return motion, "run.max_events" if settings.max_events <= room else "run.memory"
 
@@ -356,12 +368,18 @@ def exact_motion_of(
     march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
     flow, latest = march.flow, None if march.one_chunk else _LatestPart.of(march, system, settings)
     sampled = needed.derived and (needed.entries is None or needed.statistics)
-    recorder = HistoryRecorder(flow, system.channels.without(STRESS), times, Overdue(stop)) if sampled else None
+    shares = TIME_SHARES[system.scenario.excitation.stationary]
+    extremes, samples = (
+        part_of(progress if march.one_chunk else None, shares.march, shares.extremes if sampled else 1.0),
+        part_of(progress if march.one_chunk else None, shares.extremes, shares.histories),
+    )
+    channels = system.channels.without(STRESS)
+    recorder = HistoryRecorder(flow, channels, times, Overdue(stop), samples) if sampled else None
     impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
-        for part in _evaluated(march, values, Overdue(stop)):
+        for part in _evaluated(march, values, Overdue(stop), extremes):
             for observer in (recorder, impacts, stresses, plates, latest, states):
                 if observer is not None:
                     observer.add(part)
@@ -388,11 +406,13 @@ def exact_motion_of(
     )
 
 
-def _evaluated(march: MotionInChunks, values: ChunkValues, overdue: Overdue) -> Iterator[Trajectory]:
+def _evaluated(
+    march: MotionInChunks, values: ChunkValues, overdue: Overdue, progress: Progress
+) -> Iterator[Trajectory]:
     """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
     for chunk in march.chunks():
         try:
-            with asked_by(overdue, at_once=True):
+            with asked_by(overdue, at_once=True, progress=progress):
                 part, found = chunk, values.computed(chunk)
         except Interrupted:
             part, found = values.computed_of_beginning(chunk)
