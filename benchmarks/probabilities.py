@@ -53,10 +53,12 @@ class Problem(NamedTuple):
 
     @property
     def importance(self) -> Floats:
-        """(variables,) shares of the squares of the derivatives of the probability by the means."""
-        step = 1e-4 * np.eye(self.variables)
-        squares = np.array([self.probability(by) - self.probability(-by) for by in step]) ** 2
-        return squares / squares.sum()
+        """(variables,) shares of the squared derivatives of the probability by the means; nan where all are 0."""
+        step = 1e-4
+        by_mean = np.array([self.probability(by) - self.probability(-by) for by in step * np.eye(self.variables)])
+        if np.abs(by_mean).max() < 1e-3 * step * self.exact:
+            return np.full(self.variables, math.nan)
+        return by_mean**2 / np.sum(by_mean**2)
 
     def doubles(self, variable: int, sign: float) -> float:
         """The smallest move of a mean to one side that doubles the probability; nan where none of up to 3 does."""
@@ -198,7 +200,7 @@ def held_intervals(problem: Problem, every: Sequence[Estimator]) -> dict[str, in
         counts["doubles"] += int(shown.sum())
         counts["doubles_held"] += int(np.sum(((low <= right) & (right <= high))[shown]))
         low, high = table["importance_low"].values, table["importance_high"].values
-        shown = np.isfinite(low) & (problem.variables > 1)
+        shown = np.isfinite(low) & np.isfinite(problem.importance) & (problem.variables > 1)
         counts["importances"] += int(shown.sum())
         counts["importance_held"] += int(np.sum(((low <= problem.importance) & (problem.importance <= high))[shown]))
     return counts
