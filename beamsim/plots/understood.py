@@ -41,7 +41,8 @@ def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, comman
     One line, empty where there is nothing to say.
     """
     command = command or _command_of(scenario)
-    excited = _uses_excitation(scenario, command) and bool(scenario.excitation.items)
+    held = command == "nnm" and scenario.nnm is not None and scenario.nnm.phase_resonance is not None
+    excited = bool(scenario.excitation.items) and (held or command not in ("nnm", "identify-stiffness"))
     parts = excitation_text(scenario, inputs, command).split("\n") if excited else []
     low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
     if low_pass is not None:
@@ -61,13 +62,6 @@ def _low_pass_text(low_pass: float, highest: float) -> str:
     """A low-pass filter, Hz, against the highest frequency of the excitation, Hz; 0 where there is none."""
     against = f", {low_pass / highest:.3g} times the excitation's {highest:.4g} Hz" if highest > 0.0 else ""
     return f"low-pass filter {low_pass:.6g} Hz{against}"
-
-
-def _uses_excitation(scenario: Scenario, command: str) -> bool:
-    """Whether a command uses the excitation of a case as it is written: identified tests have their own levels."""
-    if command == "nnm":
-        return scenario.nnm is not None and scenario.nnm.phase_resonance is not None
-    return command != "identify-stiffness"
 
 
 def first_modes(scenario: Scenario, table: Dataset) -> Iterator[str]:

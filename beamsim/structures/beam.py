@@ -391,7 +391,10 @@ def assemble_beam(
     deflected, drag = mesh.square_rows(0, 4), None
     inertia = [deflected * np.repeat(np.sqrt(line_mass), 4)[:, None]]
     if beam.point_masses:
-        inertia += _point_mass_rows(mesh, beam)
+        at = np.array(beam.mass_points) / length
+        mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
+        inertia.append(mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None])
+        inertia.append(mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / length)[:, None])
     moving = vstack(inertia, format="csr")
 
     if beam.damping is not None and beam.damping.kind == "viscous":  # of which point masses are left out
@@ -432,12 +435,3 @@ def _with_end_springs(
     if dragged.nnz:
         drag = dragged.T @ dragged if drag is None else drag + dragged.T @ dragged
     return factor, drag, rows[pulling > 0.0] @ mesh.rigid_motions
-
-
-def _point_mass_rows(mesh: Mesh, beam: BeamBody) -> list[Any]:
-    """Sparse rows (c, all dofs) whose products are the scaled point masses, and those of their rotary inertias."""
-    mass_scale = beam.bending.mass_per_length * beam.length
-    at = np.array(beam.mass_points) / beam.length
-    mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
-    turning = mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / beam.length)[:, None]
-    return [mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None], turning]

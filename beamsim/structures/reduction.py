@@ -576,10 +576,12 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     """
     if structure.substructures:
         return _damping_of_substructures(structure, basis, omega)
-    if isinstance(structure, BodyStructure):
-        c = np.diag(_damping_of_body(structure.stated_damping, basis, omega))
-    else:
+    if not isinstance(structure, BodyStructure):
         c = _damping_of_joined_bodies(structure, basis, omega)
+    elif (stated := structure.stated_damping) is not None and stated.kind == "rayleigh":
+        c = np.diag(stated.factors[0] + stated.factors[1] * omega**2)
+    else:
+        c = np.diag(2 * _modal_ratios(stated, omega.size, basis.modes) * omega)
     if structure.damping is not None:
         c += basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
     return np.asarray((c + c.T) / 2)
@@ -591,14 +593,6 @@ def _damping_of_substructures(structure: Structure, basis: ReducedBasis, omega: 
     for part, (reduced, columns) in zip(structure.substructures, basis.blocks, strict=True):
         whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
     return whole
-
-
-def _damping_of_body(stated: Any, basis: ReducedBasis, omega: Floats) -> Floats:
-    """(n,) diagonal of C, 1/s, by the modal or Rayleigh damping that is stated for a body that nothing is joined to."""
-    if stated is not None and stated.kind == "rayleigh":
-        of_mass, of_stiffness = stated.factors
-        return np.asarray(of_mass + of_stiffness * omega**2)
-    return 2 * _modal_ratios(stated, omega.size, basis.modes) * omega
 
 
 def _damping_of_joined_bodies(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:

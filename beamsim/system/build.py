@@ -277,22 +277,15 @@ def _model_with_contacts(
     """The reduced model and its contacts, by default up to higher frequencies until the contacts need no more modes."""
     model, modes = build_reduced_model(scenario, also_at, shared), 0
     pushing = _pushing(model)
-    while model.default and model.basis.modes > modes and _beyond_modes(model, pushing) > _STIFFNESS_BEYOND_MODES:
-        modes, least_hz = model.basis.modes, 2.0 * model.highest_hz
-        model = build_reduced_model(scenario, also_at, model.shared, least_hz)
+    while model.default and model.basis.modes > modes:
+        modes, beyond = model.basis.modes, slice(model.basis.modes, model.basis.size)
+        compliance = np.sum((pushing.contacts.shape[:, beyond] / model.omega[beyond]) ** 2, axis=1)  # static vectors'
+        stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
+        if np.max(stiffness * compliance, initial=0.0) <= _STIFFNESS_BEYOND_MODES:
+            break
+        model = build_reduced_model(scenario, also_at, model.shared, 2.0 * model.highest_hz)
         pushing = _pushing(model)
     return model, pushing
-
-
-def _beyond_modes(model: ReducedModel, pushing: _Pushing) -> float:
-    """The largest product of a contact's stiffness and the compliance there of the modes that are left out.
-
-    The static vectors have that compliance.
-    """
-    beyond = slice(model.basis.modes, model.basis.size)
-    compliance = np.sum((pushing.contacts.shape[:, beyond] / model.omega[beyond]) ** 2, axis=1)
-    stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
-    return float(np.max(stiffness * compliance, initial=0.0))
 
 
 def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> StructuralSystem:
