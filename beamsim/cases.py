@@ -66,7 +66,7 @@ class Evaluator:
 
     Parameters
     ----------
-    solving : gives what solves cases, from `beamsim.parallel.working`; entered when the first one is solved.
+    solving : gives what solves cases, from `beamsim.parallel.worker_pool`; entered when the first one is solved.
     most : number of cases that are allowed, each with all of its realisations.
     realisations : of each case.
     compared : whether each case is compared with a finer model.
@@ -126,7 +126,7 @@ class Evaluator:
         """Number of further realisations that are still allowed."""
         return self._most_further - len(self.further)
 
-    def within(self, case: int, deviations: Sequence[tuple[float, ...]]) -> list[CaseOutcome]:
+    def solve_realisations(self, case: int, deviations: Sequence[tuple[float, ...]]) -> list[CaseOutcome]:
         """The outcomes of further realisations of a case that was asked for.
 
         They are numbered after all realisations of all cases that are allowed.
@@ -158,7 +158,7 @@ class Evaluator:
                 self.outcomes[case.number] = known
             else:
                 missing[case.number] = case
-        for outcome in self._solved(list(missing.values())) if missing else ():
+        for outcome in self._outcomes(list(missing.values())) if missing else ():
             if outcome.outcome.interrupted:
                 continue
             case = missing.pop(outcome.index)
@@ -169,7 +169,7 @@ class Evaluator:
         return not missing
 
     @cached_property
-    def _solved(self) -> Callable[[Iterable[Case]], Iterator[CaseOutcome]]:
+    def _outcomes(self) -> Callable[[Iterable[Case]], Iterator[CaseOutcome]]:
         return self._open.enter_context(self._solving)
 
 

@@ -95,7 +95,7 @@ def locating(places: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def rooted(root: str, path: str) -> Iterator[None]:
+def prefix_problems(root: str, path: str) -> Iterator[None]:
     """Put the problems of a section, whose path begins with ``root``, at the path where the section is written."""
     try:
         yield

@@ -133,7 +133,7 @@ def _open_regular(path: Path | str, mode: str, buffering: int, most_bytes: float
     return file
 
 
-def found_in(name: Path | str, *folders: Path | None) -> Path:
+def find_file(name: Path | str, *folders: Path | None) -> Path:
     """The file of a name in the first of some folders that has it, else in the current one.
 
     Parameters
@@ -372,11 +372,11 @@ def destination(
     if there is not None:
         _refuse_to_replace(path, target)
         if there.st_size:
-            return _replacing(path, target, there, new, examine)
+            return _replacement(path, target, there, new, examine)
     return Placement(Path(path), target, Content.OUTPUT, moves_aside=False)
 
 
-def _replacing(
+def _replacement(
     path: Path | str, target: Path, there: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
 ) -> Placement:
     """Where a file is written in the place of one that is not empty; see `destination`."""
@@ -419,7 +419,7 @@ _ACCESS: ContextVar[_Access] = ContextVar("access", default=_OUTSIDE)
 
 
 @contextmanager
-def protecting(paths: Iterable[Path]) -> Iterator[None]:
+def protected_files(paths: Iterable[Path]) -> Iterator[None]:
     """One command, which never writes over these files, nor over those of `protect`, by whatever name or link."""
     before = _ACCESS.set(_Access(tuple(paths)))
     try:
@@ -429,7 +429,7 @@ def protecting(paths: Iterable[Path]) -> Iterator[None]:
 
 
 def protect(path: Path) -> None:
-    """Add a file to those that a command reads; without effect outside of `protecting`."""
+    """Add a file to those that a command reads; without effect outside of `protected_files`."""
     access = _ACCESS.get()
     if access is not _OUTSIDE:
         access.read = (*access.read, path.absolute())
@@ -470,7 +470,7 @@ def _without_target(path: Path | str, error: Exception) -> ResultFileError:
 
 
 @contextmanager
-def replacing(path: Path | str) -> Iterator[Path]:
+def replacement_file(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``, which takes its place when the block succeeds.
 
     On any failure, an interrupt included, the temporary file goes and an existing file stays as it
@@ -495,7 +495,7 @@ def temporary_file(path: Path | str) -> Iterator[Path]:
     Raises
     ------
     ResultFileError, NotWrittenError
-        As `replacing`.
+        As `replacement_file`.
     """
     temporary = check_writable(path)
     folder = temporary.parent

@@ -292,7 +292,7 @@ class Dataset(Mapping[str, LabelledArray]):
             for path, item in items.items():
                 dims = (last(path),) if item.scale else tuple(map(last, item.axes))
                 if rows.dims[0] in dims:
-                    items[path] = _taken(item, own, dims.index(rows.dims[0]))
+                    items[path] = _select_item(item, own, dims.index(rows.dims[0]))
             found[name] = Dataset(self.name, items)
         return found
 
@@ -346,7 +346,7 @@ class Dataset(Mapping[str, LabelledArray]):
         return made
 
 
-def _taken(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
+def _select_item(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
     """A variable at its ``own`` numbers (n,) along an axis, with what its attributes say of these."""
     attributes = dict(item.attributes)
     if ABSENT in attributes:

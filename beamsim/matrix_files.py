@@ -25,7 +25,7 @@ from scipy.sparse import coo_array, csc_array, issparse, save_npz
 
 from beamsim.dofs import DIRECTIONS, MODAL, Dof
 from beamsim.errors import InputFileError, MethodError
-from beamsim.files import bytes_text, demand_memory, open_input, read_input, reading, replacing
+from beamsim.files import bytes_text, demand_memory, open_input, read_input, reading, replacement_file
 from beamsim.hdf5 import open_hdf5, read_array
 from beamsim.matlab5 import checked_matlab5
 from beamsim.sparse_parts import (
@@ -74,7 +74,7 @@ def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_tria
     return FileMatrix(name, matrix, rows, columns)
 
 
-def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
+def label_matrix(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
     """The matrix of entries by degrees of freedom, in order of node and component.
 
     Parameters
@@ -259,7 +259,7 @@ def _of_dmig_table(name: str, record: Any) -> FileMatrix:
         columns.append(entries)
         begin = end + 2
     entries = np.concatenate(columns) if columns else np.empty((0, 5))
-    return labelled(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
+    return label_matrix(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
 
 
 def _demand_records(path: Path) -> None:
@@ -341,7 +341,7 @@ def _of_cards(name: str, heading: list[Any], *columns: list[Any]) -> FileMatrix:
         for row, component, real, imaginary in zip_longest(*(column[k::4] for k in range(3, 7)), fillvalue=0)
         if row
     ]
-    return labelled(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
+    return label_matrix(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
 
 
 def read_matrix(path: Path, name: str | None) -> FileMatrix:
@@ -409,7 +409,7 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     lines = (line.replace(",", " ").upper().replace("D", "E") for line in text.splitlines())
     entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
     if entries.shape[1] == 5:
-        return [labelled(name, entries, square=True, one_triangle=True)]
+        return [label_matrix(name, entries, square=True, one_triangle=True)]
     i, j, numbers = _finite(entries).T
     _demand_unique(i, j, lambda k: f"row {i[k]:g}, column {j[k]:g}")
     size = int(max(i.max(), j.max()))
@@ -735,7 +735,7 @@ def write_matrices(path: Path, matrices: dict[str, Any], *, binary: bool = False
 
     ending = path.suffix.lower()
     if ending in (".op4", ".mat"):
-        with replacing(path) as temporary:
+        with replacement_file(path) as temporary:
             if ending == ".op4":
                 pyyeti().op4.write(str(temporary), matrices, binary=binary)
             else:
@@ -743,7 +743,7 @@ def write_matrices(path: Path, matrices: dict[str, Any], *, binary: bool = False
         return dict.fromkeys(matrices, path)
     files = {name: path.with_name(f"{path.stem}_{name}{ending}") for name in matrices}
     for name, file in files.items():
-        with replacing(file) as temporary, open(temporary, "wb") as stream:
+        with replacement_file(file) as temporary, open(temporary, "wb") as stream:
             if ending == ".mtx":
                 mmwrite(stream, matrices[name].tocoo(), precision=17)
             else:

@@ -1,8 +1,8 @@
 """How computations end: a kind, a code, the numbers that belong to it, and a sentence, made where it happens.
 
 Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
-is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`asked_to_stop`), and
-returns what it has. What a kind of outcome comes to, a limit, and the exit code are decided here alone (`EXIT_RULES`,
+is parsed out of the text. Between events, points and cases an analysis asks whether it is to end (`stop_requested`),
+and returns what it has. What a kind of outcome means for limits and exit codes is decided here alone (`EXIT_RULES`,
 `on_limit`, `exit_code`).
 
 >>> sentence = "no solution even with the smallest step"
@@ -52,13 +52,13 @@ _REQUESTS = ContextVar("requests", default=_NOBODY)
 
 
 @contextmanager
-def asked_by(stop: Stop = never, *, at_once: bool = False, progress: Progress = None) -> Iterator[None]:
+def stop_requests(stop: Stop = never, *, at_once: bool = False, progress: Progress = None) -> Iterator[None]:
     """Let ``stop`` ask what the block computes to end, besides those who ask the blocks around it.
 
     Parameters
     ----------
     stop : true once it is time.
-    at_once : whether `check_stop` may end the block, on any request; else only what polls `asked_to_stop` does.
+    at_once : whether `check_stop` may end the block, on any request; else only what polls `stop_requested` does.
     progress : called with the share of the block that its loops have done, as far as they give it to `check_stop`.
     """
     around = _REQUESTS.get()
@@ -70,7 +70,7 @@ def asked_by(stop: Stop = never, *, at_once: bool = False, progress: Progress = 
 
 
 @contextmanager
-def finishing() -> Iterator[None]:
+def deferred_stop() -> Iterator[None]:
     """Let the block come to its end, whoever asks: a short computation without which what was found would be lost.
 
     >>> with asked_by(lambda: True), finishing():
@@ -84,7 +84,7 @@ def finishing() -> Iterator[None]:
         _REQUESTS.reset(outer)
 
 
-def asked_to_stop() -> bool:
+def stop_requested() -> bool:
     """Whether the computation is asked to end: polled between points, which are kept.
 
     >>> with asked_by(lambda: True):
@@ -104,7 +104,7 @@ def check_stop(share: float | None = None) -> None:
     Raises
     ------
     Interrupted
-        If it is, within a block of `asked_by` that may end at once.
+        If it is, within a block of `stop_requests` that may end at once.
 
     >>> with asked_by(never, at_once=True):
     ...     check_stop()
@@ -117,7 +117,7 @@ def check_stop(share: float | None = None) -> None:
     if requests.at_once and any(stop() for stop in requests.stops):
         raise Interrupted
     if share is not None:
-        tell(requests.progress, share)
+        report_progress(requests.progress, share)
 
 
 def part_of(progress: Progress, begin: float, end: float) -> Progress:
@@ -125,13 +125,13 @@ def part_of(progress: Progress, begin: float, end: float) -> Progress:
     return None if progress is None else lambda share: progress(begin + (end - begin) * share)
 
 
-def tell(progress: Progress, share: float) -> None:
+def report_progress(progress: Progress, share: float) -> None:
     """Tell who asked for it which share is done."""
     if progress is not None:
         progress(share)
 
 
-def until_asked(points: Iterable[Point]) -> Iterator[Point]:
+def until_stop(points: Iterable[Point]) -> Iterator[Point]:
     """The points up to the first one after which the computation is asked to end.
 
     >>> with asked_by(lambda: True):
@@ -140,7 +140,7 @@ def until_asked(points: Iterable[Point]) -> Iterator[Point]:
     """
     for point in points:
         yield point
-        if asked_to_stop():
+        if stop_requested():
             return
 
 
@@ -243,14 +243,14 @@ class Where(NamedTuple):
         Where
             The same place where it has a unit already.
         """
-        return Where(_each(self.value, convert), unit, name) if self.unit is None else self
+        return Where(_convert_numbers(self.value, convert), unit, name) if self.unit is None else self
 
     def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Where:
         """The place in the unit of tables; ``scale`` gives the factor and the unit for numbers in a unit."""
         if not self.unit:
             return self
         factor, unit = scale(self.unit, _flat(self.value))
-        return self._replace(value=_each(self.value, lambda x: x * factor), unit=unit)
+        return self._replace(value=_convert_numbers(self.value, lambda x: x * factor), unit=unit)
 
 
 @dataclass(frozen=True)
@@ -299,23 +299,23 @@ class Outcome:
         """
         place = at if isinstance(at, Where) or at is None else Where(float(at))
         if place is not None:
-            place = place._replace(value=_plain(place.value))
-        return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, sub_outcomes)
+            place = place._replace(value=_as_json(place.value))
+        return cls(kind, code, sentence, remedy, place, "", {k: _as_json(v) for k, v in numbers.items()}, sub_outcomes)
 
     @property
-    def gravest(self) -> OutcomeKind:
+    def gravest_kind(self) -> OutcomeKind:
         """The gravest kind of this outcome and of its parts."""
-        return max((self.kind, *(part.gravest for part in self.sub_outcomes)), key=list(OutcomeKind).index)
+        return max((self.kind, *(part.gravest_kind for part in self.sub_outcomes)), key=list(OutcomeKind).index)
 
     @property
     def complete(self) -> bool:
         """Whether everything requested was computed, and no value of it is known to be doubtful."""
-        return self.gravest in (OutcomeKind.COMPLETE, OutcomeKind.NOTED)
+        return self.gravest_kind in (OutcomeKind.COMPLETE, OutcomeKind.NOTED)
 
     @property
     def usable(self) -> bool:
         """Whether everything requested was computed and can be used: complete, or doubtful in some of its values."""
-        return EXIT_RULES[self.gravest].exit_code == ExitCode.SUCCESS
+        return EXIT_RULES[self.gravest_kind].exit_code == ExitCode.SUCCESS
 
     @property
     def trusted(self) -> bool:
@@ -385,12 +385,12 @@ class Outcome:
     def __str__(self) -> str:
         return self.text
 
-    def all_of(self, code: str) -> list[Outcome]:
+    def outcomes_with_code(self, code: str) -> list[Outcome]:
         """This outcome and its parts, as far as they have a code."""
-        of_parts = [outcome for part in self.sub_outcomes for outcome in part.all_of(code)]
+        of_parts = [outcome for part in self.sub_outcomes for outcome in part.outcomes_with_code(code)]
         return [self, *of_parts] if self.code == code else of_parts
 
-    def but(self, *sub_outcomes: Outcome, **fields: Any) -> Self:
+    def copy_with(self, *sub_outcomes: Outcome, **fields: Any) -> Self:
         """A copy with additional parts, and other fields."""
         return replace(self, sub_outcomes=(*self.sub_outcomes, *sub_outcomes), **fields)
 
@@ -440,11 +440,11 @@ class Outcome:
         KeyError, ValueError
             If there is no such kind.
         """
-        read = {name: _plain(value) for name, value in values.items() if name not in ("numbers", "sub_outcomes")}
+        read = {name: _as_json(value) for name, value in values.items() if name not in ("numbers", "sub_outcomes")}
         for name in ("place", "context"):
             if isinstance(read.get(name), tuple):
                 read[name] = Where(*read[name])
-        numbers = {name: _plain(value) for name, value in values.get("numbers", {}).items()}
+        numbers = {name: _as_json(value) for name, value in values.get("numbers", {}).items()}
         parts = tuple(cls.from_dict(part) for part in values.get("sub_outcomes", ()))
         return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, sub_outcomes=parts)
 
@@ -512,7 +512,7 @@ def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> 
     """
     if signal:
         return 128 + signal
-    code, verdicts = EXIT_RULES[outcome.gravest].exit_code, set(limits)
+    code, verdicts = EXIT_RULES[outcome.gravest_kind].exit_code, set(limits)
     if code == ExitCode.INTERRUPTED:
         return code
     if Verdict.EXCEEDED in verdicts:
@@ -543,7 +543,7 @@ def combined(outcomes: Iterable[Outcome]) -> Outcome:
 
 def first_with_others(outcomes: Sequence[Outcome]) -> Outcome:
     """Several outcomes as one: the first with the others as its parts; `COMPLETE` if there are none."""
-    return outcomes[0].but(*outcomes[1:]) if outcomes else COMPLETE
+    return outcomes[0].copy_with(*outcomes[1:]) if outcomes else COMPLETE
 
 
 def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
@@ -552,7 +552,7 @@ def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
         return backward
     swap = backward.complete and not forward.complete
     first, second = (forward, backward) if swap else (backward, forward)
-    return first.but(replace(second, context="in the other direction"))
+    return first.copy_with(replace(second, context="in the other direction"))
 
 
 def listed(value: Any) -> str:
@@ -576,16 +576,18 @@ def first_of(texts: Sequence[str], most: int) -> str:
     return ", ".join(texts[:most]) + more
 
 
-def _plain(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     """A value as JSON would return it, lists as tuples."""
     value = value.tolist() if hasattr(value, "tolist") else value
-    return tuple(_plain(item) for item in value) if isinstance(value, (list, tuple)) else value
+    return tuple(_as_json(item) for item in value) if isinstance(value, (list, tuple)) else value
 
 
 def _flat(value: Any) -> list[float]:
     return [x for item in value for x in _flat(item)] if isinstance(value, tuple) else [float(value)]
 
 
-def _each(value: Any, convert: Callable[[float], float]) -> Any:
+def _convert_numbers(value: Any, convert: Callable[[float], float]) -> Any:
     """The numbers of nested tuples, converted."""
-    return tuple(_each(item, convert) for item in value) if isinstance(value, tuple) else float(convert(value))
+    return (
+        tuple(_convert_numbers(item, convert) for item in value) if isinstance(value, tuple) else float(convert(value))
+    )

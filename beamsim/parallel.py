@@ -29,7 +29,7 @@ from multiprocessing import connection, current_process, get_context
 from typing import Any, Generic, TypeVar
 
 from beamsim.errors import BeamsimError, NotTrustedError, ScenarioError
-from beamsim.outcomes import asked_to_stop
+from beamsim.outcomes import stop_requested
 from beamsim.version import __version__, code_digest
 
 Item = TypeVar("Item")
@@ -137,7 +137,7 @@ class Workers(ABC):
     def replace(self, worker: Hashable) -> None:
         """Start another worker in place of one that ended, where this process starts them."""
 
-    def completed(self, computation: Computation[Item, Result], items: Iterable[Item]) -> Iterator[Result]:
+    def iterate_results(self, computation: Computation[Item, Result], items: Iterable[Item]) -> Iterator[Result]:
         """Yield the result of every item, in the order of completion.
 
         An item whose worker ends is sent once more, alone, to a worker that then computes nothing else: which of
@@ -159,10 +159,10 @@ class Workers(ABC):
         NotTrustedError
             If there are no workers any more.
         """
-        function = partial(_there, pickle.dumps(computation))
+        function = partial(_compute_remotely, pickle.dumps(computation))
         unsent, again = (_Task(item) for item in items), deque[_Task[Item]]()
         under_way: dict[Future[Result], _Task[Item]] = {}
-        while not asked_to_stop():
+        while not stop_requested():
             if not under_way and not again:  # whether anything is left does not depend on workers
                 again.extend(islice(unsent, 1))
                 if not again:
@@ -182,7 +182,7 @@ class Workers(ABC):
                 try:
                     result = self._result(future)
                 except WorkerDiedError:
-                    if asked_to_stop():  # a signal to all processes of a group, of which the workers die
+                    if stop_requested():  # a signal to all processes of a group, of which the workers die
                         return
                     self.replace(task.worker)
                     if task.attempt < MOST_ATTEMPTS:
@@ -211,7 +211,7 @@ def _next_tasks(
 
 
 @contextmanager
-def working(
+def worker_pool(
     computation: Computation[Item, Result], most: int, *,
     workers: int = 1, scheduler: str | Cluster | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
@@ -241,11 +241,11 @@ def working(
     count = max(1, min(workers, most))
     if scheduler is None and count == 1:
         function = computation.function()
-        yield lambda items: map(function, takewhile(lambda _: not asked_to_stop(), items))
+        yield lambda items: map(function, takewhile(lambda _: not stop_requested(), items))
         return
     cluster = Cluster(scheduler) if isinstance(scheduler, str) else scheduler
     with processes(count) if cluster is None else cluster_workers(cluster) as there:
-        yield partial(there.completed, computation)
+        yield partial(there.iterate_results, computation)
 
 
 class _Received(threading.local):
@@ -258,7 +258,7 @@ class _Received(threading.local):
 _RECEIVED = _Received()
 
 
-def _there(sent: bytes, item: Any) -> Any:
+def _compute_remotely(sent: bytes, item: Any) -> Any:
     """Compute an item in another process, which keeps what the function has built for other items."""
     if _RECEIVED.sent != sent:
         _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent).function(), sent

@@ -97,14 +97,14 @@ def from_columns(values: Any, rows: Any, pointers: Any, shape: Any) -> Any:
         If the arrays differ in length, pointers do not rise from 0 to n, or a row is outside the matrix.
     """
     count_of_rows, columns = matrix_shape(shape)
-    values, indices, starts = _compressed(("row", "column"), values, rows, pointers, (count_of_rows, columns))
+    values, indices, starts = _check_compressed(("row", "column"), values, rows, pointers, (count_of_rows, columns))
     return csc_array((values, indices, starts), shape=(count_of_rows, columns))
 
 
 def from_rows(values: Any, columns: Any, pointers: Any, shape: Any) -> Any:
     """The matrix of entries row by row; as `from_columns`."""
     rows, count_of_columns = matrix_shape(shape)
-    values, indices, starts = _compressed(("column", "row"), values, columns, pointers, (count_of_columns, rows))
+    values, indices, starts = _check_compressed(("column", "row"), values, columns, pointers, (count_of_columns, rows))
     return csr_array((values, indices, starts), shape=(rows, count_of_columns))
 
 
@@ -132,7 +132,7 @@ def from_blocks(values: Any, columns: Any, pointers: Any, shape: Any) -> Any:
         raise ValueError(f"its blocks of {blocks.shape[1:]} do not divide its shape {shape}")
     height, width = blocks.shape[1:]
     coarse = shape[0] // height, shape[1] // width
-    numbers, indices, starts = _compressed(
+    numbers, indices, starts = _check_compressed(
         ("block column", "block row"), np.arange(len(blocks)), columns, pointers, (coarse[1], coarse[0])
     )
     rows = np.repeat(np.arange(coarse[0]), np.diff(starts))
@@ -194,7 +194,7 @@ def _demand_range(name: str, indices: Ints, size: int) -> None:
         raise ValueError(f"the {name} of entry {wrong + 1} is {indices[wrong] + 1}, outside 1 to {size}")
 
 
-def _compressed(
+def _check_compressed(
     names: tuple[str, str], values: Any, indices: Any, pointers: Any, sizes: tuple[int, int]
 ) -> tuple[Any, Ints, Ints]:
     """Entries, indices and pointers of a compressed matrix, checked.

@@ -17,16 +17,16 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 from typing_extensions import TypedDict  # comes with pydantic, which reads that of typing from Python 3.12 on
 
 
-def plain(value: Any) -> Any:
+def as_builtin(value: Any) -> Any:
     """A value made of built-in types for strict JSON; numbers that are not finite become None."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): as_builtin(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return as_builtin(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [as_builtin(item) for item in value]
     if isinstance(value, np.generic):
-        return plain(value.item())
+        return as_builtin(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
@@ -185,12 +185,12 @@ def demand_summary(result: Any) -> None:
         entry = entries[name]
         if entry.form is not None or not entry.of:
             try:
-                _checker(name, cls).validate_python(plain(value), strict=True)
+                _checker(name, cls).validate_python(as_builtin(value), strict=True)
             except ValidationError as error:
                 first = error.errors()[0]
                 where = ".".join(map(str, (name, *first["loc"])))
                 raise ValueError(f"summary: {where}: {first['msg']}") from None
-        elif (of := _variable(result, entry)) is None or _form(value) != _form(plain(of)):
+        elif (of := _variable(result, entry)) is None or _form(value) != _form(as_builtin(of)):
             raise ValueError(f"summary: {name} is not what {entry.of} holds")
 
 
@@ -210,7 +210,7 @@ def _form(value: Any) -> Any:
     return "text" if isinstance(value, str) else "flag" if isinstance(value, bool) else "number"
 
 
-def described(cls: Any, entry: Entry) -> Entry:
+def complete_entry(cls: Any, entry: Entry) -> Entry:
     """The entry of a result's summary with the unit and the meaning of the variable that it repeats."""
     if entry.meaning:
         return entry

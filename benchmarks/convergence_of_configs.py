@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import beamsim
 from beamsim.scenario import Scenario
-from beamsim.trust.convergence import compared, named, relative_changes
+from beamsim.trust.convergence import comparable_values, named, relative_changes
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs/convergence.csv"
@@ -77,7 +77,7 @@ def solved(command: str, scenario: Scenario, **changes: Any) -> Any:
 def finer(scenario: Scenario, modes: int, doublings: int, command: str) -> Scenario:
     """The same case with so many modes and its elements doubled a few times, without a comparison of its own."""
     for _ in range(doublings):
-        scenario = scenario.refined(modes)
+        scenario = scenario.refine(modes)
     return beamsim.load_scenario(scenario, {f"{command}.convergence": "off"})
 
 
@@ -96,7 +96,7 @@ def rows_of(name: str, command: str, scenario: Scenario) -> list[Row]:
     assert truth is not None
     entries = [entry for entry in stated if entry in summary and entry in truth and entry != "spectral_lines"]
     own, other = (
-        compared(
+        comparable_values(
             {entry: values[entry][:kept] if entry.endswith("frequencies_hz") else values[entry] for entry in entries}
         )
         for values in (summary, truth)

@@ -15,7 +15,7 @@ from beamsim.analyses.run.summary import spectral_lines
 from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.cases import CaseOutcome
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.results.values import judged
+from beamsim.results.values import with_verdicts
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.structures.places import ALONG, MASSES, Recovery, Stations
@@ -179,4 +179,4 @@ def solved_case(
         value = max(found, default=float("nan"))
         lowest, highest = (changes or {}).get(name, (value, value))
         margins[name] = {"limit": limit, "value": value, "lowest": lowest, "highest": highest, "at": ""}
-    return CaseOutcome(index, values, margins=judged(margins), **fields)
+    return CaseOutcome(index, values, margins=with_verdicts(margins), **fields)

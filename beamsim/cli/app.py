@@ -17,7 +17,7 @@ import typer
 
 from beamsim.cli.session import CommandOptions, with_exit_code
 from beamsim.errors import MOST_HOURS, allowing_hours
-from beamsim.files import protecting
+from beamsim.files import protected_files
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
 
@@ -158,7 +158,7 @@ def command(function: Callable[..., None], *, file: Any, options: Sequence[str])
             if name != "file":  # which is written
                 read += value if isinstance(value, list) else [value]
         paths = (path for path in read if isinstance(path, Path) and path != Path())
-        with with_exit_code(debug=debug), allowing_hours(shared.allow_hours), protecting(paths):
+        with with_exit_code(debug=debug), allowing_hours(shared.allow_hours), protected_files(paths):
             function(shared, **values)
 
     called.__name__, called.__doc__ = function.__name__, function.__doc__
@@ -193,15 +193,17 @@ class ComparedMethod(StrEnum):
 @partial(command, file=Case, options=(*COMPUTING, "check"))
 def run(options: CommandOptions, against: AgainstOption = None) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli.command import analysed
+    from beamsim.cli.command import run_analysis
 
     if against is None:
-        analysed("run", options, "simulating")
+        run_analysis("run", options, "simulating")
         return
     from beamsim.trust import reference  # which runs without it do not load
 
     rtol = reference.tolerance_of(against)
-    analysed("run", options, "simulating", lambda result, stop: reference.against(result, rtol, stop))
+    run_analysis(
+        "run", options, "simulating", lambda result, stop: reference.compare_with_reference(result, rtol, stop)
+    )
 
 
 @partial(command, file=Case, options=(*COMPUTING, "check", "resume"))
@@ -254,10 +256,10 @@ def nnm(
     ] = None,
 ) -> None:
     """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
-    from beamsim.cli.command import analysed
+    from beamsim.cli.command import run_analysis
 
     methods = [method.value for method in compare_with or ()]
-    analysed("nnm", options, "following the mode of", compare=methods)
+    run_analysis("nnm", options, "following the mode of", compare=methods)
 
 
 @partial(command, file=Case, options=COMPUTING)

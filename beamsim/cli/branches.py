@@ -11,11 +11,11 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, rounded
+from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, round_with_unit
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 
 # --- Continuation ----------------------------------------------------------------------------------------------------
 
@@ -94,7 +94,7 @@ def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
         several_levels = len(set(map(repr, result["branches"]["level"].values.tolist()))) > 1
         level = f" at {_level(result, several.level)['level']}" if several_levels else ""
         peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
-        at, more = _parameter(several.at, result.unit, 4), counted(len(ranges) - 1, "more range")
+        at, more = _parameter(several.at, result.unit, 4), count_text(len(ranges) - 1, "more range")
         likely = " (kind: coexisting says how likely)"
         probes = result["points"].labels("probe")
         probe = f": {probes[0]} reaches {peaks} at {at}, by the start{likely}" if probes else ""
@@ -108,7 +108,7 @@ def _special_lines(result: ContinuationResult) -> list[str]:
         scale = scale_for(result.unit, places)
         at = [f"{x * scale.factor:.4g}" for x in sorted(places)]
         more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
-        texts.append(f"{counted(len(at), kind)} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
+        texts.append(f"{count_text(len(at), kind)} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
     return textwrap.wrap("; ".join(texts), WIDTH)
 
 
@@ -137,13 +137,13 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     s, errors = result.summary, Errors(result)
     rows = [_motion(result, errors, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = (
-        (f"{counted(count, 'start')} at {hz} Hz did not settle", count) for hz, count in s["not_settled"].items()
+        (f"{count_text(count, 'start')} at {hz} Hz did not settle", count) for hz, count in s["not_settled"].items()
     )
     rows += more_rows(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
     lines += [f"{_motion_name(each)}: {_smallest_disturbance_text(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += limit_lines(result)
-    starts = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
+    starts = f"{s['starts']} starts at each of {count_text(len(s['not_settled']), 'frequency', 'frequencies')}"
     return Screen(f"{starts}, {errors.verdict()}", rows, [*lines, *errors.legend()])
 
 
@@ -217,7 +217,7 @@ def _on_backbone(
         "": name,
         "stiffness factor": f"{point['parameter']:.4g}" if result.parameter == "stiffness_factor" else "",
         "frequency": errors.number(point["frequency_hz"], "Hz", "frequency_hz", place),
-        "energy": rounded(point["energy_j"], "J"),
+        "energy": round_with_unit(point["energy_j"], "J"),
     }
     return row | ({"stable": "yes" if point["stable"] else "no"} if "stable" in point else {})
 
@@ -230,13 +230,13 @@ def _branches_and_methods(result: NormalModeResult) -> Iterator[str]:
         at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues]
         yield f"internal resonances at {result.parameter.replace('_', ' ')} {first_of(at, SHOWN)}"
     found = {"jump": s.get("jumps") or (), **_special(result)}
-    if some := [counted(len(points), kind) for kind, points in found.items() if points]:
+    if some := [count_text(len(points), kind) for kind, points in found.items() if points]:
         yield f"along the backbone: {', '.join(some)}"
     if (drift := s.get("motion_drift", 0.0)) > LARGEST_DRIFT:
         after = f"after {s['motion_periods']} periods the drawn motion differs by {percent(drift, 2)} from its start"
         yield f"{after}: it is unstable, and the lines of its spectrum are broadened"
     if full := s.get("full_period"):
-        branches = counted(len(full["never_at_rest"]), "branch", "branches")
+        branches = count_text(len(full["never_at_rest"]), "branch", "branches")
         yield f"full period: {branches} of motions that are never at rest"
     if of := s.get("multiple_scales"):
         yield f"multiple scales: differences of the frequency {_orders_text(of['observed_order_frequency'])}"
@@ -256,14 +256,14 @@ def _phase_resonance_row(resonance_summary: Mapping[str, Any], level: Mapping[st
     row = {"": amount(level["level"], resonance_summary["unit"])}
     if level["found"]:
         row |= {
-            "resonance": rounded(level["frequency_hz"], "Hz", 4),
-            f"amplitude of {resonance_summary['probe']}": rounded(level["amplitude_m"], "m"),
+            "resonance": round_with_unit(level["frequency_hz"], "Hz", 4),
+            f"amplitude of {resonance_summary['probe']}": round_with_unit(level["amplitude_m"], "m"),
             "stable": "yes" if level["stable"] else "no",
         }  # fmt: skip
     else:
         row |= {"resonance": "not found"}
     return row | {
-        "predicted resonance": rounded(level["predicted_frequency_hz"], "Hz", 4),
-        "predicted amplitude": rounded(level["predicted_amplitude_m"], "m"),
+        "predicted resonance": round_with_unit(level["predicted_frequency_hz"], "Hz", 4),
+        "predicted amplitude": round_with_unit(level["predicted_amplitude_m"], "m"),
         "predicted level": amount(level["level_for_amplitude"], resonance_summary["unit"], 3) if level["found"] else "",
     }

@@ -10,10 +10,10 @@ from pathlib import Path
 from beamsim.cli.screens import WIDTH
 from beamsim.cli.session import CommandOptions, load_case, print_json, say, show
 from beamsim.errors import ScenarioError
-from beamsim.files import output_file, output_folder, replacing
+from beamsim.files import output_file, output_folder, replacement_file
 from beamsim.kinds import TemplateKind
-from beamsim.plots.style import shown_in
-from beamsim.plots.understood import understood
+from beamsim.plots.style import use_units
+from beamsim.plots.understood import interpretation
 from beamsim.scenario import Scenario, template
 from beamsim.scenario.jsonschema import json_schema
 from beamsim.structures.matrices import summaries_of_files
@@ -44,7 +44,7 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
     drawn: list[Path] = []
     try:
         scenario = load_case(options)
-        files, warnings, system = _checked_inputs(scenario)
+        files, warnings, system = _check_inputs(scenario)
         if folder is not None:
             from beamsim.cli.html_report import draw_model  # and with it everything that draws
 
@@ -53,10 +53,10 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
         if options.json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
         raise
-    with shown_in(scenario.display_scales):
+    with use_units(scenario.display_scales):
         modes = None if system is None else system.modes
         inputs = () if system is None else system.inputs
-        line = understood(scenario, modes, {each.path: vars(each) for each in inputs})
+        line = interpretation(scenario, modes, {each.path: vars(each) for each in inputs})
     for warning in warnings:
         say(f"beamsim: warning: {warning}")
     title = scenario.title
@@ -69,7 +69,7 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
         show(found, *textwrap.wrap(line, WIDTH), *(body.text for body in files), *drawn)
 
 
-def _checked_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
+def _check_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
     """What can be known without an analysis: summaries of bodies from files, warnings, and the system of a motion.
 
     Raises
@@ -101,7 +101,7 @@ def write_schema(output: Path | None) -> None:
     if output is None:
         print(schema_text())
         return
-    with replacing(output_file(output, "beamsim.schema", ".json")) as temporary:
+    with replacement_file(output_file(output, "beamsim.schema", ".json")) as temporary:
         temporary.write_text(schema_text() + "\n", encoding="utf-8")
 
 
@@ -131,7 +131,7 @@ def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool
     schema = path.with_name(SCHEMA)
     scenario = f"# yaml-language-server: $schema={SCHEMA}\n{template(kind.value)}"
     for target, text in ((path, scenario), (schema, schema_text() + "\n")):
-        with replacing(target) as temporary:
+        with replacement_file(target) as temporary:
             temporary.write_text(text, encoding="utf-8")
     if as_json:
         print_json({"files": [str(path), str(schema)]})

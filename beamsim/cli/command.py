@@ -28,7 +28,7 @@ from beamsim.files import output_file
 from beamsim.kinds import KINDS
 from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
-from beamsim.plots.style import amount, scale_for, shown_in
+from beamsim.plots.style import amount, scale_for, use_units
 from beamsim.results.result import Result, used_processor_time
 from beamsim.results.values import limits_not_met
 from beamsim.scenario import Scenario
@@ -40,7 +40,7 @@ Compute = Callable[[Progress, Interruption], _Result]
 """Computes a result; called with a function of the completed fraction and one that returns whether to stop."""
 
 
-def prepared(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
+def load_for_command(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
     """The scenario of a case for a command, whose section it must have, and the path of its result file.
 
     Raises
@@ -57,7 +57,7 @@ def prepared(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
     return scenario, output_file(options.output, result_stem(options), *RESULTS)
 
 
-def concluded(
+def compute_and_save(
     kind: str, target: Path, options: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
     """Compute a result, write, plot and print it, all under signals.
@@ -79,7 +79,7 @@ def concluded(
     ScenarioError, ResultFileError
         If the scenario or a file cannot be used.
     VerdictError
-        As `conclude`.
+        As `plot_and_print`.
     """
     with interruptible() as interrupted:
         with progress_of(label, shown=not options.quiet, afterwards=afterwards) as progress:
@@ -88,11 +88,11 @@ def concluded(
             result = replace(result, command_processor_time_s=used_processor_time())
             written = keep_result(result, target, resumed=options.resume)
         with refusing_damage(target) if options.resume else nullcontext():  # parts of it come from a file
-            conclude(kind, result, written, options, interrupted)
+            plot_and_print(kind, result, written, options, interrupted)
     return result
 
 
-def conclude(
+def plot_and_print(
     kind: str,
     result: Result,
     target: Path,
@@ -104,7 +104,7 @@ def conclude(
 
     Parameters
     ----------
-    kind, options : as of `concluded`.
+    kind, options : as of `compute_and_save`.
     result : that was written.
     target : file to which it was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
@@ -115,7 +115,7 @@ def conclude(
     VerdictError
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
-    with shown_in(result.scenario.display_scales):
+    with use_units(result.scenario.display_scales):
         files = [target, *others]
         if not options.no_plots and not interrupted():
             with progress_of(f"plotting {target.name}", shown=not options.quiet):
@@ -135,7 +135,7 @@ def conclude(
         code = exit_code(result.outcome, [item["verdict"] for item in checked_limits.values()], signal)
         if signal or code:
             unmet = [] if signal else limits_not_met(result.scenario, checked_limits)
-            raise VerdictError("; ".join([*_ended(result, target, interrupted=bool(signal)), *unmet]), code)
+            raise VerdictError("; ".join([*_outcome_lines(result, target, interrupted=bool(signal)), *unmet]), code)
 
 
 def _print_all(kind: str, result: Result, files: Sequence[Path], options: CommandOptions) -> None:
@@ -153,7 +153,7 @@ def _print_all(kind: str, result: Result, files: Sequence[Path], options: Comman
         print_table(result.title, [*all_rows(kind, result), *written])
 
 
-def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
+def _outcome_lines(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
     """How the computation of a result ended, and where it is; nothing of a complete one."""
     if interrupted:
         what = "partial" if result.outcome.interrupted else "whole"
@@ -163,7 +163,7 @@ def _ended(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
         yield f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"
 
 
-def analysed(
+def run_analysis(
     kind: str, options: CommandOptions, doing: str,
     then: Callable[[Any, Interruption], Result] = lambda result, _: result,
     **analysis_options: Any,
@@ -181,9 +181,9 @@ def analysed(
     Raises
     ------
     BeamsimError
-        As `concluded`.
+        As `compute_and_save`.
     """
-    scenario, target = prepared(kind, options)
+    scenario, target = load_for_command(kind, options)
 
     def computed(progress: Progress, stop: Interruption) -> Result:
         with scenario.locating():
@@ -193,7 +193,7 @@ def analysed(
 
     name = options.case.name
     label = f"{doing} {name}{_cycles_to_march(scenario) if kind == 'run' else ''}"
-    concluded(kind, target, options, computed, label, f"evaluating the motion of {name}")
+    compute_and_save(kind, target, options, computed, label, f"evaluating the motion of {name}")
 
 
 def _cycles_to_march(scenario: Scenario) -> str:

@@ -13,7 +13,7 @@ from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_chann
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
-from beamsim.cli.command import concluded
+from beamsim.cli.command import compute_and_save
 from beamsim.cli.session import CommandOptions, load_case
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
@@ -42,7 +42,7 @@ def compare_signals(
     Raises
     ------
     ScenarioError
-        Where an option does not apply to the kind of result, and as `concluded`.
+        Where an option does not apply to the kind of result, and as `compute_and_save`.
     """
     path = options.case
     target = output_file(options.output, f"{path.stem}_compare", ".h5", ".hdf5")
@@ -62,7 +62,7 @@ def compare_signals(
         else:
             _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
             comparison = partial(compare, result, pairs, **of_runs)
-        concluded("compare", target, options, lambda *_: comparison(), f"comparing with {measured.name}")
+        compute_and_save("compare", target, options, lambda *_: comparison(), f"comparing with {measured.name}")
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:
@@ -122,7 +122,7 @@ def compare_shapes(
     VerdictError
         Where a pair exceeds a limit.
     BeamsimError
-        As `concluded`.
+        As `compute_and_save`.
     """
     scenario = load_case(options)
     target = output_file(options.output, f"{options.case.stem}_modes", ".h5", ".hdf5")
@@ -131,13 +131,13 @@ def compare_shapes(
         with scenario.locating():
             return compare_modes(scenario, read_shapes(measured, scenario, decimal), contacts=contacts)
 
-    result = concluded("compare-modes", target, options, compared, f"comparing with {measured.name}")
-    beyond = list(_beyond(result.summary["pairs"], **limits))
+    result = compute_and_save("compare-modes", target, options, compared, f"comparing with {measured.name}")
+    beyond = list(_exceeded_limits(result.summary["pairs"], **limits))
     if beyond:
         raise VerdictError("; ".join(beyond), exit_code(result.outcome, [Verdict.EXCEEDED]))
 
 
-def _beyond(
+def _exceeded_limits(
     pairs: Sequence[Mapping[str, Any]], least_mac: float | None, most_difference: float | None
 ) -> Iterator[str]:
     """What exceeds the limits, mode by mode; a mode without partner exceeds both."""

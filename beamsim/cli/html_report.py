@@ -15,7 +15,7 @@ from beamsim.cli.screens import margins
 from beamsim.cli.session import CommandOptions, print_files, progress_of, say
 from beamsim.cli.tables import table_rows
 from beamsim.errors import BeamsimError, ResultFileError
-from beamsim.files import output_file, output_folder, replacing
+from beamsim.files import output_file, output_folder, replacement_file
 from beamsim.kinds import KINDS
 from beamsim.plots import animation
 from beamsim.plots.animation import Scene
@@ -23,7 +23,7 @@ from beamsim.plots.bodies import stops_of
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.report.contents import Printed, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
@@ -57,7 +57,7 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
         If the picture cannot be written.
     """
     system = built or build_system(scenario)
-    with shown_in(scenario.display_scales):
+    with use_units(scenario.display_scales):
         return save_figures({"sketch": model_figure(_sketch_of(scenario, system))}, folder, stem)
 
 
@@ -73,7 +73,7 @@ def report(options: CommandOptions) -> None:
     target = output_file(options.output, f"{path.stem}_report", ".html", ".htm")
     plotly()  # fail early if plotly is missing
     kind = kind_of(path)
-    with stored_result(path, open_files=options.open_files) as result, shown_in(result.scenario.display_scales):
+    with stored_result(path, open_files=options.open_files) as result, use_units(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = resolve_name(KINDS[kind].figures)(result)
         screen = resolve_name(KINDS[kind].screen)(result).text(result, [path.name])
@@ -82,8 +82,8 @@ def report(options: CommandOptions) -> None:
         model = _model(result)
         scene = _scene(result, model, shown=not (options.json or options.quiet))
         rows = list(table_rows(result))
-        page = page_of(result, about, Printed(screen, rows, limits), figures, sketched(result, model), scene)
-    with replacing(target) as temporary:
+        page = page_of(result, about, Printed(screen, rows, limits), figures, sketch_of_result(result, model), scene)
+    with replacement_file(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
     print_files([target], json=options.json)
 
@@ -105,7 +105,7 @@ def animate(options: CommandOptions) -> None:
         folder = output_folder(output, path.stem, *ANIMATIONS)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (options.json or options.quiet)
-    with stored_result(path, open_files=options.open_files) as result, shown_in(result.scenario.display_scales):
+    with stored_result(path, open_files=options.open_files) as result, use_units(result.scenario.display_scales):
         scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
             remedy = "animate a run, a sweep or a nonlinear mode of a model with nodes that move"
@@ -116,7 +116,7 @@ def animate(options: CommandOptions) -> None:
                 with progress_of(f"drawing {target.name}", shown=shown) as progress:
                     save(scene, target, progress)
             else:
-                with replacing(target) as temporary:
+                with replacement_file(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")
     print_files(targets, json=options.json)
 
@@ -134,7 +134,7 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
     return Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
 
 
-def sketched(result: Any, model: StructuralSystem | None) -> Sketch | None:
+def sketch_of_result(result: Any, model: StructuralSystem | None) -> Sketch | None:
     """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
         return Sketch(
@@ -188,5 +188,5 @@ def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool,
             return None
         model = model or build_system(result.scenario)
         frames = frames_of_orbit(model, Stations.of_modes(result["modes"]), result["motion"])
-    sketch = sketched(result, model)
+    sketch = sketch_of_result(result, model)
     return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

@@ -12,11 +12,11 @@ from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.identify.layouts import WITH, WITHOUT
 from beamsim.analyses.identify.result import IdentificationResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, rounded
+from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, round_with_unit
 from beamsim.labelled import Dataset
 from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 
 # --- Identification --------------------------------------------------------------------------------------------------
 
@@ -26,7 +26,7 @@ def identification_screen(result: IdentificationResult) -> Screen:
     rows, s = [], result.summary
     if "stiffness" in result.datasets:
         estimate, std = result["stiffness"], s["standard_deviation_n_per_m"]
-        row = {"": f"stiffness of {s['snubber']}", "found": _found(s["stiffness_n_per_m"], "N/m", std)}
+        row = {"": f"stiffness of {s['snubber']}", "found": _estimate_text(s["stiffness_n_per_m"], "N/m", std)}
         row |= _scatter(std, estimate["interval"].values.tolist(), "N/m", s["coverage"])
         rows.append(row | {"from": f"mode {', '.join(map(str, s['fit_to']))}, {s['method']}"})
     for name in ("update", "nonlinear"):
@@ -40,17 +40,17 @@ def identification_screen(result: IdentificationResult) -> Screen:
     return Screen(_agreement(tables), rows, list(_facts(result, tables)))
 
 
-def _found(value: float, unit: str, deviation: float) -> str:
+def _estimate_text(value: float, unit: str, deviation: float) -> str:
     """A value to the digits that its standard deviation supports."""
     known = math.isfinite(deviation) and deviation > 0.0 and value
-    return rounded(value, unit, max(round(math.log10(abs(value) / deviation)) + 2, 1) if known else 4)
+    return round_with_unit(value, unit, max(round(math.log10(abs(value) / deviation)) + 2, 1) if known else 4)
 
 
 def _scatter(deviation: float, interval: Sequence[float], unit: str, coverage: float) -> dict[str, str]:
     if not math.isfinite(deviation):
         return {}
     return {
-        "\u00b1": rounded(deviation, unit, 2),
+        "\u00b1": round_with_unit(deviation, unit, 2),
         f"{percent(coverage)} interval": extent(interval[0], interval[1], unit),
     }
 
@@ -93,14 +93,14 @@ def _facts_of_fit(tests: Dataset, summary: Mapping[str, Any]) -> Iterator[str]:
         name, share = tests["name"].values[worst], percent(float(tests["misfit"].values[worst]) / misfit, 2)
         yield f"{name} has {share} of the misfit; without it {without[worst]:.4g} would be left"
     agreeing, starts = summary["starts_agreeing"]
-    freedom = counted(summary["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
+    freedom = count_text(summary["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
     yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
 
 
 def _pad_text(pad: Dataset) -> str:
     low, high = pad["stiffness_interval"].values.tolist()
     interval = extent(low, high, "N/m") if math.isfinite(low) else "not known"
-    branches, misfit = counted(len(pad.labels("branch")), "relaxation time"), percent(pad["misfit"].item(), 2)
+    branches, misfit = count_text(len(pad.labels("branch")), "relaxation time"), percent(pad["misfit"].item(), 2)
     return f"pad {amount(pad['stiffness'].item(), 'N/m', 5)} ({interval}) at rest, {branches}, misfit {misfit} rms"
 
 
@@ -111,7 +111,7 @@ def _parameters(result: IdentificationResult, fit: Dataset) -> list[dict[str, st
         p = fit.sel(parameter=name)
         unit, value, deviation = p["value"].unit, p["value"].item(), p["standard_deviation"].item()
         row = {"": parameter_label(name), "before": amount(p["before"].item(), unit)}
-        row["found"] = _found(value, unit, deviation) + (" at its bound" if p["at_bound"].item() else "")
+        row["found"] = _estimate_text(value, unit, deviation) + (" at its bound" if p["at_bound"].item() else "")
         rows.append(row | _scatter(deviation, p["interval"].values.tolist(), unit, section.coverage))
     return rows
 
@@ -125,7 +125,10 @@ def comparison_screen(result: Comparison) -> Screen:
     for c in result.channels[:MOST_ROWS]:
         rows.append({"": f"{c.place} {c.quantity.replace('_', ' ')}"})
         for k in np.flatnonzero(c.order == 1)[:1]:
-            size = rounded(float(abs(c.measured[k])), c.unit), rounded(float(abs(c.predicted[k])), c.unit)
+            size = (
+                round_with_unit(float(abs(c.measured[k])), c.unit),
+                round_with_unit(float(abs(c.predicted[k])), c.unit),
+            )
             phase = c.phase_difference_deg[k]
             rows[-1] |= dict(zip(("measured at 1 x", "computed"), size, strict=True)) | {
                 "difference": f"{c.difference_db[k]:+.2f} dB" if math.isfinite(c.difference_db[k]) else "",
@@ -149,7 +152,7 @@ def comparison_screen(result: Comparison) -> Screen:
                 rows[-1]["computed"] = f"{amount(p.predicted_level, each.unit, 3)} at {p.predicted_hz:.4g} Hz"
                 rows[-1]["difference"] = f"{p.difference_db:+.2f} dB, {100 * p.frequency_difference:+.2f} %"
     more = len(result.channels) + len(result.sweeps) - len(rows)
-    lines = [f"{counted(more, 'more channel')} in the file"] if more else []
+    lines = [f"{count_text(more, 'more channel')} in the file"] if more else []
     return Screen("", rows, [*lines, *limit_lines(result)])
 
 

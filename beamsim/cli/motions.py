@@ -49,7 +49,7 @@ def run_screen(result: RunResult) -> Screen:
         if s.get(entry):
             lines += lines_of(result, errors)
     lines += limit_lines(result, names) if limits else []
-    lines += _against(result) if s.get("against") else []
+    lines += _reference_lines(result) if s.get("against") else []
     rows = [_place(s, errors, name, limits) for name in names]
     return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
@@ -102,7 +102,7 @@ def _fatigue(result: RunResult, _: Errors) -> Iterator[str]:
         yield f"damage of {name} {damage_text(result, body)}"
 
 
-def _against(result: RunResult) -> Iterator[str]:
+def _reference_lines(result: RunResult) -> Iterator[str]:
     compared = result.summary["against"]
     apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
     last = result["histories"]["time"].values[-1]

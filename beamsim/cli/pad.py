@@ -121,7 +121,7 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
 
 def _comments(found: PadNumbers) -> Iterator[str]:
     """How reliable it is and what is known of the pad, a line each."""
-    if verdict := EXIT_RULES[found.outcome.gravest].first_line:
+    if verdict := EXIT_RULES[found.outcome.gravest_kind].first_line:
         yield verdict
     for label, name, unit in _SHOWN:
         value = getattr(found, name)

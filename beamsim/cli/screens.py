@@ -15,10 +15,10 @@ from typing import Any
 from beamsim.kinds import KINDS
 from beamsim.outcomes import EXIT_RULES, Verdict, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
-from beamsim.plots.understood import understood
+from beamsim.plots.understood import interpretation
 from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limit_label, limit_unit, limits, longer_run, read_first
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.scenario import USED
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -55,19 +55,19 @@ class Screen:
         lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements]
         lines += [*textwrap.wrap(understood_of(result), WIDTH), *(f"warning: {text}" for text in asked), *self.body()]
         more = len(result.warnings) - len(asked)
-        notes = f"{counted(more, 'note')} (-v shows them); " if more else ""
+        notes = f"{count_text(more, 'note')} (-v shows them); " if more else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]
         others = [name for name in files if name not in pictures]
-        plots = [counted(len(pictures), "plot")] if pictures else []
+        plots = [count_text(len(pictures), "plot")] if pictures else []
         return "\n".join([*lines, f"{notes}{', '.join([*others, *plots])}"])
 
     def status(self, result: Result) -> list[str]:
         """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
         outcome = result.outcome
         doubtful = first_of_keys(result, result.summary.get("doubtful", ()))
-        worth = EXIT_RULES[outcome.gravest].first_line
+        worth = EXIT_RULES[outcome.gravest_kind].first_line
         if worth and doubtful and outcome.usable:
-            worth = f"{worth}: {counted(len(doubtful), 'value')}"
+            worth = f"{worth}: {count_text(len(doubtful), 'value')}"
         statements = [part for text in outcome.displayed(scale_for).statements for part in text.split("; ")]
         verdict = ", ".join(filter(None, (worth, self.verdict)))
         return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
@@ -77,10 +77,10 @@ class Screen:
         names = dict.fromkeys(name for row in self.rows for name in row)
         headings = [name for name in names if any(row.get(name) for row in self.rows)]
         cells = [headings, *([row.get(name) or NONE for name in headings] for row in self.rows)]
-        return [*(aligned(cells) if headings else ()), *self.lines]
+        return [*(align_columns(cells) if headings else ()), *self.lines]
 
 
-def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
+def align_columns(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
     """Rows of cells as lines, the cells in columns."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
     between = " " * gap
@@ -139,7 +139,7 @@ class Errors:
         if not is_known(value):
             return "unknown"
         digits = significant_digits(value if size is None else size, self._known.get((entry, place), 0.0))
-        return rounded(value, unit, digits, size) + self.mark(entry, place)
+        return round_with_unit(value, unit, digits, size) + self.mark(entry, place)
 
     def mark(self, entry: str, place: str = "") -> str:
         """The mark of a value that is printed: of a doubt, of one of many motions, or of no limit; else empty."""
@@ -153,7 +153,7 @@ class Errors:
             yield f"* off by more than {100 * ALLOWED_ERROR:g} %"
         if self._printed & (self._after - self._doubtful - self._unlimited):
             yield "~ one of many motions: depends on what follows after the contact sequences diverge"
-        limits_grow = any(_growing(self._result, name) for name in self._result.summary.get("margins", {}))
+        limits_grow = any(_without_limit_mark(self._result, name) for name in self._result.summary.get("margins", {}))
         if self._printed & self._unlimited or limits_grow:
             low_pass = "run.low_pass, " if self._result.KIND == "run" else ""
             yield f"^ {_WITHOUT_LIMIT}: give {low_pass}a damping of the body, or a point mass there"
@@ -168,8 +168,8 @@ class Errors:
         error = percent(max((self._known.get(key, 0.0) for key in first - means), default=0.0), 2)
         marked = self._printed & self._unlimited
         apart = ", but for what is marked ^" if marked else ""
-        scatter = f", {counted(len(means), 'mean')} within the standard error" if means else ""
-        if EXIT_RULES[self._result.outcome.gravest].first_line:
+        scatter = f", {count_text(len(means), 'mean')} within the standard error" if means else ""
+        if EXIT_RULES[self._result.outcome.gravest_kind].first_line:
             verdict = ""  # the title says it
         elif model["reason"]:
             verdict = f"not checked with a finer model ({model['reason']})"
@@ -225,7 +225,7 @@ def significant_digits(value: float, error: float) -> int:
     return min(max(math.floor(math.log10(abs(value))) - last + 1, 1), DIGITS)
 
 
-def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
+def round_with_unit(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
     """A value with as many decimals as its size has in so many digits, and with its unit.
 
     Parameters
@@ -269,7 +269,7 @@ def understood_of(result: Result) -> str:
     if command not in USED:
         return ""  # it compares a result with measurements
     inputs = result["inputs"].rows("number") if "inputs" in result.datasets else ()
-    return understood(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
+    return interpretation(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
 
 
 def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
@@ -281,7 +281,7 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
     closest = result.summary.get("closest_to_test", {})
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
-            text = predicted(result, of)[0] + errors.mark("gapping_ratio", name)
+            text = linear_prediction(result, of)[0] + errors.mark("gapping_ratio", name)
             text += _closest(result, closest[name], of) if name in closest else ""
             names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
@@ -319,7 +319,8 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     """By limit: margin, value with its place, and limit."""
     return {
         limit_label(name): {
-            "margin": margin_text(item["margin"], item["value"], item.get("margin_db")) + _growing(result, name),
+            "margin": margin_text(item["margin"], item["value"], item.get("margin_db"))
+            + _without_limit_mark(result, name),
             "value": amount(item["value"], limit_unit(result.scenario, name)),
             "at": item["at"] or "",
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),
@@ -329,7 +330,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
-def _growing(result: Result, limit: str) -> str:
+def _without_limit_mark(result: Result, limit: str) -> str:
     """The mark of a limit on values that have none as the modes grow; else empty."""
     keys = (key.partition(".") for key in result.summary.get("without_limit") or ())
     return " ^" if any(limits(limit, entry, place) for entry, _, place in keys) else ""
@@ -356,7 +357,7 @@ def limits_in_test(result: Result) -> Iterator[str]:
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
 
 
-def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
+def linear_prediction(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
     """What the linear motion does to a contact, and whether it is known to change it at the level here.
 
     Parameters

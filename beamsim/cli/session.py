@@ -107,13 +107,13 @@ def print_json(values: Mapping[str, Any]) -> None:
 
     Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
     """
-    from beamsim.summaries import plain  # and with it NumPy, without which --help is instant
+    from beamsim.summaries import as_builtin  # and with it NumPy, without which --help is instant
 
-    text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
+    text = dumps(as_builtin(values), ensure_ascii=False, allow_nan=False)
     try:
         text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
-        text = dumps(plain(values), allow_nan=False)
+        text = dumps(as_builtin(values), allow_nan=False)
     show(text)
 
 

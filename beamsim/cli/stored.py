@@ -12,7 +12,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS
 from beamsim.plots.drawing import save_figures
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
 from beamsim.store.results import kind_of, stored_result
 
@@ -27,7 +27,7 @@ def info(options: CommandOptions) -> None:
     """
     path = options.case
     kind = kind_of(path)
-    with stored_result(path) as result, shown_in(result.scenario.display_scales):
+    with stored_result(path) as result, use_units(result.scenario.display_scales):
         if options.json:
             about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
             made = {"created": result.created, "beamsim_version": result.beamsim_version}
@@ -52,7 +52,7 @@ def plot(options: CommandOptions, form: str) -> None:
     folder = output_folder(options.output, path.stem)
     with progress_of(f"plotting {path.name}", shown=not (options.json or options.quiet)):
         figures = resolve_name(KINDS[kind_of(path)].figures)
-        with stored_result(path) as result, shown_in(result.scenario.display_scales):
+        with stored_result(path) as result, use_units(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
     print_files(files, json=options.json, quiet=options.quiet)
 

@@ -8,7 +8,7 @@ from typing import cast
 from beamsim.cli.session import CommandOptions, load_case, print_json, progress_of, show
 from beamsim.cli.tables import print_table
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
-from beamsim.files import output_file, replacing
+from beamsim.files import output_file, replacement_file
 from beamsim.matrix_files import ENDINGS, FORMATS, write_matrices
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import Scenario
@@ -55,7 +55,7 @@ def export(options: CommandOptions, body: str | None, modes: int | None, units: 
     Parameters
     ----------
     options : to the command.
-    body, modes, units, binary : see `exported`.
+    body, modes, units, binary : see `write_export`.
 
     Raises
     ------
@@ -72,14 +72,14 @@ def export(options: CommandOptions, body: str | None, modes: int | None, units: 
     scenario = load_case(options)
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not options.json):
-        files, text = exported(scenario, target, body, modes, units, binary=binary)
+        files, text = write_export(scenario, target, body, modes, units, binary=binary)
     if options.json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
         show(*files, text)
 
 
-def exported(
+def write_export(
     scenario: Scenario, target: Path, body: str | None = None, modes: int | None = None, units: str = "SI", *,
     binary: bool = False,
 ) -> tuple[list[Path], str]:  # fmt: skip
@@ -114,7 +114,7 @@ def exported(
         matrices["viscous"] = named.damping
     written = write_matrices(target, matrices, binary=binary)
     table = target.with_name(f"{target.stem}_dofs.csv")
-    with replacing(table) as temporary:
+    with replacement_file(table) as temporary:
         write_dof_table(temporary, named.table)
     lines = ["bodies:", f"  {name}:", "    kind: matrices"]
     for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):

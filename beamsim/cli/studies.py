@@ -11,12 +11,12 @@ from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.worst import SAMPLED
-from beamsim.cli.screens import SHOWN, Screen, margins, rounded
+from beamsim.cli.screens import SHOWN, Screen, margins, round_with_unit
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Verdict
 from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.results.values import VALUES, limit_label, parameter_label
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 
 MOST_BEST = 5
 SLIGHT = 0.1  # importance of which an upper bound is shown where it is not known better
@@ -41,7 +41,7 @@ def design_screen(result: StudyResult) -> Screen:
         return _probability_screen(result, s["reliability"])
     lines = [f"best: {s['objective']}{_of_quantile(result)}"] if s.get("best") else []
     lines += [*_worst_lines(result), *_limit_lines(result)]
-    shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
+    shown = [(name, s["responses"][name]) for name in _deciding_responses(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
     if result.kind == "optimise":
         rows = [{"": "as it is"} | row for row in _best_rows(result, [s["as_it_is"]] if "as_it_is" in s else [])]
@@ -61,7 +61,7 @@ def design_screen(result: StudyResult) -> Screen:
     else:
         rows = [_range_row(result, name, of) for name, of in shown[:MOST_BEST]]
         more = len(s["responses"]) - len(rows)
-        lines += [f"{counted(more, 'more response')} in the table of -v"] if more else []
+        lines += [f"{count_text(more, 'more response')} in the table of -v"] if more else []
     within = s.get("scatter", {})
     if "probability" in within:
         case = "best case" if "best" in s else "case"
@@ -70,19 +70,19 @@ def design_screen(result: StudyResult) -> Screen:
         )
     for name, of in shown[:SHOWN]:
         lines += _remarks(result, name, within.get("responses", {}).get(name, of))
-    return Screen(_judged(result), rows, [*lines, _comparison(result)])
+    return Screen(_cases_text(result), rows, [*lines, _comparison(result)])
 
 
 def _worst_lines(result: StudyResult) -> Iterator[str]:
     """The worst of the best case within its tolerances, where it is, and how it was found."""
     if (worst := result.summary.get("worst")) is None:
         return
-    tolerances, count = result.summary["tolerances"]["parameters"], counted(worst["further_cases"], "further case")
+    tolerances, count = result.summary["tolerances"]["parameters"], count_text(worst["further_cases"], "further case")
     how = "" if worst["kind"] == SAMPLED else f" with {count} of at most {worst['most_further_cases']}"
     yield f"worst of the best case within its tolerances: {worst['kind']}{how}"
     for name, of in worst["by"].items():
         at = ", ".join(_deviation_text(path, x, tolerances[path]) for path, x in of["deviations"].items() if x)
-        value, sample = (rounded(of[key], result.judge_units[name]) for key in ("value", "of_sample"))
+        value, sample = (round_with_unit(of[key], result.judge_units[name]) for key in ("value", "of_sample"))
         called = limit_label(name) if name in result.limits else name.replace("_", " ")
         yield f"worst {called} {value}, in the sample {sample}; at {at or 'the case itself'}"
 
@@ -107,7 +107,7 @@ def _near_lines(result: StudyResult) -> Iterator[str]:
     """How sharply the best design is located, and what is known of the front."""
     if "front" in result["cases"]:
         count = int(result["cases"]["front"].values.sum())
-        yield f"{counted(count, 'design')} of the front: none is better in both objectives"
+        yield f"{count_text(count, 'design')} of the front: none is better in both objectives"
         yield from _end_lines(result)
         yield from _gap_lines(result)
     near = result.summary.get("near_best", {})
@@ -171,7 +171,7 @@ def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
         yield from filter(None, [agrees])
         return
     shares = result["regions"]["share"].values.tolist()
-    found = f"{counted(len(shares), 'failure region')} found"
+    found = f"{count_text(len(shares), 'failure region')} found"
     if len(shares) > 1:
         listed = [_share(share) for share in shares[:MOST_BEST]]
         found += f", with {', '.join(listed)}{', ...' if len(shares) > MOST_BEST else ''} of the probability"
@@ -187,14 +187,15 @@ def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
         of = numbers.sel(number=path)
         unit, importance = of["mean"].unit, [of[f"importance{end}"].item() for end in ("", "_low", "_high")]
         shown = ""
-        if _within_two(*importance):
+        if _is_within_factor_two(*importance):
             low, high = (_share(end) if is_known(end) else "" for end in importance[1:])
             shown = _share(importance[0]) + (f" ({low} to {high})" if low != high else "")
         elif importance[2] < SLIGHT:
             shown = f"below {_share(math.ceil(100 * importance[2]) / 100)}"
         yield {
-            "": parameter_label(path), "mean": rounded(of["mean"].item(), unit),
-            "deviation": rounded(of["deviation"].item(), unit), "design point": rounded(of["design"].item(), unit),
+            "": parameter_label(path), "mean": round_with_unit(of["mean"].item(), unit),
+            "deviation": round_with_unit(of["deviation"].item(), unit),
+            "design point": round_with_unit(of["design"].item(), unit),
             "importance (%)": shown.replace(" %", ""), "doubles with the mean": _doubling(of, unit),
         }  # fmt: skip
 
@@ -202,25 +203,27 @@ def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
 def _doubling(of: Dataset, unit: str) -> str:
     """By how much the mean moves where the probability doubles; both ways where these are as near."""
     ways = [tuple(of[f"doubles{end}"].sel(side=side).item() for end in ("", "_low", "_high")) for side in SIDES]
-    known = sorted((way for way in ways if is_known(way[0]) and _within_two(*way)), key=lambda way: abs(way[0]))
+    known = sorted(
+        (way for way in ways if is_known(way[0]) and _is_within_factor_two(*way)), key=lambda way: abs(way[0])
+    )
     if not known or any(is_known(way[0]) and abs(way[0]) < abs(known[0][0]) for way in ways):
         return ""  # the other way is nearer, but not known well enough
     nearest, low, high = known[0]
     if not is_known(low):
-        return f"{'+' * (nearest > 0)}{rounded(nearest, unit)}"
-    ends = f" ({rounded(abs(low), unit)} to {rounded(abs(high), unit)})"
+        return f"{'+' * (nearest > 0)}{round_with_unit(nearest, unit)}"
+    ends = f" ({round_with_unit(abs(low), unit)} to {round_with_unit(abs(high), unit)})"
     sign = "±" if len(known) > 1 and abs(known[1][1]) < abs(high) else "+" * (nearest > 0)
-    return f"{sign}{rounded(abs(nearest) if sign == '±' else nearest, unit)}{ends}"
+    return f"{sign}{round_with_unit(abs(nearest) if sign == '±' else nearest, unit)}{ends}"
 
 
-def _within_two(value: float, low: float, high: float) -> bool:
+def _is_within_factor_two(value: float, low: float, high: float) -> bool:
     """Whether an interval is within a factor of two of its value, or not known as the method has none."""
     if not is_known(low):
         return True
     return abs(low) >= 0.5 * abs(value) and abs(high) <= 2.0 * abs(value)
 
 
-def _judged(result: StudyResult) -> str:
+def _cases_text(result: StudyResult) -> str:
     """How many cases there are and how many meet the limits."""
     s = result.summary
     sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
@@ -228,7 +231,9 @@ def _judged(result: StudyResult) -> str:
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
     failed += f", {s['not_reliable']} not reliable" if s.get("not_reliable") else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
-    cases = f"{_DESIGNS[result.kind]}{sides}{counted(result.count, 'case')}, each a {s['analysis'].replace('_', ' ')}"
+    cases = (
+        f"{_DESIGNS[result.kind]}{sides}{count_text(result.count, 'case')}, each a {s['analysis'].replace('_', ' ')}"
+    )
     return f"{cases}{solved}{failed}{passing}"
 
 
@@ -236,7 +241,7 @@ def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[
     """The populations of a response of a sample, and the parameters that it depends on most."""
     called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
     if "populations" in of:
-        mean = rounded(of["mean"], result.units[name])
+        mean = round_with_unit(of["mean"], result.units[name])
         yield f"{called} has {_populations(result, name, of)}; its mean of {mean} describes none of them"
     key, text = ("total_order", _share) if result.kind == "sobol" else ("rank_correlation", "({:+.2f})".format)
     sure = {path: each[key] for path, each in shares.items() if key in each and each.get("p_value", 0.0) < 0.05}
@@ -264,7 +269,7 @@ def _swing_rows(result: StudyResult, names: Sequence[str]) -> Iterator[dict[str,
 def _populations(result: StudyResult, name: str, of: Mapping[str, Any]) -> str:
     """The populations that values are in."""
     unit, groups = result.units[name], of["populations"]
-    ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {counted(g['cases'], 'case')}" for g in groups]
+    ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {count_text(g['cases'], 'case')}" for g in groups]
     return f"{len(groups)} populations: {', '.join(ranges)}"
 
 
@@ -304,15 +309,15 @@ def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[st
     """A response with its ends and the parameters there."""
     row, unit = {"": _response_label(result, name)}, result.units[name]
     if "mean" in of:  # of a sample
-        return row | {label: rounded(of[key], unit) for key, label in _STATISTICS.items()}
+        return row | {label: round_with_unit(of[key], unit) for key, label in _STATISTICS.items()}
     varied = ", ".join(parameter_label(path.rpartition(".")[2]) for path in result["cases"].labels("parameter"))
     for end in ("smallest", "largest"):
         at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
-        row[f"{end} (at {varied})"] = f"{rounded(of[end], unit)}{f' ({at})' if at else ''}"
+        row[f"{end} (at {varied})"] = f"{round_with_unit(of[end], unit)}{f' ({at})' if at else ''}"
     return row
 
 
-def _decisive(result: StudyResult) -> list[str]:
+def _deciding_responses(result: StudyResult) -> list[str]:
     """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]

@@ -16,19 +16,19 @@ from beamsim.analyses.studies.plan import check_cases, design, fingerprint_of, p
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.command import conclude, concluded, prepared
+from beamsim.cli.command import compute_and_save, load_for_command, plot_and_print
 from beamsim.cli.session import CommandOptions, Interruption, Progress, interruptible, progress_of, result_stem, say
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
-from beamsim.files import check_writable, partial_file, replacing
+from beamsim.files import check_writable, partial_file, replacement_file
 from beamsim.kinds import KINDS
-from beamsim.outcomes import COMPLETE, asked_by, exit_code
+from beamsim.outcomes import COMPLETE, exit_code, stop_requests
 from beamsim.parallel import Cluster, default_workers
 from beamsim.results.result import used_processor_time
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import plain
+from beamsim.scenario.base import as_plain_data
 from beamsim.scenario.parameters import yaml_with_units
 from beamsim.store.results import (
-    holds,
+    is_result_of_kind,
     keep_result,
     load,
     refusing_damage,
@@ -67,9 +67,9 @@ def swept(options: CommandOptions, own_options: Mapping[str, Any]) -> None:
     Raises
     ------
     ScenarioError
-        Where an option does not apply to the kind of sweep, and as `concluded`.
+        Where an option does not apply to the kind of sweep, and as `compute_and_save`.
     """
-    scenario, target = prepared("sweep", options)
+    scenario, target = load_for_command("sweep", options)
     kind = _kind(scenario)
     for name, value in {**own_options, "resume": options.resume}.items():
         allowed, path, message, remedy = _OPTIONS[name]
@@ -86,7 +86,7 @@ def swept(options: CommandOptions, own_options: Mapping[str, Any]) -> None:
             scenario, target, options, own_options["overlay"] or (), expansion=bool(own_options["compare"])
         )
     elif kind == "coexisting":
-        _coexist(scenario, target, options, **of_cases)
+        _find_coexisting(scenario, target, options, **of_cases)
     else:
         _sweep_sine(scenario, target, options)
 
@@ -106,7 +106,7 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
         with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
             write_result(part, target, resumed=options.resume)
 
-    earlier = _earlier(target, scenario) if options.resume else None
+    earlier = _partial_result(target, scenario) if options.resume else None
     if earlier is None:
         _say_begins(target, options)
 
@@ -121,10 +121,10 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
     if sweep is not None and sweep.kind == "swept_sine":
         levels = f" at each of {len(sweep.levels)} levels" if len(sweep.levels) > 1 else ""
         cycles = f" ({sweep.cycles:.0f} cycles{levels})"
-    concluded("sweep", target, options, computed, f"sweeping {options.case.name}{cycles}")
+    compute_and_save("sweep", target, options, computed, f"sweeping {options.case.name}{cycles}")
 
 
-def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
+def _partial_result(path: Path, scenario: Scenario) -> SweepResult | None:
     """The partial result of an interrupted sweep of the same scenario; None if there is no file.
 
     Raises
@@ -160,14 +160,14 @@ def continue_motions(
     Parameters
     ----------
     scenario : with a continuation.
-    target, options : as of `concluded`.
+    target, options : as of `compute_and_save`.
     overlay : files of sweeps.
     expansion : whether to compare with the multiple-scales expansion.
 
     Raises
     ------
     BeamsimError
-        As `concluded`.
+        As `compute_and_save`.
     """
     stored = [(path, load(path, "sweep", whole=True)) for path in overlay]
 
@@ -179,7 +179,7 @@ def continue_motions(
         with scenario.locating():
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
-    concluded("continuation", target, options, followed, "following periodic motions")
+    compute_and_save("continuation", target, options, followed, "following periodic motions")
 
 
 def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **worker_options: Any) -> None:
@@ -188,7 +188,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
     Parameters
     ----------
     scenario : with ``vary`` or ``optimise``.
-    target, options : as of `conclude`.
+    target, options : as of `plot_and_print`.
     worker_options : workers, scheduler and wait_for_workers.
 
     Raises
@@ -196,16 +196,16 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
     ScenarioError, ResultFileError
         Before the computation.
     VerdictError, NotTrustedError
-        As `conclude`, or if workers ended unexpectedly; the partial result is saved.
+        As `plot_and_print`, or if workers ended unexpectedly; the partial result is saved.
     """
     plan = plan_designs(scenario)
     check_cases(plan)
-    limits = {} if scenario.limits is None else scenario.limits.given
+    limits = {} if scenario.limits is None else scenario.limits.values_by_name
 
     def same(stored: StudyResult) -> bool:
         return stored["cases"]["fingerprint"].item() == plan.fingerprint and stored.limits == limits
 
-    if options.resume and _finished("designs", target, options, same):
+    if options.resume and _is_finished("designs", target, options, same):
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
@@ -219,11 +219,11 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
         with _naming_kept(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases{further}", shown=not options.quiet) as progress:
                 by = _workers(progress, **worker_options)
-                with asked_by(interrupted):
+                with stop_requests(interrupted):
                     result, written = stored_study(plan, journal, target, progress=progress, **by)
             if not result.finished:
                 raise KeyboardInterrupt
-        conclude(
+        plot_and_print(
             "designs", result, written, options, interrupted, _best_design(result, written) if plan.searches else ()
         )
 
@@ -264,9 +264,9 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
         raise
 
 
-def _finished(kind: str, target: Path, options: CommandOptions, same: Callable[[Any], bool]) -> bool:
+def _is_finished(kind: str, target: Path, options: CommandOptions, same: Callable[[Any], bool]) -> bool:
     """Whether the file has everything that was asked for: a result that is the same; it is then printed."""
-    if journal_path(target).exists() or not holds(target, kind):
+    if journal_path(target).exists() or not is_result_of_kind(target, kind):
         return False
     stored: Any = load(target, kind)
     if not stored.outcome.usable or stored.beamsim_version != __version__:
@@ -276,7 +276,7 @@ def _finished(kind: str, target: Path, options: CommandOptions, same: Callable[[
     if not options.quiet:
         say(f"beamsim: {target} has all of it; there is nothing to compute")
     with refusing_damage(target), interruptible() as interrupted:
-        conclude(kind, stored, target, options._replace(no_plots=True), interrupted)
+        plot_and_print(kind, stored, target, options._replace(no_plots=True), interrupted)
     return True
 
 
@@ -297,11 +297,11 @@ def _say_begins(target: Path, options: CommandOptions) -> None:
     say(f"beamsim: there is nothing to resume in {target}; the computation begins anew{remedy}")
 
 
-def _coexist(scenario: Scenario, target: Path, options: CommandOptions, **workers: Any) -> None:
+def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, **workers: Any) -> None:
     """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
-    if options.resume and _finished("coexisting", target, options, lambda stored: stored.scenario == scenario):
+    if options.resume and _is_finished("coexisting", target, options, lambda stored: stored.scenario == scenario):
         return
-    path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
+    path, fingerprint = journal_path(target), fingerprint_of(scenario, as_plain_data(scenario))
     with opened_journal(path, fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
         _say_known(journal, " starts and disturbances", target, options)
         known = tuple(journal.kept)
@@ -318,7 +318,7 @@ def _coexist(scenario: Scenario, target: Path, options: CommandOptions, **worker
             say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")
         else:
             journal.remove()
-        conclude("coexisting", result, written, options, interrupted)
+        plot_and_print("coexisting", result, written, options, interrupted)
 
 
 _DESIGNS = ("best", "design_point")
@@ -337,6 +337,6 @@ def _best_design(result: StudyResult, target: Path) -> Iterator[Path]:
         if case is None:
             continue
         path = _design_file(target, name)
-        with replacing(path) as temporary:
+        with replacement_file(path) as temporary:
             temporary.write_text(yaml_with_units(design(result.scenario, case)), encoding="utf-8")
         yield path

@@ -14,12 +14,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
-from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Errors, aligned, understood_of
+from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Errors, align_columns, understood_of
 from beamsim.cli.session import show
 from beamsim.kinds import KINDS
-from beamsim.plots.style import amount, shown_in, value_text
+from beamsim.plots.style import amount, use_units, value_text
 from beamsim.results.result import Result
-from beamsim.summaries import Entry, Plain, described, place_in_words, unit_in, words
+from beamsim.summaries import Entry, Plain, complete_entry, place_in_words, unit_in, words
 
 # entries about values, printed in the rows of these values
 OF_VALUES = ("status", "convergence", "doubtful", "after_parting", "peak_times_s", "peak_frequencies_hz",
@@ -50,7 +50,7 @@ def table_rows(result: Result) -> Iterator[Row]:
     """Label and text of the rows of a summary, section by section."""
     tables: dict[str, dict[str, dict[str, str]]] = {}
     errors = Errors(result)
-    for entry in (described(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
+    for entry in (complete_entry(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
         value = result.summary.get(entry.name)
         if value is not None:
             for cell in _Printed(result, entry, errors).cells(value, entry.form):
@@ -58,7 +58,7 @@ def table_rows(result: Result) -> Iterator[Row]:
                     tables.setdefault(cell.title, {}).setdefault(cell.row, {})[cell.column] = cell.text
     for title, table in tables.items():
         yield from _labelled(title, _table_lines(table))
-    yield from _labelled("other errors", aligned(list(errors.others()), gap=2))
+    yield from _labelled("other errors", align_columns(list(errors.others()), gap=2))
     if (used := result.command_processor_time_s) is not None:
         yield "processor time of the command", f"{amount(used, 's')}, with its workers"
     yield "wall time", amount(result.wall_time_s, "s")
@@ -66,7 +66,7 @@ def table_rows(result: Result) -> Iterator[Row]:
 
 def text_table(kind: str, result: Result) -> str:
     """Return the rows of a result's table as text, for Python's prompt, in the units of the scenario."""
-    with shown_in(result.scenario.display_scales):
+    with use_units(result.scenario.display_scales):
         return table_text(result.title, list(all_rows(kind, result)))
 
 
@@ -90,7 +90,7 @@ def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None
     Lines, the texts in a column.
     """
     indent = 4 + max((len(label) for label, _ in rows), default=0)
-    lines = aligned([(f"  {label}", text) for label, text in rows], gap=2)
+    lines = align_columns([(f"  {label}", text) for label, text in rows], gap=2)
     return "\n".join([title, *(part for line in lines for part in _wrapped(line, indent, terminal))])
 
 
@@ -173,11 +173,11 @@ class _Printed(NamedTuple):
         text = value_text(named, value, unit, digits=6 if "hz" in (named[-2:], unit.lower()) else 4)
         if named == "margin" and (value == math.inf or (record or {}).get("value") == 0.0):
             text = "infinite"  # which result files hold as not known
-        at = "" if keys else self._reached(place)
+        at = "" if keys else self._place_text(place)
         error = self.errors.text(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
         return ", ".join(filter(None, (f"{text}{at}", error)))
 
-    def _reached(self, place: tuple[str, ...]) -> str:
+    def _place_text(self, place: tuple[str, ...]) -> str:
         """When, or at which frequency, a largest value is reached."""
         for name, unit in (("peak_times_s", "s"), ("peak_frequencies_hz", "Hz")):
             found = self.result.summary.get(name, {}).get(self.entry.name)
@@ -230,7 +230,7 @@ def _table_lines(table: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     if set(table) == {""}:
         rows = [(name, line) for name, text in table[""].items() for line in text.splitlines()]
         names = [name if k == 0 or rows[k - 1][0] != name else "" for k, (name, _) in enumerate(rows)]
-        yield from aligned([(name, line) for name, (_, line) in zip(names, rows, strict=True)], gap=2)
+        yield from align_columns([(name, line) for name, (_, line) in zip(names, rows, strict=True)], gap=2)
         return
     columns = [column for column in dict.fromkeys(c for row in table.values() for c in row) if column]
     if len(table) < len(columns):
@@ -239,7 +239,7 @@ def _table_lines(table: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     while columns:
         count = len(columns)
         while True:
-            lines = aligned(
+            lines = align_columns(
                 [["", *columns[:count]], *([p, *(r.get(c, NONE) for c in columns[:count])] for p, r in table.items())]
             )
             if count == 1 or max(map(len, lines)) <= WIDTH:

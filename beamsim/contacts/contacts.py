@@ -268,7 +268,7 @@ class Contacts:
         touching = self.arrays.closed.astype(np.int64)
         return np.asarray(touching[contact, after] - touching[contact, before])
 
-    def after(self, phases: Ints, contact: int, following: int) -> Ints:
+    def phases_after(self, phases: Ints, contact: int, following: int) -> Ints:
         """The phases after an event.
 
         Parameters
@@ -383,7 +383,7 @@ class Contacts:
         own = (a.lost[:, :, 0] != 0.0) | (a.lost[:, :, 1] < 0.0) | ((a.lost[:, :, 2] != 0.0) & (a.slides == 0.0))
         return np.flatnonzero(own.any(axis=1))
 
-    def starting_at(self, rate: Floats, least: Floats) -> Ints:
+    def starting_phases(self, rate: Floats, least: Floats) -> Ints:
         """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none.
 
         A face that holds at rest and moves slides against its force.
@@ -437,7 +437,7 @@ class Contacts:
         states = [law.relaxed_states(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
         return np.concatenate([np.zeros(0), *states])
 
-    def coupled(self, phases: Ints) -> bool:
+    def couples_states(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
         return self.internal_states > 0 and bool(self.arrays.coupled[np.arange(self.count), phases].any())
 

@@ -47,7 +47,7 @@ class Springs:
         contact = None if self.contact is None else self.contact[index]
         return Springs(self.shape[index], self.sign[index], self.stiffness[index], self.gap[index], contact)
 
-    def by_contact(self, force: Floats, sign: Floats) -> Floats:
+    def contact_forces(self, force: Floats, sign: Floats) -> Floats:
         """Forces of contacts with the given signs, N, from those of their parts (m,)."""
         if self.contact is None:
             return force
@@ -116,7 +116,7 @@ def find_equilibrium(
     found = np.zeros(stiffness.size), np.zeros(springs.stiffness.size)
     nothing = np.full(springs.stiffness.size, np.nan)
     if load.any() or np.any(springs.gap < 0.0):  # else it stays where it is drawn
-        reached = _reached(energy, rigid)
+        reached = _energy_minimum(energy, rigid)
         if reached is None:
             return Equilibrium(None, nothing, UNBALANCED)
         found = reached
@@ -125,14 +125,14 @@ def find_equilibrium(
     return Equilibrium(*found)
 
 
-def _reached(energy: _Energy, rigid: int) -> tuple[Floats, Floats] | None:
+def _energy_minimum(energy: _Energy, rigid: int) -> tuple[Floats, Floats] | None:
     """Coordinates (n,) and forces of springs (m,) at the minimum of an energy; None where it has none."""
     bounded = not energy.softens and not energy.cubic.count
-    if bounded and rigid and not _balanced(energy.normal[:, :rigid], energy.load[:rigid]):
+    if bounded and rigid and not _can_balance(energy.normal[:, :rigid], energy.load[:rigid]):
         return None
     q = _minimum(energy)
-    if energy.is_least(q):
-        return _refined(energy, q)
+    if energy.is_minimum(q):
+        return _refine(energy, q)
     if bounded:
         raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
     return None
@@ -147,7 +147,7 @@ def _minimum(energy: _Energy) -> Floats:
             break
         closed = energy.penetration(q) > 0
         step = _Newton(energy, q, closed).step(gradient, np.zeros(int(closed.sum())))[: q.size]
-        along = energy.along(q, step)
+        along = energy.slope_along(q, step)
         before, behind = along(0.0), along(1.0)
         if before >= 0.0:
             break
@@ -193,7 +193,7 @@ class _Newton:
         return np.asarray(self.scale * np.linalg.solve(self.matrix, -self.scale * np.concatenate([gradient, misfit])))
 
 
-def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
+def _refine(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
     """Coordinates and forces of springs (m,) with residuals at the round-off of what each coordinate feels.
 
     A stiff stop carries a load that soft coordinates hardly feel: the round-off of the load is not that of the little
@@ -256,7 +256,7 @@ def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
     return np.hstack([*_exact_products(cubic.shape.T, force), cubic.shape.T * of_force])
 
 
-def _balanced(away: Floats, push: Floats) -> bool:
+def _can_balance(away: Floats, push: Floats) -> bool:
     """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid-body motion has no bound)."""
     size = float(np.linalg.norm(push))
     if size == 0.0 or away.shape[0] == 0:
@@ -322,7 +322,7 @@ class _Energy:
             np.diag(self.stiffness) + bent.T @ ((3 * self.cubic.stiffness * (bent @ q) ** 2)[:, None] * bent)
         )
 
-    def along(self, q: Floats, step: Floats) -> Callable[[float], float]:
+    def slope_along(self, q: Floats, step: Floats) -> Callable[[float], float]:
         """The derivative of the energy on the way from coordinates along a step, by the fraction of the step."""
         clear, opening, k = self.springs.gap + self.normal @ q, self.normal @ step, self.springs.stiffness
         bent, bending, c = self.cubic.shape @ q, self.cubic.shape @ step, self.cubic.stiffness
@@ -334,7 +334,7 @@ class _Energy:
 
         return derivative
 
-    def is_least(self, q: Floats) -> bool:
+    def is_minimum(self, q: Floats) -> bool:
         """Whether the gradient vanishes."""
         gradient, size, noise = self.slope(q)
         residual = float(np.abs(gradient).max(initial=0.0))

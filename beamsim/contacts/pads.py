@@ -279,9 +279,9 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
     """
     count = curve.slopes.size
     pad = _Pad(curve, dashpot, tuple(branches))
-    phases = [pad.released(i) for i in range(count)] + [pad.touching(i) for i in range(count)]
+    phases = [pad.separated_phase(i) for i in range(count)] + [pad.contact_phase(i) for i in range(count)]
 
-    def settled(penetration: float) -> tuple[float, ...]:
+    def relax(penetration: float) -> tuple[float, ...]:
         return (0.0,) * pad.first + (max(penetration, 0.0),) * len(branches)
 
     return ContactLaw(
@@ -290,7 +290,7 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
         stiffness=curve.stiffness,
         dashpot=dashpot,
         static=table_law(curve).one_sided_springs,
-        relaxed_states=settled,
+        relaxed_states=relax,
         undamped_law=None if branches else table_law(curve),
     )
 
@@ -406,7 +406,7 @@ class _Pad:
             for j, branch in enumerate(self.branches, start=self.first)
         )
 
-    def recovering(self, i: int, *, released: bool) -> tuple[LawRow, ...]:
+    def recovery_rows(self, i: int, *, released: bool) -> tuple[LawRow, ...]:
         """The rate of u, where it is a state: its dashpot moves by the force; in contact it decays."""
         if not self.first:
             return ()
@@ -426,22 +426,22 @@ class _Pad:
         """The states after contact is made or lost: those of the branches go on."""
         return (face, *(_row(self.unit(OWN + j)) for j in range(1, self.states))) if self.first else None
 
-    def released(self, i: int) -> Phase:
+    def separated_phase(self, i: int) -> Phase:
         face = self.face(i)
         meets = Guard(self.curve.slopes.size + i, _row(face - self.delta), self.reset(LawRow()))
         return Phase(
             f"released {i + 1}", (meets, *self.crossings(i, face, 0)), closed=False, springs=self.springs(i, face),
-            rates=(*self.recovering(i, released=True), *self.relaxing(face)), losses=self.losses,
+            rates=(*self.recovery_rows(i, released=True), *self.relaxing(face)), losses=self.losses,
         )  # fmt: skip
 
-    def touching(self, i: int) -> Phase:
+    def contact_phase(self, i: int) -> Phase:
         force = self.force(i, self.delta)
         force[1] = self.dashpot
         lets_go = Guard(i, _row(force), self.reset(DEPTH))
         return Phase(
             f"segment {i + 1}", (lets_go, *self.crossings(i, self.delta, self.curve.slopes.size)), closed=True,
             springs=self.springs(i, self.delta), lost=LawRow(rate=self.dashpot),
-            rates=(*self.recovering(i, released=False), *self.relaxing(self.delta)),
+            rates=(*self.recovery_rows(i, released=False), *self.relaxing(self.delta)),
             losses=(0.0,) * self.first + self.losses[self.first :],
         )  # fmt: skip
 

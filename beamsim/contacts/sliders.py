@@ -63,7 +63,7 @@ OPEN, ELASTIC, LOADING, UNLOADING = 0, 1, 2, 3  # phases of hardening; the last 
 _EXTENSION = LawRow(penetration=1.0, internal=(-1.0,))  # of the tangential spring
 
 
-def _written(static: float, sliding: float) -> float:
+def _restart_limit(static: float, sliding: float) -> float:
     """Limit that the spring of a contact that slides is written with, where a motion is to be started from there again.
 
     With one coefficient it is that of sticking as well, and the written state is continuous where sliding ends.
@@ -255,7 +255,7 @@ def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tu
     )
     slides = []
     for phase, sign in _SIDES:
-        extension, written = sign * sliding / k, sign * _written(static, sliding) / k
+        extension, written = sign * sliding / k, sign * _restart_limit(static, sliding) / k
         ends = LawRow(rate=sign, pressing_rate=-sliding / k if pressed else 0.0)
         slides.append(
             Phase(
@@ -409,7 +409,7 @@ def unloading_law(
         ends = (float(x[i]) if i else None, float(x[i + 1]) if i + 1 < x.size else None)
         phases += _segment(3 * i + (recovery is not None), ends, of_segment, stiffness, dashpot)
 
-    def settled(penetration: float) -> tuple[float, ...]:
+    def relax(penetration: float) -> tuple[float, ...]:
         limit = ELASTIC_SHARE * float(loading.at(np.array(penetration)) - lower.at(np.array(penetration)))
         return (max(penetration, 0.0) - limit / stiffness,)
 
@@ -420,7 +420,7 @@ def unloading_law(
         stiffness=loading.stiffness,
         dashpot=dashpot,
         static=static,
-        relaxed_states=settled,
+        relaxed_states=relax,
     )
 
 

@@ -106,7 +106,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, base_participati
         if spring.kind == "cubic":
             numbers = (float(spring.stiffness), 0.0, None)
         elif spring.kind in ("linear", JOINT):
-            numbers = (0.0, float(spring.stiffness), _mounted(relaxing_law(None, branches), maxwell, (1.0, -1.0)))
+            numbers = (0.0, float(spring.stiffness), _as_installed(relaxing_law(None, branches), maxwell, (1.0, -1.0)))
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
         else:
@@ -119,7 +119,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, base_participati
                     )
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
-            law = _mounted(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
+            law = _as_installed(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
         on_ground = on_ground and not isinstance(spring, OfHinge)
@@ -288,7 +288,7 @@ def _law_with_memory(located: Located, stiffness: float, curve: ForceCurve | Non
     maxwell = [branch for branch in snubber.maxwell if branch.stiffness > 0.0]
     curve = ForceCurve.line(stiffness) if curve is None else curve
     if snubber.law == "no_tension" and (dashpot > 0.0 or maxwell):
-        return _mounted(recovering_law(curve, dashpot, _branches(maxwell)), maxwell, (1.0,))
+        return _as_installed(recovering_law(curve, dashpot, _branches(maxwell)), maxwell, (1.0,))
     return table_law(curve, dashpot)
 
 
@@ -296,7 +296,7 @@ def _branches(maxwell: Sequence[Any]) -> tuple[MaxwellBranch, ...]:
     return tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in maxwell)
 
 
-def _mounted(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) -> ContactLaw:
+def _as_installed(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) -> ContactLaw:
     """A law with the beginning of motions where branches were just mounted, which then are springs.
 
     Parameters
@@ -317,10 +317,10 @@ def _mounted(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) 
     relaxed[law.internal_states - len(maxwell) :] = [branch.start == "relaxed" for branch in maxwell]
     static = (*law.static_springs, *(OneSidedSpring(side, sum(stiffness), 0.0, 0.0) for side in sides))
 
-    def settled(penetration: float) -> tuple[float, ...]:
+    def relax(penetration: float) -> tuple[float, ...]:
         return tuple((relaxed * law.relaxed_states(penetration)).tolist())
 
-    return replace(law, as_installed=replace(law, static=static, relaxed_states=settled))
+    return replace(law, as_installed=replace(law, static=static, relaxed_states=relax))
 
 
 def resists(snubber: Any) -> str:
@@ -343,7 +343,7 @@ def springs_of(contacts: Contacts) -> Springs:
     )
 
 
-def _balancing(normal: Floats, force: Floats, push: Floats) -> str:
+def _balance_remedy(normal: Floats, force: Floats, push: Floats) -> str:
     """What to do about preloads that do not balance the loads on rigid-body motions: the nearest ones that do.
 
     ``normal`` is (p, r), ``force`` (p,), ``push`` (r,).
@@ -408,7 +408,7 @@ def resolve_preloads(
     q = equilibrium.one_of_many if equilibrium.q is None else equilibrium.q
     if q is None:
         normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
-        remedy = _balancing(normal, force[given], loads[:, :rigid].sum(axis=0))
+        remedy = _balance_remedy(normal, force[given], loads[:, :rigid].sum(axis=0))
         raise ScenarioError([_unreached(located[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()])
     w = contacts.shape @ q
     pressed = np.array(

@@ -85,7 +85,7 @@ class ContactState:
         of, modes = equations.equations, None if known is None else _modes_from_neighbour(known, equations)
         if modes is None:
             modes = _solved_modes(equations, longest_window)
-        if of.contacts.internal_states and not of.contacts.coupled(equations.phases):
+        if of.contacts.internal_states and not of.contacts.couples_states(equations.phases):
             alone = block_diagonalise(equations.internal_rates[:, of.internal], longest_window)
             modes = modes.joined(alone.placed(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
         right, left, lam = modes.simple
@@ -388,7 +388,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     acting = _Acting(shape, k[which], c[which], along, which, crossed)
     across = equations.stuck_directions if equations.stuck_directions.shape[1] else None
     undamped = _undamped_modes(system, acting, across)
-    if crossed or contacts.coupled(phases):
+    if crossed or contacts.couples_states(phases):
         return _general_modes(equations, acting, undamped, window, across)
     omega2, psi, extension, d = undamped
     off = np.abs(d - np.diag(np.diag(d)))
@@ -477,7 +477,7 @@ def _general_modes(
     across : (n, c) motions that are held, whose values load modes and drive internal states; None without.
     """
     system, contacts = equations.equations.system, equations.equations.contacts
-    n, together = system.size, contacts.coupled(equations.phases)
+    n, together = system.size, contacts.couples_states(equations.phases)
     inside, held = contacts.internal_states if together else 0, 0 if across is None else across.shape[1]
     _, psi, extension, _ = undamped
     scale, A, out, back = _FirstOrder.of(undamped, equations.equations.states)

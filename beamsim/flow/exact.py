@@ -193,7 +193,7 @@ class ExactFlow:
         flow.observers = self.observers if observers is None else observers
         flow.duration = self.duration if duration is None else duration
         flow._load()
-        if flow.sources.respond_as(self.sources):
+        if flow.sources.has_responses_of(self.sources):
             return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
             flow.equations = Equations(flow.system, forcing.load, flow.influence, flow.sources.channel)
@@ -364,7 +364,7 @@ class ExactFlow:
         """The state after the event of a guard."""
         phases, events = self.states[state].phases, self.states[state].equations.events
         self._index.move_to_end(phases.tobytes())
-        after = self.system.contacts.after(phases, int(events.contact[guard]), int(events.next[guard]))
+        after = self.system.contacts.phases_after(phases, int(events.contact[guard]), int(events.next[guard]))
         index = self.state_index(after)
         self._arrays["follower"][state, guard] = index
         return index
@@ -406,7 +406,7 @@ class ExactFlow:
         rate = self.equations.penetrations
         start = contacts.start
         if contacts.any_sticks_rigidly:
-            start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
+            start = contacts.starting_phases(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
         phases, before = contacts.pressed_at_start(start, start) if contacts.pressed.size else start, None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
@@ -432,7 +432,7 @@ class ExactFlow:
             unvisited[j, following] = False
             if following == start[j]:
                 unvisited[j] = False
-            phases = contacts.after(phases, j, following)
+            phases = contacts.phases_after(phases, j, following)
             if j in contacts.pressing:
                 phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0

@@ -410,7 +410,8 @@ def neighbouring_modes(
     if not damped or system.coupled_by_damping or np.count_nonzero(before != phases) > MOST_CHANGED:
         return None
     if any(
-        contacts.coupled(of) or contacts.sticks_rigidly(of).any() or contacts.presses(of) for of in (before, phases)
+        contacts.couples_states(of) or contacts.sticks_rigidly(of).any() or contacts.presses(of)
+        for of in (before, phases)
     ):
         return None
     upper = np.flatnonzero(known.eigenvalue.imag > 0.0)

@@ -33,7 +33,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import too_many_events
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never, tell
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never, report_progress
 from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Floats, Ints
 
@@ -141,7 +141,7 @@ def integrate(
     breaks = np.append(sources.start[(sources.start > 0) & (sources.start < duration)], duration)
 
     def stopped(t: float) -> bool:
-        tell(progress, t / duration)
+        report_progress(progress, t / duration)
         return stop()
 
     while record.t < duration and outcome.complete:
@@ -151,7 +151,7 @@ def integrate(
         if guard is not None:
             record.meet(equations, guard)
         else:
-            piece = _solved(stepping, equations, (record.t, until), record.y, stopped)
+            piece = _integrate(stepping, equations, (record.t, until), record.y, stopped)
             if piece.sol is not None:
                 if observe is not None:
                     observe(piece, record.phases)
@@ -164,7 +164,7 @@ def integrate(
     return record.trajectory(equations.count, outcome)
 
 
-def _solved(
+def _integrate(
     stepping: TimeStepping,
     equations: _Equations,
     span: tuple[float, float],
@@ -195,7 +195,7 @@ def _solved(
         if stopped(end):
             outcome = interruption(at=Where(end, "s"))
         elif guard is None:
-            outcome = equations.checked(end, y)
+            outcome = equations.check_guards(end, y)
     sol = scipy.integrate.OdeSolution(times, dense) if dense else None
     return Piece(np.array(times), sol, y, guard, outcome)
 
@@ -236,7 +236,7 @@ class _Record:
         """The event of a guard takes its contact to another phase."""
         contact, following = int(equations.events.contact[guard]), int(equations.events.next[guard])
         equations.reset(guard, self.t, self.y)
-        before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
+        before, self.phases = self.phases, self.contacts.phases_after(self.phases, contact, following)
         equations.stop(self.contacts.sticks_rigidly(before) | self.contacts.sticks_rigidly(self.phases), self.t, self.y)
         self.y[-2] += equations.lost(before, self.phases, self.t, self.y)
         self.events.append((self.t, contact, int(before[contact]), following))
@@ -386,7 +386,7 @@ class _Equations:
         self.floor[~self.waiting] = 0.0
         return float(step.t), None
 
-    def checked(self, t: float, y: Floats) -> Outcome:
+    def check_guards(self, t: float, y: Floats) -> Outcome:
         """What comes of a state (N + 2,) at the end of a step in which no event was found: no guard is below zero."""
         values, parts = self.guards(np.array([t]), y[None])
         below = np.where(values[0] < self.floor - ROUND_OFF * parts, values[0], 0.0)

@@ -28,7 +28,7 @@ from beamsim.flow.transient import Log, March, Motion, motion_of, start
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
-from beamsim.outcomes import Outcome, never, tell
+from beamsim.outcomes import Outcome, never, report_progress
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
 from beamsim.typing import TINY, Floats, Ints
 
@@ -227,7 +227,7 @@ class LevelControl:
                 cycle.append(int(ahead[0]))
                 slope = self._slope(at, ahead, gain[-1], slope)
                 gain.append(min(gain[-1] + slope, 0.0))
-            tell(self.progress, cycle[-1] / self._total)
+            report_progress(self.progress, cycle[-1] / self._total)
         return self._table(np.array(cycle), np.array(gain))
 
     def _step(self, cycle: int) -> int:
@@ -323,7 +323,7 @@ class LevelControl:
         order = np.argsort(frequency)
         f, g = frequency[order], gain[order]
         corners = self._corners[(self._corners > f[0]) & (self._corners < f[-1])]
-        return Profile.through(*self._points(np.union1d(f, corners), f, g))
+        return Profile.from_points(*self._points(np.union1d(f, corners), f, g))
 
     def _points(self, frequency: Floats, given: Floats, gain: Floats) -> tuple[Floats, Floats]:
         return frequency, self.specification(frequency) * np.exp(np.interp(np.log(frequency), np.log(given), gain))

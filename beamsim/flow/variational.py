@@ -132,7 +132,7 @@ class FlowOutputs:
         if key is None:
             return self._once((), lambda: _changed(self.flow.equations.state))
         before, contact, after = key
-        then = self.flow.system.contacts.after(before, contact, after)
+        then = self.flow.system.contacts.phases_after(before, contact, after)
         make = partial(self._event, before, contact, after)
         return self._once((before.tobytes(), contact, after), make, before, then)
 

@@ -45,7 +45,7 @@ class SpectralDensity:
     value: Floats
 
     @classmethod
-    def through(cls, points: Sequence[tuple[float, float]]) -> SpectralDensity:
+    def from_points(cls, points: Sequence[tuple[float, float]]) -> SpectralDensity:
         """The density through points (frequency in Hz, density in unit^2/Hz)."""
         frequency, value = np.transpose(points)
         return cls(np.asarray(frequency, dtype=float), np.asarray(value, dtype=float))
@@ -175,11 +175,11 @@ class SpectralDensity:
                 at,
                 f"{given} in the {what} of its density from {low:g} to {high:g} Hz (at least {FEWEST_LINES}): its "
                 f"sines are {1.0 / period:.4g} Hz apart",
-                f"{_rounded_up(enough):g} s or more suffices; excitation.period may be longer than the run",
+                f"{_round_up(enough):g} s or more suffices; excitation.period may be longer than the run",
             )
 
 
-def _rounded_up(duration: float) -> float:
+def _round_up(duration: float) -> float:
     """A duration in three digits that is no shorter."""
     scale = 10.0 ** (np.floor(np.log10(duration)) - 2)
     return float(np.ceil(duration / scale * (1 - 1e-12)) * scale)
@@ -218,4 +218,4 @@ def density_of(excitation: RandomInput, folder: Path | None = None) -> SpectralD
     """
     if isinstance(excitation.psd, CurveFile):
         return SpectralDensity(*read_density(excitation, excitation.psd, folder))
-    return SpectralDensity.through(excitation.table)
+    return SpectralDensity.from_points(excitation.table)

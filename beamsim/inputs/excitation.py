@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.errors import ScenarioError, rooted
+from beamsim.errors import ScenarioError, prefix_problems
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.measured import read_density, sampled_signal, target_curve
@@ -39,7 +39,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.excitation import MatchedInput, One, RandomInput, SweptSineInput
 from beamsim.scenario.files import CurveFile
-from beamsim.scenario.quantities import amplitude_unit, blended, power_of
+from beamsim.scenario.quantities import amplitude_unit, power_of, shares_of_seeds
 from beamsim.typing import Complexes, Floats, Ints
 
 MOST_RAMPED = 50_000_000  # samples of a random input that rises
@@ -56,7 +56,7 @@ def _spectrum(density: SpectralDensity, period: float, count: int, seed: int | s
     amplitude = density.lines(period, count // 2 + 1)
     used = np.flatnonzero(amplitude)
     out = np.zeros(amplitude.size, dtype=complex)
-    for each, share in blended(seed):
+    for each, share in shares_of_seeds(seed):
         generator = np.random.default_rng(each)
         phase, size = generator.uniform(0, 2 * np.pi, amplitude.size)[used], amplitude[used]
         if gaussian:
@@ -65,7 +65,7 @@ def _spectrum(density: SpectralDensity, period: float, count: int, seed: int | s
     return out
 
 
-def _clipped(amplitude: Complexes, count: int, limit: float) -> Complexes:
+def _clip_record(amplitude: Complexes, count: int, limit: float) -> Complexes:
     """Amplitudes of the sines of a record whose samples are clipped, without what lies below its lowest sine.
 
     A base would drift with what clipping adds below the band. Taking it away moves samples beyond the limit again, so
@@ -121,7 +121,7 @@ def random_signals(
     amplitude = _spectrum(density, period, count, excitation.seed, excitation.amplitudes == "random")
     limit = np.inf if excitation.clip is None else excitation.clip * density.rms
     if limit < np.inf:
-        amplitude = _clipped(amplitude, count, limit)
+        amplitude = _clip_record(amplitude, count, limit)
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
     displacement_0 = 0.0
@@ -277,7 +277,7 @@ def sweep_windows(
     profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
     phase = excitation.phase + phase_of_acceleration(quantity, level, excitation.profile)
     leg = make_leg(excitation.from_, excitation.to, excitation.rate)
-    moves = excitation.takes in (TRANSLATION_TAKES, ROTATION_TAKES)  # the base, a support or a stop
+    moves = excitation.level_quantities in (TRANSLATION_TAKES, ROTATION_TAKES)  # the base, a support or a stop
     corrections = jumps([leg], profile, phase) if moves else None  # whatever part of the sweep is run
     if duration is not None:
         if duration > leg.duration * (1 + 1e-9):
@@ -419,7 +419,7 @@ def highest_excited_hz(scenario: Scenario) -> float:
 
 def _highest_of_curve(scenario: Scenario, at: Keys, excitation: MatchedInput | RandomInput) -> float:
     """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
-    with rooted("excitation", path_text(at)):
+    with prefix_problems("excitation", path_text(at)):
         if isinstance(excitation, MatchedInput):
             return float(target_curve(excitation, scenario.folder_of(*at, "srs", "file"))[0][-1])
         if isinstance(excitation.psd, CurveFile):

@@ -11,13 +11,13 @@ from typing import NoReturn
 import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.files import found_in
+from beamsim.files import find_file
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.conditioning import (
     clipping_warnings,
-    conditioned,
+    condition,
     evenly_timed,
     offset_warnings,
     rounding_warnings,
@@ -28,7 +28,7 @@ from beamsim.measurements.signal import MeasuredSignal, axis_kind, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import InvalidValueError, path_text
 from beamsim.scenario.base import Path as Keys
-from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, spoken
+from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, quantity_text
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant, power_of
 from beamsim.scenario.reporting import Limits
@@ -140,15 +140,15 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, a filter
         that does not suit the record, and where neither the file nor the excitation states a unit.
     """
-    path = found_in(excitation.file, folder)
+    path = find_file(excitation.file, folder)
     try:
-        signal = _chosen(read_file(path, excitation.decimal), excitation)
+        signal = _select_times(read_file(path, excitation.decimal), excitation)
         if signal.y.size < 4:
             _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
         raw = evenly_timed(signal)
-        signal = _in_si(raw, excitation).checked()
+        signal = _in_si(raw, excitation).check()
         _demand_no_gaps(signal, excitation)
-        used = conditioned(signal, excitation, excitation.resample)
+        used = condition(signal, excitation, excitation.resample)
     except InputFileError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
     doubts = [*clipping_warnings(raw), *offset_warnings(used, starts=not excitation.stationary)]
@@ -172,7 +172,7 @@ def _demand_no_gaps(signal: MeasuredSignal, excitation: SampledInput) -> None:
         )
 
 
-def _chosen(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
+def _select_times(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
     """The values over the times that are asked for."""
     time = None if excitation.time_column is None else column_named(signals, excitation.time_column)
     signal = _values(signals, time, excitation)
@@ -216,7 +216,7 @@ def _other_quantity(unit: str, takes: Sequence[str]) -> str:
     for quantity in takes[1:]:
         with suppress(UnitError):
             size_of(unit, LEVEL_DIMENSIONS[quantity])
-            return f", or write unit: {unit} if the file has a {spoken(quantity)}"
+            return f", or write unit: {unit} if the file has a {quantity_text(quantity)}"
     return ""
 
 
@@ -227,7 +227,9 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
         dimension = LEVEL_DIMENSIONS[excitation.quantity or "acceleration"]
         signal = in_si(signal, excitation.unit, dimension, "excitation.unit")
     except ScenarioError as error:
-        hint = "" if excitation.unit or excitation.quantity_ else _other_quantity(signal.unit, excitation.takes)
+        hint = (
+            "" if excitation.unit or excitation.quantity_ else _other_quantity(signal.unit, excitation.level_quantities)
+        )
         problems += (replace(problem, remedy=problem.remedy + hint) for problem in error.problems)
     if not (excitation.time_unit or signal.axis_unit):
         message = f"is missing, and {excitation.file} states no unit of its times"
@@ -409,13 +411,13 @@ def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tupl
     """
     file = table.file
     try:
-        signals = read_file(found_in(file, folder), table.decimal)
+        signals = read_file(find_file(file, folder), table.decimal)
         signals = signals if table.column is None else [column_named(signals, table.column)]
         densities = [each for each in signals if each.function == FunctionType.POWER_DENSITY]
         if len(densities) != 1:
             has = f"has {len(densities)} power spectral densities" if densities else "has no power spectral density"
             raise InputFileError(has, "export one alone, or as CSV with the columns frequency (Hz) and PSD (g^2/Hz)")
-        density = densities[0].on_si_axis(None, "the unit of the axis in the file").checked()
+        density = densities[0].on_si_axis(None, "the unit of the axis in the file").check()
         if not density.unit:
             raise InputFileError(f"states no unit of {density.name}", f"export it with its unit, {dimension.example}")
         factor = read_quantity(f"1 {density.unit}", dimension)
@@ -443,7 +445,7 @@ def _read_table(
     """
     file = table.file
     try:
-        signal, factor, quantity = _levels(read_file(found_in(file, folder), table.decimal), table, at, dimensions)
+        signal, factor, quantity = _levels(read_file(find_file(file, folder), table.decimal), table, at, dimensions)
         unit = signal.axis_unit
         if not unit:
             raise InputFileError("cannot be used: its first column states no unit", "head it frequency (Hz)")

@@ -129,7 +129,7 @@ class Profile:
         return cls(np.ones(1), np.array([amplitude]), np.array([power_of(quantity)], dtype=float))
 
     @classmethod
-    def held(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
+    def from_steps(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
         """From points (frequency in Hz, level, quantity): each level is constant up to the next point."""
         edge = np.array([f for f, _, _ in points])
         amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
@@ -142,12 +142,12 @@ class Profile:
         Every level must be positive.
         """
         edge = np.array([f for f, _, _ in points])
-        return cls.through(
+        return cls.from_points(
             edge, np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
         )
 
     @classmethod
-    def through(cls, edge: Floats, amplitude: Floats) -> Profile:
+    def from_points(cls, edge: Floats, amplitude: Floats) -> Profile:
         """Log-log interpolation between positive amplitudes (P,) at increasing frequencies (P,), constant outside."""
         slope = np.diff(np.log(amplitude)) / np.diff(np.log(edge)) if edge.size > 1 else np.zeros(0)
         if edge.size == 1:
@@ -234,7 +234,7 @@ def make_profile(
     default = "acceleration" if power_of(quantity) else quantity
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
-        profile = (Profile.held(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))
+        profile = (Profile.from_steps(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))
     else:
         profile = Profile.constant(abs(level), quantity)
     for notch in notches:

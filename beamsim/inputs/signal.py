@@ -81,7 +81,7 @@ class Signal:
         for first in range(0, t.size, TIMES_AT_ONCE):
             part = times[first : first + TIMES_AT_ONCE]
             k = np.clip(np.searchsorted(self.start, part, side="right") - 1, 0, None)
-            values[first : first + TIMES_AT_ONCE] = self.within(k, part - self.start[k])
+            values[first : first + TIMES_AT_ONCE] = self.piece_values(k, part - self.start[k])
         return values.reshape(t.shape)
 
     def __mul__(self, factor: float) -> Signal:
@@ -116,13 +116,13 @@ class Signal:
                     above = out[:, i, p + 1] * (p + 1) if p < degree else 0.0
                     out[:, i, p] = (c[:, i, p] - above) / nu
         length = np.diff(self.start)
-        grown = Signal(self.start, exponent, out).within(np.arange(length.size), length)  # without the constants
+        grown = Signal(self.start, exponent, out).piece_values(np.arange(length.size), length)  # without the constants
         first = out[:, :, 0].sum(axis=1).real
         # each piece starts at the value at which the previous one ends
         out[:, constant, 0] += initial + np.concatenate([[0.0], np.cumsum(grown - first[:-1])]) - first
         return Signal(self.start, exponent, out)
 
-    def within(self, piece: Ints, sigma: Floats) -> Floats:
+    def piece_values(self, piece: Ints, sigma: Floats) -> Floats:
         """Value of each piece at time ``sigma`` since its start (arrays of the same shape)."""
         value = np.zeros(sigma.shape)
         for i, nu in enumerate(self.exponent):
@@ -367,7 +367,7 @@ class Sources:
         scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
         return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
 
-    def respond_as(self, others: Sources) -> bool:
+    def has_responses_of(self, others: Sources) -> bool:
         """Whether responses to these are those to others: they differ in amplitudes and starts of pieces at most."""
         names = ("exponent", "power", "channel", "longest_piece", "limit")
         return all(np.array_equal(getattr(self, name), getattr(others, name)) for name in names)
@@ -380,7 +380,7 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
     exponent, power, channel, last = [0j], [0], [-1], [0]
     columns = [np.ones((start.size, 1), dtype=complex)]
     for index, signal in enumerate(channels):
-        c = signal.coefficient if np.array_equal(signal.start, start) else _about(signal, start)
+        c = signal.coefficient if np.array_equal(signal.start, start) else _coefficients_at_starts(signal, start)
         for i, nu in enumerate(signal.exponent):
             used = np.flatnonzero(np.any(c[:, i, :] != 0, axis=0))
             if used.size == 0 and nu == 0:
@@ -462,7 +462,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     )  # fmt: skip
 
 
-def _about(signal: Signal, start: Floats) -> Complexes:
+def _coefficients_at_starts(signal: Signal, start: Floats) -> Complexes:
     """Coefficients (P, E, D) of the signal about new piece starts that include its own."""
     k = np.clip(np.searchsorted(signal.start, start, side="right") - 1, 0, None)
     shift = start - signal.start[k]

@@ -22,7 +22,7 @@ from beamsim.hdf5 import LIST, open_hdf5, read_array, scale_along, values_size
 from beamsim.labelled import ABSENT, OF_EACH
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
-from beamsim.measurements.signal import MeasuredSignal, axis_kind, label_of, split_heading, stated
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, label_of, label_unit, split_heading
 from beamsim.scenario import units as si
 
 _NETCDF_FILL = 9.969209968386869e36  # of floats that were never written
@@ -86,7 +86,10 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             for number, (label, quantity, unit) in enumerate(rows):
                 if not absent.reshape(len(of_rows), -1)[number].all():
                     own, values = f"{folder}/{label}/{quantity}", whole.values.reshape(len(of_rows), -1)[number]
-                    arrays[own], called[own] = replace(whole, values=values, unit=stated(unit)), f"{label} {quantity}"
+                    arrays[own], called[own] = (
+                        replace(whole, values=values, unit=label_unit(unit)),
+                        f"{label} {quantity}",
+                    )
     return [_signal(name, called[name], arrays, path) for name in arrays]
 
 
@@ -165,7 +168,7 @@ def _matlab_unit(name: str, arrays: Mapping[str, Any], texts: Mapping[str, str])
     names = [f"{last}_unit", f"{last}_units", f"{last}unit", f"{last}units"]
     if siblings == [name] and folder:
         names += ["unit", "units"]
-    found = (stated(texts.get(f"{folder}/{each}".lstrip("/").lower(), "")) for each in names)
+    found = (label_unit(texts.get(f"{folder}/{each}".lstrip("/").lower(), "")) for each in names)
     return next(filter(None, found), "") or _heading(name)[1]
 
 
@@ -203,7 +206,7 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
     given = {key: item.attrs[key] for key in item.attrs if key != LIST}
     given = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}
     units = {text_of_attribute(value) for key, value in given.items() if key.lower() in ("unit", "units")} - {""}
-    unit = stated(next(iter(units), "")) or _heading(name)[1]
+    unit = label_unit(next(iter(units), "")) or _heading(name)[1]
     again = "export the values in their unit"
     fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
     raw = read_array(item).ravel()

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.measurements.conditioning import clipping_warnings, conditioned, evenly_timed
+from beamsim.measurements.conditioning import clipping_warnings, condition, evenly_timed
 from beamsim.measurements.functions import RATIOS, FunctionType, is_unit_of
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario import Scenario, Source, scenario_of
-from beamsim.scenario.base import closest
-from beamsim.scenario.excitation import spoken
+from beamsim.scenario.base import closest_name
+from beamsim.scenario.excitation import quantity_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.identification import SteadyTest, TransientTest
 from beamsim.scenario.quantities import level_unit, meant, motion_dimension
@@ -61,7 +61,7 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
             signal = in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit")
             filtered_later = isinstance(test, TransientTest)  # with the motion, in the part that is compared
             how = RecordPreparation(factor=test.factor) if filtered_later else test
-            signals.append(conditioned(signal, how))
+            signals.append(condition(signal, how))
         except InputFileError as fault:
             problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
         except ScenarioError as error:
@@ -154,9 +154,11 @@ def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark 
             evenly_timed(each).on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis
         ]
     except InputFileError as fault:
-        raise unusable(f"{path} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
     if not signals:
-        raise unusable(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
+        raise measurement_error(
+            f"{path} contains no signal", "it needs a time or frequency axis and at least one channel"
+        )
     return signals
 
 
@@ -189,9 +191,9 @@ def channel_named(
     ScenarioError
         If no channel or several match, or values are not finite.
     """
-    words = spoken(quantity)
+    words = quantity_text(quantity)
     exact = [s for s in signals if name in (s.name, split_heading(s.name)[0])]
-    named = [s for s in signals if holds_name(s.name, name)]
+    named = [s for s in signals if contains_word(s.name, name)]
     loose = [s for s in named if _is_of(s.name, words)]
     if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
         loose = [s for s in named if _is_of(s.name, "acceleration")]
@@ -202,7 +204,7 @@ def channel_named(
         chosen = chosen[:1]
     if len(chosen) != 1:
         names = [s.name for s in signals]
-        close = closest(name, names)
+        close = closest_name(name, names)
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close}?" if close and not chosen else f"name one: {listed}"
@@ -236,16 +238,16 @@ def history_named(
     try:
         return signal.required((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
     except InputFileError as fault:
-        raise unusable(f"{path} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 
 
 def _refuse_unusable_samples(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
     if signal.x.size < 2:
-        raise unusable(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
+        raise measurement_error(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     try:
-        checked = signal.checked()
+        checked = signal.check()
     except InputFileError as fault:
-        raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
     return replace(checked, warnings=(*checked.warnings, *clipping_warnings(checked)))
 
 
@@ -253,7 +255,7 @@ def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
     return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
 
 
-def holds_name(name: str, part: str) -> bool:
+def contains_word(name: str, part: str) -> bool:
     """Whether a channel's name holds a word."""
     return bool(
         re.search(
@@ -285,9 +287,9 @@ def demand_amplitudes(signals: Iterable[MeasuredSignal], purpose: str) -> None:
         try:
             signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), purpose)
         except InputFileError as fault:
-            raise unusable(f"{signal.source or 'a signal'} {fault.message}", fault.remedy) from None
+            raise measurement_error(f"{signal.source or 'a signal'} {fault.message}", fault.remedy) from None
 
 
-def unusable(message: str, remedy: str) -> ScenarioError:
+def measurement_error(message: str, remedy: str) -> ScenarioError:
     """A fault of a measurement, or of what is asked of it, that no key of the scenario names."""
     return ScenarioError.at("", message, remedy)

@@ -145,7 +145,7 @@ def by_dimension(
     picked: dict[str, MeasuredSignal] = {}
     for kind in sorted(found, key=lambda kind: dimensions[kind] in _OF_AXES):  # axes follow from what is along them
         named = [signal for signal in found[kind] if any(signal is each for each in wanted)]
-        picked[kind] = _one_of(named or _along([*wanted, *picked.values()], found[kind]), kind, factors)
+        picked[kind] = _one_of(named or _columns_along_axes([*wanted, *picked.values()], found[kind]), kind, factors)
         _check_samples(list(picked.values()), factors)
     return {kind: np.asarray(signal.y * factors[signal.name], dtype=float) for kind, signal in picked.items()}
 
@@ -156,7 +156,7 @@ def _has_axis(signal: MeasuredSignal) -> bool:
     return bool(signal.axis and (named or axis_kind(signal.axis)))
 
 
-def _along(others: Sequence[MeasuredSignal], columns: list[MeasuredSignal]) -> list[MeasuredSignal]:
+def _columns_along_axes(others: Sequence[MeasuredSignal], columns: list[MeasuredSignal]) -> list[MeasuredSignal]:
     """Of several columns those along the axes of other ones, or these axes, where there are any."""
     axes = {signal.axis for signal in others if _has_axis(signal)}
     return [each for each in columns if each.name in axes or each.axis in axes] or columns
@@ -166,7 +166,7 @@ def _one_of(columns: Sequence[MeasuredSignal], kind: str, factors: Mapping[str, 
     """The first of columns with the same values; refuses others."""
     first = columns[0]
     for other in columns[1:]:
-        if not _equal(first.y * factors[first.name], other.y * factors[other.name]):
+        if not _have_equal_values(first.y * factors[first.name], other.y * factors[other.name]):
             names = [split_heading(each.name)[0] for each in columns]
             raise InputFileError(
                 f"cannot be used: {listed(columns)} each have a unit of {kind}",
@@ -175,7 +175,7 @@ def _one_of(columns: Sequence[MeasuredSignal], kind: str, factors: Mapping[str, 
     return first
 
 
-def _equal(a: Floats | Complexes, b: Floats | Complexes) -> bool:
+def _have_equal_values(a: Floats | Complexes, b: Floats | Complexes) -> bool:
     """Whether two columns hold the same values, up to the round-off of their units."""
     return a.shape == b.shape and np.allclose(a, b, rtol=1e-9, atol=0.0, equal_nan=True)
 
@@ -186,7 +186,7 @@ def _check_samples(columns: Sequence[MeasuredSignal], factors: Mapping[str, floa
         raise InputFileError("cannot be used: its columns have different lengths", "use a table of equal columns")
     timed = [column for column in columns if _has_axis(column)]
     for other in timed[1:]:
-        if not _equal(*(each.x * factors.get(each.axis, 1.0) for each in (timed[0], other))):
+        if not _have_equal_values(*(each.x * factors.get(each.axis, 1.0) for each in (timed[0], other))):
             raise InputFileError(
                 f"cannot be used: {timed[0].name} and {other.name} are measured at different times",
                 "resample them to the same times",

@@ -162,7 +162,7 @@ def is_even(time: Floats) -> bool:
     return bool(np.ptp(steps) <= EVEN * float(np.mean(steps)) + 8 * np.spacing(np.abs(time).max()))
 
 
-def conditioned(signal: MeasuredSignal, how: RecordPreparation, resample: float | None = None) -> MeasuredSignal:
+def condition(signal: MeasuredSignal, how: RecordPreparation, resample: float | None = None) -> MeasuredSignal:
     """A record with its factor, without mean or trend, at another sampling rate and high-pass filtered, in this order.
 
     Parameters
@@ -186,9 +186,9 @@ def conditioned(signal: MeasuredSignal, how: RecordPreparation, resample: float 
         raise InputFileError("is no time history, which could be filtered", "leave out remove and high_pass")
     given = signal
     if how.remove is not None:
-        signal = _without(signal, how.remove)
+        signal = _remove_trend(signal, how.remove)
     if resample is not None:
-        signal = resampled(signal, resample)
+        signal = resample_signal(signal, resample)
     if how.high_pass is not None:
         signal = high_passed(signal, how.high_pass)
     if signal.unit != units.ACCELERATION.unit or (how.remove is None and how.high_pass is None):
@@ -205,7 +205,7 @@ def _ends_of_motion(acceleration: MeasuredSignal) -> tuple[float, float]:
     return float(velocity[-1]), float(np.sum(steps * (velocity[:-1] + steps * (2.0 * y[:-1] + y[1:]) / 6.0)))
 
 
-def _without(signal: MeasuredSignal, what: str) -> MeasuredSignal:
+def _remove_trend(signal: MeasuredSignal, what: str) -> MeasuredSignal:
     """A time history without its mean or trend."""
     degree = 1 if what == "trend" else 0
     line = np.polynomial.Polynomial.fit(signal.x, signal.y, degree)
@@ -215,7 +215,7 @@ def _without(signal: MeasuredSignal, what: str) -> MeasuredSignal:
     return replace(signal, y=signal.y - removed, scaling=(*signal.scaling, text))
 
 
-def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
+def resample_signal(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
     """A time history at another sampling rate, low-pass filtered before where that is lower.
 
     Parameters
@@ -259,7 +259,7 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
     ratio = Fraction(rate / old).limit_denominator(1000) or Fraction(1, round(old / rate))
     if ratio == 1:
         return signal
-    return _decimated(replace(signal, x=time, y=values), old, ratio, rate)
+    return _decimate(replace(signal, x=time, y=values), old, ratio, rate)
 
 
 def _even_times(time: Floats, rate: float) -> Floats:
@@ -267,7 +267,7 @@ def _even_times(time: Floats, rate: float) -> Floats:
     return np.asarray(time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate * (1 + 1e-12))) + 1) / rate)
 
 
-def _decimated(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) -> MeasuredSignal:
+def _decimate(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) -> MeasuredSignal:
     """An evenly sampled history, low-pass filtered and at a lower sampling rate.
 
     Parameters

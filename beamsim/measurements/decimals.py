@@ -40,7 +40,7 @@ _WITHIN_TEXT = re.compile(
 )
 
 
-def _stripped(cell: str) -> str:
+def _strip(cell: str) -> str:
     return cell.strip().replace("−", "-")
 
 
@@ -50,7 +50,7 @@ def could_be_number(cell: str) -> bool:
     >>> [could_be_number(cell) for cell in ("-1.104,5", "1'104", "12.05.2024", "0,5 mm", "1.5D-03")]
     [True, True, False, False, True]
     """
-    cell = _stripped(cell)
+    cell = _strip(cell)
     return any(pattern.fullmatch(cell) for pattern in _PATTERNS.values())
 
 
@@ -71,25 +71,25 @@ class NumberFormat:
 
     def value(self, cell: str) -> float | None:
         """The number in a cell, nan of an empty one, and None where it is no number."""
-        cell = _stripped(cell)
+        cell = _strip(cell)
         if _PATTERNS[self.decimal].fullmatch(cell):
             return float(cell.translate(_PLAIN[self.decimal]))
         if not cell or _NOT_FINITE.fullmatch(cell):
             return float(cell or "nan")
         return None
 
-    def plain(self, text: str) -> str:
+    def with_decimal_points(self, text: str) -> str:
         """A text whose numbers are written with a decimal point and without marks between thousands.
 
         >>> NumberFormat(",").plain("-1.104,5 mm"), NumberFormat(",").plain("tip2")
         ('-1104.5 mm', 'tip2')
         """
 
-        def plain(found: re.Match[str]) -> str:
+        def replace(found: re.Match[str]) -> str:
             number = found[0]
             return number if self.value(number) is None else number.translate(_PLAIN[self.decimal])
 
-        return _WITHIN_TEXT.sub(plain, text.strip()).replace("−", "-")
+        return _WITHIN_TEXT.sub(replace, text.strip()).replace("−", "-")
 
 
 def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None = None) -> NumberFormat:
@@ -121,7 +121,7 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
             continue
         if (commas == 0 and points == 1 and "." in proof) or (points == 0 and commas == 1 and "," in proof):
             continue  # with its only mark as the decimal mark it is a number, or none at all
-        number = _stripped(cell)
+        number = _strip(cell)
         possible = [mark for mark, pattern in _PATTERNS.items() if pattern.fullmatch(number)]
         if len(possible) == 1:
             proof.setdefault(possible[0], (line, number))
@@ -140,7 +140,7 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
     if proof:
         return NumberFormat(_mark_of(next(iter(proof))))
     if open_case is not None:
-        raise _undecided(*open_case)
+        raise _ambiguity_error(*open_case)
     return NumberFormat()
 
 
@@ -158,7 +158,7 @@ def _mark_of(text: str) -> DecimalMark:
     return "." if text == "." else ","
 
 
-def _undecided(line: int, number: str) -> InputFileError:
+def _ambiguity_error(line: int, number: str) -> InputFileError:
     mark = next(each for each in number if each in _OTHER)
     values = [NumberFormat(each).value(number) for each in (_mark_of(mark), _OTHER[mark])]
     either = " or ".join(np.format_float_positional(value or 0.0, trim="-") for value in values)

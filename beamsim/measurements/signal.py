@@ -52,7 +52,7 @@ def split_heading(heading: str) -> tuple[str, str]:
     return heading.strip(), ""
 
 
-def stated(unit: str) -> str:
+def label_unit(unit: str) -> str:
     """The unit of a label in a file; empty where it says none. Powers may lack their sign, as in netCDF.
 
     >>> stated(" NONE "), stated("m s-2")
@@ -113,7 +113,7 @@ class MeasuredSignal:
     """One measured channel: its values on an axis, and what the file says of them.
 
     Before values are used, ask `required` for the function type, `on_si_axis` for the axis, `in_si` for the unit and
-    `checked` for the values.
+    `check` for the values.
     """
 
     name: str  # with its unit, where the file has it there
@@ -264,7 +264,7 @@ class MeasuredSignal:
         InputFileError
             If neither states a unit, or it is not one of time (of frequency).
         """
-        if self.fault is not None:  # which `checked` states
+        if self.fault is not None:  # which `check` states
             return self
         kind, example = ("frequency", "frequency (Hz)") if self.of_frequency else ("time", "time (ms)")
         named = unit or self.axis_unit
@@ -279,7 +279,7 @@ class MeasuredSignal:
             raise InputFileError(f"has a {kind} axis in {named}, which {error.message}", remedy) from None
         return replace(self, x=self.x * factor, axis_unit=dimension.unit)
 
-    def checked(self) -> MeasuredSignal:
+    def check(self) -> MeasuredSignal:
         """The signal itself.
 
         Raises
@@ -342,5 +342,5 @@ def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, 
     except units.UnitError as error:
         given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
         raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
-    with np.errstate(over="ignore"):  # which `checked` finds
+    with np.errstate(over="ignore"):  # which `check` finds
         return replace(signal, y=signal.y * factor, unit=dimension.unit)

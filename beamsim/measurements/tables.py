@@ -21,7 +21,7 @@ from beamsim.errors import InputFileError
 from beamsim.files import demand_memory, read_text
 from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
 from beamsim.measurements.functions import is_unit_of
-from beamsim.measurements.signal import MeasuredSignal, axis_kind, counts_samples, split_heading, stated
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, counts_samples, label_unit, split_heading
 from beamsim.scenario import units as si
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
@@ -201,7 +201,7 @@ class NamedColumns:
     @property
     def units(self) -> list[str]:
         """Units of the headings, empty where they have none."""
-        return [stated(split_heading(heading)[1]) for heading in self.headings]
+        return [label_unit(split_heading(heading)[1]) for heading in self.headings]
 
 
 def read_named_columns(path: Path, decimal: DecimalMark | None = None, texts: Collection[str] = ()) -> NamedColumns:
@@ -240,11 +240,14 @@ def read_named_columns(path: Path, decimal: DecimalMark | None = None, texts: Co
     plain = [
         TextRow(
             row.line,
-            [cell if text else numbers.plain(cell) for cell, text in zip(row.cells, of_text, strict=True)],
+            [
+                cell if text else numbers.with_decimal_points(cell)
+                for cell, text in zip(row.cells, of_text, strict=True)
+            ],
         )
         for row in rows
     ]
-    headings = [numbers.plain(each) if begins_with_number(each) else each for each in first.cells]
+    headings = [numbers.with_decimal_points(each) if begins_with_number(each) else each for each in first.cells]
     return NamedColumns(headings, first.line, plain, numbers)
 
 
@@ -364,13 +367,13 @@ def headings_of(rows: list[list[str]]) -> list[str]:
     last = rows[-1]
     if len(rows) < 2 or len(rows[-2]) != len(last) or not all(map(_is_unit, last)):
         return last
-    units = (stated(cell.strip("()[] ")) for cell in last)
+    units = (label_unit(cell.strip("()[] ")) for cell in last)
     return [f"{name} ({unit})" if unit else name for name, unit in zip(rows[-2], units, strict=True)]
 
 
 def _is_unit(text: str) -> bool:
     """Whether a cell is a unit of what is measured, or says that there is none."""
-    unit = stated(text.strip("()[] "))
+    unit = label_unit(text.strip("()[] "))
     return not unit or is_unit_of(unit, *_MEASURED)
 
 

@@ -28,7 +28,7 @@ from beamsim.measurements.functions import (
     is_unit_of,
     ratio_of,
 )
-from beamsim.measurements.signal import MeasuredSignal, Reference, axis_kind, stated
+from beamsim.measurements.signal import MeasuredSignal, Reference, axis_kind, label_unit
 from beamsim.scenario import units as si
 
 _MEMORY = 10  # bytes for each byte of a file, as measured
@@ -231,10 +231,10 @@ def _signal(data_set: DataSet, path: Path) -> MeasuredSignal:
         quantity=_QUANTITIES.get(int(record.get("ordinate_spec_data_type", 0)), ""), node=node, direction=direction,
         reference=reference, scaling=remark, fault=wrong_count or wrong_axis,
     )  # fmt: skip
-    return _turned(signal)
+    return _along_positive_direction(signal)
 
 
-def _turned(signal: MeasuredSignal) -> MeasuredSignal:
+def _along_positive_direction(signal: MeasuredSignal) -> MeasuredSignal:
     """The values along the positive direction; magnitudes have no sign."""
     places = [(signal.direction, "")]
     if signal.reference is not None:
@@ -289,7 +289,7 @@ def _units_of_values(data_set: DataSet) -> tuple[str, Reference | None]:
 
 
 def _label(record: Mapping[str, Any], part: str) -> str:
-    return stated(str(record.get(f"{part}_axis_units_lab", "")))
+    return label_unit(str(record.get(f"{part}_axis_units_lab", "")))
 
 
 def _unit(data_set: DataSet, part: str, direction: str) -> str:

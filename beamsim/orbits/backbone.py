@@ -104,7 +104,7 @@ class Backbone:
                     f"{self.mode + 1} was found beyond it", self._shared(a), at=a.parameter,
                 )  # fmt: skip
                 if self._resonance_at_end is not None:
-                    self.outcome = COMPLETE.but(self._resonance_at_end)
+                    self.outcome = COMPLETE.copy_with(self._resonance_at_end)
                 return
             for point in self._filled(a, ahead):
                 count += 1
@@ -120,7 +120,7 @@ class Backbone:
         parts = [self._shared(a)] if self.share(a) < LEAST_SHARE else []
         if self._resonance_at_end is not None:
             parts.append(self._resonance_at_end)
-        self.outcome = reached_end(self.end).but(*parts)
+        self.outcome = reached_end(self.end).copy_with(*parts)
 
     def _ahead(self, a: BranchPoint, step: float, full: float) -> list[BranchPoint]:
         """The next points of the backbone; none where it ends.

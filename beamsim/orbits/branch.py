@@ -131,7 +131,7 @@ def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Ou
         return outcome
     kinds = ", ".join(dict.fromkeys(special_name(kind) for kind, _ in failed))
     steps = len({parameter for _, parameter in failed})
-    return outcome.but(
+    return outcome.copy_with(
         Outcome.of(
             OutcomeKind.INCOMPLETE, SEARCH_FAILED,
             f"special points ({kinds}) and changes of stability may be missing: the search failed in {steps} of the "

@@ -52,9 +52,9 @@ from beamsim.outcomes import (
     OutcomeKind,
     Progress,
     Where,
-    asked_to_stop,
     both_directions,
-    until_asked,
+    stop_requested,
+    until_stop,
 )
 from beamsim.typing import Floats
 
@@ -174,7 +174,7 @@ class Budget:
 
     def spent(self) -> Outcome | None:
         """Why no more work is allowed; None while it is."""
-        if asked_to_stop():
+        if stop_requested():
             return INTERRUPTED
         if self.points <= self.used:
             return with_limit(too_many_points(self.used), "sweep.most_points")
@@ -219,7 +219,7 @@ class Budget:
 
 def with_limit(outcome: Outcome, limit: str) -> Outcome:
     """The outcome of what ended at a setting's limit."""
-    return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
+    return outcome.copy_with(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
 
 
 def reaches_of(first: float, last: float, beyond: bool) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -370,9 +370,9 @@ def coexisting_branches(
     """
     branches: list[OrbitBranch] = []
     for value in values:
-        if asked_to_stop():
+        if stop_requested():
             return branches
-        for start in until_asked(tracer.sought(value)):
+        for start in until_stop(tracer.sought(value)):
             if not budget.allows_another(len(known) + len(branches)):
                 return branches
             if start is None or coincides(start, [*known, *branches]):
@@ -434,7 +434,7 @@ def followed_beyond(tracer: Tracer, branch: OrbitBranch, budget: Budget, known: 
         return branch
     on = follow(tracer, last, 1.0, budget, known)
     points, special = (*branch.points[:-1], *on.points), (*branch.special, *on.special)
-    return replace(on, points=points, special=special, outcome=on.outcome.but(*branch.outcome.sub_outcomes))
+    return replace(on, points=points, special=special, outcome=on.outcome.copy_with(*branch.outcome.sub_outcomes))
 
 
 def joining(
@@ -492,7 +492,7 @@ def walk(
     special: list[SpecialPoint] = []
     failed: list[FailedSearch] = []
     outcome = None
-    for point in until_asked(branch):
+    for point in until_stop(branch):
         if points and np.array_equal(point.u, points[-1].u):  # it begins on the end of its reach
             continue
         outcome = ends(point)
@@ -508,7 +508,7 @@ def walk(
         if outcome is not None:
             break
         if spent := budget.spent():
-            outcome = spent.but(place=Where(point.parameter))
+            outcome = spent.copy_with(place=Where(point.parameter))
             budget.cut(spent)
             break
     outcome = outcome or branch.outcome
@@ -572,7 +572,7 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
         return outcome
     laws = problem.flow.system.contacts.laws
     if outcome.code == STEP_TOO_SMALL and any(drops(law) for law in laws):
-        return outcome.but(
+        return outcome.copy_with(
             code="sticking_jumps",
             sentence="where a friction contact with a static coefficient above the sliding one begins to stick or to "
             "slide, it does so at once for a time that is not short, and the motions beyond are not neighbours of "
@@ -581,7 +581,7 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
             "coefficient",
         )
     if outcome.code == NOT_SMOOTH and any(law.yields for law in laws) and _just_yields(problem, last):
-        return outcome.but(
+        return outcome.copy_with(
             code="just_yields",
             sentence="the motion just reaches the yield force of a stop; with any larger crush it is periodic as well, "
             "so that no single branch goes on",

@@ -14,8 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from beamsim.errors import ResultFileError, visible
-from beamsim.files import replacing
-from beamsim.outcomes import tell
+from beamsim.files import replacement_file
+from beamsim.outcomes import report_progress
 from beamsim.plots.drawing import in_lines, plain_text, show_unseen
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
@@ -151,8 +151,8 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
         pictures = []
         for k in range(scene.time.size):
             pictures.append(picture(k).quantize(palette=palette, dither=Image.Dither.NONE))
-            tell(progress, (k + 1) / scene.time.size)
-    with replacing(path) as temporary:
+            report_progress(progress, (k + 1) / scene.time.size)
+    with replacement_file(path) as temporary:
         pictures[0].save(
             temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=MILLISECONDS, loop=0
         )
@@ -192,14 +192,14 @@ def save_video(scene: Scene, path: Path, progress: Callable[[float], None] | Non
     """
     demand_ffmpeg(path)
     even = ["-f", "mp4", "-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]  # which players demand
-    with plain_text(), replacing(path) as temporary:
+    with plain_text(), replacement_file(path) as temporary:
         figure, draw = _canvas(scene)
         writer = FFMpegWriter(fps=round(1000 / MILLISECONDS), codec="h264", extra_args=even)
         with writer.saving(figure, str(temporary), figure.dpi):
             for k in range(scene.time.size):
                 draw(k)
                 writer.grab_frame()
-                tell(progress, (k + 1) / scene.time.size)
+                report_progress(progress, (k + 1) / scene.time.size)
     return path
 
 

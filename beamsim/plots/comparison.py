@@ -31,7 +31,7 @@ _PREDICTED: dict[str, Any] = {"color": DARK, "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": RED, "linestyle": (0, (4, 2)), "linewidth": 1.2}
 
 
-def _both(predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats]) -> list[Curve]:
+def _curve_pair(predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats]) -> list[Curve]:
     """The curves of both; that of a measurement that has no values is left out."""
     measured_too = [Curve("measured", *measured, _MEASURED)] if measured[0].size else []
     return [Curve("predicted", *predicted, _PREDICTED), *measured_too]
@@ -39,7 +39,7 @@ def _both(predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats]) -> 
 
 def histories(c: ChannelComparison) -> Chart:
     """Both time histories, aligned in phase, over the time of the prediction."""
-    curves = _both((c.predicted_time, c.predicted_history), (c.measured_time, c.measured_history))
+    curves = _curve_pair((c.predicted_time, c.predicted_history), (c.measured_time, c.measured_history))
     return Chart(("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
 
 
@@ -48,7 +48,7 @@ def spectra(c: ChannelComparison) -> Chart:
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
     drawn = c.predicted_spectrum, c.measured_spectrum
-    curves = _both(*((s.frequency_hz / unit, s.amplitude_db) for s in drawn))
+    curves = _curve_pair(*((s.frequency_hz / unit, s.amplitude_db) for s in drawn))
     across = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
     last = min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit)
     top = max(0.0, *(float(s.amplitude_db.max()) for s in drawn))
@@ -58,14 +58,14 @@ def spectra(c: ChannelComparison) -> Chart:
 
 def response_spectra(c: ChannelComparison, of: RecordComparison) -> Chart:
     """Response spectra of both records."""
-    curves = _both((of.frequency_hz, of.predicted_response), (of.frequency_hz, of.measured_response))
+    curves = _curve_pair((of.frequency_hz, of.predicted_response), (of.frequency_hz, of.measured_response))
     across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {of.quality:g}", c.unit)
     return Chart(across, up, curves, log="xy")
 
 
 def swept_responses(c: SweptComparison) -> Chart:
     """Response over frequency, with the peaks that are compared."""
-    curves = _both((c.frequency_hz, np.abs(c.predicted)), (c.frequency_hz, np.abs(c.measured)))
+    curves = _curve_pair((c.frequency_hz, np.abs(c.predicted)), (c.frequency_hz, np.abs(c.measured)))
     for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):
         at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level")) for peak in c.peaks]
         if at:

@@ -22,7 +22,7 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, 
 from numpy.typing import ArrayLike
 
 from beamsim.errors import visible
-from beamsim.files import replacing
+from beamsim.files import replacement_file
 from beamsim.outcomes import Stop, never
 from beamsim.plots.style import Scale, scale_for
 from beamsim.scenario.reporting import Limits
@@ -92,7 +92,9 @@ def limit_levels(limits: Limits | None, name: str, place: str = "", *, both_sign
     A line for each limit, or two.
     """
     style, signs = {"linestyle": ":", "linewidth": 1.6}, (1.0, -1.0) if both_signs else (1.0,)
-    parted = [(*each.partition("."), limit) for each, limit in ({} if limits is None else limits.given).items()]
+    parted = [
+        (*each.partition("."), limit) for each, limit in ({} if limits is None else limits.values_by_name).items()
+    ]
     shown = [(of, limit) for each, _, of, limit in parted if each == name and (not of or place in ("", of))]
     return [
         Guide(("limit" if of in ("", place) else f"limit of {of}") if sign > 0.0 else "", sign * limit, style)
@@ -223,7 +225,7 @@ def draw(ax: Axes, chart: Chart) -> None:
     curves, (x, y) = chart.drawn, chart.scales
     for k, curve in enumerate((*curves, *chart.marks)):
         style = {**curve_style(k), **curve.style}
-        across, up = thinned(curve.x, curve.y, MOST_DRAWN)
+        across, up = thin_out(curve.x, curve.y, MOST_DRAWN)
         ax.plot(across * x.factor, up * y.factor, label=curve.label or "_nolegend_", **style)
     largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in curves), default=0.0)
     near = [level for level in chart.levels if "y" in chart.log or abs(level.value) <= FARTHEST * largest]
@@ -259,7 +261,7 @@ def _write_note(ax: Axes, note: str) -> None:
     )  # fmt: skip
 
 
-def thinned(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
+def thin_out(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
     """The same curve with at most about so many points: the lowest and highest value of every few.
 
     Parameters
@@ -446,7 +448,7 @@ def save_figures(
     written = []
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name.replace('/', '_').replace(' ', '_')}.{form}"
-        with replacing(path) as temporary:
+        with replacement_file(path) as temporary:
             write(figure, temporary, form)
         written.append(path)
         if stop():

@@ -15,7 +15,7 @@ from beamsim.plots.branches import UNSTABLE, BranchLine, branch_curves
 from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, legend
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import level_text
-from beamsim.results.branch import each_of
+from beamsim.results.branch import rows_by_owner
 from beamsim.structures.places import Stations
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
@@ -103,7 +103,7 @@ def expansion_figures(result: NormalModeResult) -> dict[str, Picture]:
 def expanded_response(result: ContinuationResult, probe: str) -> Chart:
     """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency."""
     lines = []
-    for k, c in enumerate(each_of(result["multiple_scales"], result["multiple_scales_points"], "comparison")):
+    for k, c in enumerate(rows_by_owner(result["multiple_scales"], result["multiple_scales_points"], "comparison")):
         of_level = c["level"].item()
         colour, level = {"color": curve_style(k)["color"]}, level_text(of_level, result.level_unit)
         pale = {**colour, "linewidth": 4.0, "alpha": 0.35, "solid_capstyle": "butt"}
@@ -121,7 +121,7 @@ def expanded_response(result: ContinuationResult, probe: str) -> Chart:
 def forced_orders(result: ContinuationResult) -> Chart:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
     curves = []
-    levels = each_of(result["multiple_scales"], result["multiple_scales_factors"], "comparison")
+    levels = rows_by_owner(result["multiple_scales"], result["multiple_scales_factors"], "comparison")
     for k, (c, orders) in enumerate(zip(levels, result.summary["multiple_scales"], strict=True)):
         for order, (name, dashes) in enumerate((("leading order", UNSTABLE), ("first order", "-"))):
             observed = orders["observed_orders"][order]

@@ -137,7 +137,7 @@ def plot_shapes(result: NormalModeResult, ax: Axes, shapes: Sequence[tuple[str, 
     draw_along(ax, Stations.of_modes(result["modes"]), "Deflection", [(name, shape, {}) for name, shape in shapes])
 
 
-def _shown_branch(result: NormalModeResult) -> Dataset:
+def _branch_to_draw(result: NormalModeResult) -> Dataset:
     number: int = result["motion"]["branch"].item()
     return result.branches[number]
 
@@ -181,7 +181,9 @@ def configuration(result: NormalModeResult) -> Chart:
         across = max(named, key=lambda name: float(np.abs(named[name]).max()))
     others = [name for name in named if name != across] or [across]
     # a brake orbit retraces its path: drawn twice, its dashes would merge into one line
-    part = slice((motion["time"].values.size + 1) // 2 if _shown_branch(result)["kind"].item() != "non_brake" else None)
+    part = slice(
+        (motion["time"].values.size + 1) // 2 if _branch_to_draw(result)["kind"].item() != "non_brake" else None
+    )
     curves = [Curve(name, named[across][part], named[name][part]) for name in others]
     up = f"Displacement of {others[0]}" if len(others) == 1 else "Displacement"
     return Chart((f"Displacement of {across}", "m"), (up, "m"), curves)
@@ -211,7 +213,7 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
 
 def _at_rest(result: NormalModeResult) -> list[tuple[str, Floats]]:
     """Shapes at the slowest instant and half a period later, and that of the linear mode, with their names."""
-    motion, branch = result["motion"], _shown_branch(result)
+    motion, branch = result["motion"], _branch_to_draw(result)
     least = branch["least_kinetic"].values[motion["branch_point"].item() - 1]
     word = "at rest" if least == 0.0 or branch["kind"].item() == "backbone" else "slowest"
     slowest, later = motion["extreme_shapes"].values
@@ -219,7 +221,7 @@ def _at_rest(result: NormalModeResult) -> list[tuple[str, Floats]]:
     return [(f"{word}, t = 0", slowest), ("t = T/2", later), linear]
 
 
-def _underway(result: NormalModeResult) -> list[tuple[str, Floats]]:
+def _shapes_within_period(result: NormalModeResult) -> list[tuple[str, Floats]]:
     """Shapes an eighth and three eighths of a period later."""
     deflection = result["motion"]["deflection"].values
     eighth = (deflection.shape[0] - 1) // 8
@@ -230,7 +232,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:
     """Every picture of a nonlinear mode, by name."""
     of_motion: dict[str, list[Any]] = {
         "mode_shapes": [partial(plot_shapes, result, shapes=_at_rest(result))],
-        "deflected_shapes": [partial(plot_shapes, result, shapes=_underway(result))],
+        "deflected_shapes": [partial(plot_shapes, result, shapes=_shapes_within_period(result))],
         "motion": motions(result),
         "phase_portrait": [phase_portrait(result)],
         "configuration": [configuration(result)],
@@ -252,7 +254,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:
 
 def _motion_name(result: NormalModeResult) -> str:
     """Which motion is drawn."""
-    branch, k = _shown_branch(result), result["motion"]["branch_point"].item() - 1
+    branch, k = _branch_to_draw(result), result["motion"]["branch_point"].item() - 1
     names = {"stiffness_factor": "ε = {:.4g}", "energy": "{:.4g} J", "frequency": "{:.6g} Hz"}
     parameter, hz = (branch[name].values[k] for name in ("parameter", "frequency_hz"))
     also = "" if result.parameter == "frequency" else f", {hz:.6g} Hz"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from beamsim.kinds import KINDS
 from beamsim.plots.drawing import plain_text
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.results.result import Result
 
 
@@ -24,6 +24,6 @@ def figures_of(result: Result) -> dict[str, Figure]:
     shell = None if ipython is None else ipython.get_ipython()
     if shell is not None:
         import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
-    with shown_in(result.scenario.display_scales), plain_text():
+    with use_units(result.scenario.display_scales), plain_text():
         pictures = resolve_name(KINDS[result.KIND].figures)(result)
         return {name: picture.figure() for name, picture in pictures.items()}

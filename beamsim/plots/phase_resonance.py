@@ -14,7 +14,7 @@ from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import HERTZ, RED, Chart, Curve, Picture, curve_style, marked
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
-from beamsim.results.branch import each_of
+from beamsim.results.branch import rows_by_owner
 from beamsim.structures.places import Stations
 from beamsim.typing import TINY, Bools
 
@@ -29,12 +29,12 @@ def _level_text(value: float, level: Scale) -> str:
     return f"{value * level.factor:.4g} {level.unit}"
 
 
-def _compared(result: NormalModeResult) -> str:
+def _compared_probe(result: NormalModeResult) -> str:
     """The probe whose amplitude is compared."""
     return str(result["phase_resonance"]["compared_probe"].item())
 
 
-def _held(result: NormalModeResult) -> Bools:
+def _is_followed(result: NormalModeResult) -> Bools:
     """(levels,) whether the held structure was followed."""
     of_levels = result["phase_resonance"]
     if "departure" in of_levels:
@@ -44,9 +44,9 @@ def _held(result: NormalModeResult) -> Bools:
 
 def resonances(result: NormalModeResult) -> Chart:
     """Response curves over the backbone: frequency against amplitude, named by level, unstable pieces dashed."""
-    name, of_levels, ridge = _compared(result), result["phase_resonance"], result["predicted_levels"]
+    name, of_levels, ridge = _compared_probe(result), result["phase_resonance"], result["predicted_levels"]
     known = "resonance_curves" in result.datasets
-    followed = each_of(of_levels, result["resonance_curves"], "level_index") if known else ()
+    followed = rows_by_owner(of_levels, result["resonance_curves"], "level_index") if known else ()
     lines = {
         k: BranchLine("", curve["frequency_hz"].values, curve["amplitude"].sel(probe=name).values,
                       curve["stable"].values, {"color": curve_style(k)["color"], "linewidth": 1.2})
@@ -80,7 +80,7 @@ def resonances(result: NormalModeResult) -> Chart:
 
 def levels(result: NormalModeResult) -> Chart:
     """The level predicted against the amplitude, and the exact motions."""
-    name, of_levels, ridge = _compared(result), result["phase_resonance"], result["predicted_levels"]
+    name, of_levels, ridge = _compared_probe(result), result["phase_resonance"], result["predicted_levels"]
     order = np.argsort(ridge["energy"].values)
     amplitude = ridge["amplitude"].sel(probe=name).values
     curves = [Curve("energy balance", amplitude[order], ridge["level"].values[order])]
@@ -112,7 +112,7 @@ def plot_held_shapes(level: Dataset, ax: Axes, stations: Stations) -> None:
     draw_along(ax, stations, "Deflection", shapes)
 
 
-def held_spectrum(spectrum: Dataset, periods: int) -> Chart:
+def level_spectrum(spectrum: Dataset, periods: int) -> Chart:
     """Lines of a level over all periods, in dB of the strongest."""
     frequency = spectrum["frequency_hz"].values
     highest = 20.5 * float(frequency[periods])
@@ -132,7 +132,7 @@ def departure(result: NormalModeResult) -> Chart:
     curves = [
         Curve(_level_text(float(of_levels["level"].values[k]), scale), of_levels["period"].values.astype(float),
               of_levels["departure"].values[k])
-        for k in np.flatnonzero(_held(result))
+        for k in np.flatnonzero(_is_followed(result))
     ]  # fmt: skip
     up = ("Distance from the mode\n(norm of energy)", "")
     return Chart(("Period", ""), up, curves, of="levels", y_ends=(0.0, None))
@@ -155,11 +155,11 @@ def phase_resonance_figures(result: NormalModeResult) -> dict[str, Picture]:
         "phase_resonance_level": Picture(title, [levels(result)]),
         "held_departure": Picture(title, [departure(result)]),
     }
-    if _held(result)[-1]:
+    if _is_followed(result)[-1]:
         last, periods = of_levels.sel(level_index=of_levels.labels("level_index")[-1]), len(of_levels.labels("period"))
         under = f"{title}, {_level_text(last['level'].item(), _level_scale(result))}, {periods} periods"
-        spectrum = each_of(of_levels, result["held_spectra"], "level_index")[-1]
+        spectrum = rows_by_owner(of_levels, result["held_spectra"], "level_index")[-1]
         shapes = partial(plot_held_shapes, last, stations=Stations.of_modes(result["modes"]))
         figures["held_shapes"] = Picture(under, [shapes])
-        figures["held_spectrum"] = Picture(under, [held_spectrum(spectrum, periods)])
+        figures["held_spectrum"] = Picture(under, [level_spectrum(spectrum, periods)])
     return figures

@@ -122,7 +122,7 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def _doubts(result: RunResult, entry: str, called: str = "peaks", quantity: str = "") -> str:
+def _convergence_note(result: RunResult, entry: str, called: str = "peaks", quantity: str = "") -> str:
     """Which values of an entry have not converged, as a note: all, or those of one quantity."""
     errors = result.summary.get("convergence", {}).get(entry, {})
     listed = result.summary.get("doubtful", ())
@@ -139,7 +139,7 @@ def _over_bands(frequency: Floats, levels: Floats, end: float) -> tuple[Axis, Fl
     """The axis, places and levels of a spectrum in bands, of which not too many are shown up to an end, Hz."""
     count = max(int(np.searchsorted(frequency, end)) // MOST_BANDS, 1)
     across = (f"Frequency in bands of {count * float(np.diff(frequency[:2])[0]):.2g} Hz", HERTZ)
-    return across, *in_bands(frequency, levels, count)
+    return across, *band_levels(frequency, levels, count)
 
 
 def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
@@ -173,11 +173,11 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
         across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
         [Curve(name, places, level) for name, level in zip(names, levels, strict=True)], of="probes",
         marks=list(_marked_lines(spectra, int(shown[0]), unit, end)), x_ends=(0.0, end),
-        y_ends=(top - 100.0, top + 6.0), note=_doubts(result, "spectral_lines", "lines", quantity),
+        y_ends=(top - 100.0, top + 6.0), note=_convergence_note(result, "spectral_lines", "lines", quantity),
     )  # fmt: skip
 
 
-def in_bands(frequency: Floats, levels: Floats, count: int) -> tuple[Floats, Floats]:
+def band_levels(frequency: Floats, levels: Floats, count: int) -> tuple[Floats, Floats]:
     """Middles of bands of ``count`` lines (F,), Hz, and the root mean square of the lines (K, F) in each, dB."""
     whole = frequency.size - frequency.size % count
     middles, of_bands = (x[..., :whole].reshape(*x.shape[:-1], -1, count) for x in (frequency, levels))
@@ -376,11 +376,13 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     kind = "absolute_acceleration" if low_pass_hz is None else "low_passed_acceleration"
     levels = [*limit_levels(limits, "peak_displacement", both_signs=True), *_faces(result)]
     values = {name: history.values for name, history in result["histories"].by_label("displacement").items()}
-    note = _doubts(result, "peak_displacement_m")
+    note = _convergence_note(result, "peak_displacement_m")
     panels = {"displacement": histories(result, ("Relative displacement", "m"), values, levels, note)}
     levels = limit_levels(limits, "peak_acceleration", both_signs=True)
     values = {name: history.values for name, history in result["histories"].by_label(kind).items()}
-    panels["acceleration"] = histories(result, (words, "m/s^2"), values, levels, _doubts(result, "peak_acceleration_g"))
+    panels["acceleration"] = histories(
+        result, (words, "m/s^2"), values, levels, _convergence_note(result, "peak_acceleration_g")
+    )
     base = result["histories"]["base_acceleration"]
     if result.scenario.excitation.shock and base.unit == "m/s^2" and np.any(base.values):
         panels["acceleration"] += histories(result, ("Acceleration of the base", "m/s^2"), {"": base.values})
@@ -392,7 +394,7 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
         strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
         if any(peaks.values()):
             values = {name: of_unit[name] for name in sorted(peaks, key=lambda name: name not in strongest)}
-            levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _doubts(result, entry)
+            levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _convergence_note(result, entry)
             panels[picture] = histories(result, (label, unit), values, levels, note, of="snubbers")
     if outputs := result["histories"].by_label("output_value"):
         panels["outputs"] = _histories_of_outputs(result, outputs)
@@ -431,7 +433,7 @@ def density(response: Dataset, note: str = "") -> Chart:
     unit = scale_for("m/s^2" if on_base else "m", *map(np.sqrt, powers))
     squared = f"({unit.unit})²" if "/" in unit.unit else f"{unit.unit}²"
     f, top = response["frequency_hz"].values[1:], max((float(np.max(power)) for power in powers), default=0.0)
-    band = _driven(response)[1:]
+    band = _has_input_power(response)[1:]
 
     def name_of(signal: Dataset) -> str:
         power = signal["density"].values[1:]
@@ -473,7 +475,7 @@ def _limits(signals: Sequence[Dataset]) -> dict[str, Floats | None]:
 def force_densities(response: Dataset) -> list[Chart]:
     """Densities of the forces of snubbers and of the moments of stops of hinges, where one of them has a limit."""
     frequency, charts = response["frequency_hz"].values, []
-    f, shown = frequency[1:], frequency[_driven(response)]
+    f, shown = frequency[1:], frequency[_has_input_power(response)]
     for unit, label, squared in (("N", "Force density", "N²/Hz"), ("N m", "Moment density", "N² m²/Hz")):
         drawn = [s for s in _signals(response)[1:] if (s["quantity"].item(), s["unit"].item()) == ("force", unit)]
         limits = _limits(drawn)
@@ -489,10 +491,10 @@ def force_densities(response: Dataset) -> list[Chart]:
 
 def has_transmissibility(response: Dataset) -> bool:
     """Whether the input has power: a shock may be over before the part of the run that the densities are of."""
-    return bool(response.labels("probe")) and bool(np.any(_driven(response)))
+    return bool(response.labels("probe")) and bool(np.any(_has_input_power(response)))
 
 
-def _driven(response: Dataset) -> Bools:
+def _has_input_power(response: Dataset) -> Bools:
     """(nf,) where the input has power that is neither round-off nor leakage, as from the mean into the first line."""
     power = response["density"].values[0]
     return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (np.arange(power.size) > 1))
@@ -500,7 +502,7 @@ def _driven(response: Dataset) -> Bools:
 
 def transmissibility(response: Dataset) -> Chart:
     """Magnitude of response over input, with gaps where the input has no power; lines are those of the densities."""
-    driven, on_base = _driven(response), _driven_by_base(response)
+    driven, on_base = _has_input_power(response), _driven_by_base(response)
     parts = (response[f"transmissibility_{part}"].values for part in ("real", "imag"))
     sizes = zip(response.labels("probe"), np.hypot(*parts), strict=True)
     curves = [
@@ -514,7 +516,7 @@ def transmissibility(response: Dataset) -> Chart:
 def random_picture(result: RunResult, response: Dataset) -> Picture:
     """Spectral densities and transmissibilities of the response to a random input."""
     more = [transmissibility(response)] if has_transmissibility(response) else []
-    of_input = density(response, _doubts(result, "random", "values"))
+    of_input = density(response, _convergence_note(result, "random", "values"))
     return Picture(result.title, [of_input, *more, *force_densities(response)], sharex=True)
 
 
@@ -536,7 +538,7 @@ def crossings(response: Dataset) -> Chart:
     return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0))
 
 
-def _strongest(result: RunResult, unit: str) -> dict[str, Dataset]:
+def _strongest_impacts(result: RunResult, unit: str) -> dict[str, Dataset]:
     """Impacts by snubber (m) or stop of a hinge (rad): of those with the largest peaks, in their order."""
     peaks = result["impact_statistics"].by_label("peak_force_n")
     every = result["impacts"].groups("snubber", peaks)
@@ -659,7 +661,7 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
     maps: list[Chart] = []
     histograms: list[Any] = []
     for unit, label in (("m", "Force range"), ("rad", "Moment range")):
-        if impacts := _strongest(result, unit):
+        if impacts := _strongest_impacts(result, unit):
             every = result["impact_statistics"].groups("cycle_snubber")
             maps.append(impact_map(impacts, many, end, unit))
             ranges = cycles({name: every[name] for name in impacts}, label, FORCE_UNITS[unit], "snubbers")
@@ -725,7 +727,7 @@ def _random_figures(result: RunResult) -> dict[str, Picture]:
 
 def _shock_figures(result: RunResult) -> dict[str, Picture]:
     """That of shock response spectra."""
-    return {"srs": Picture(result.title, [shock_response(result["srs"], _doubts(result, "srs", "spectra"))])}
+    return {"srs": Picture(result.title, [shock_response(result["srs"], _convergence_note(result, "srs", "spectra"))])}
 
 
 def _matched_figures(result: RunResult) -> dict[str, Picture]:

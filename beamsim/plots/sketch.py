@@ -70,7 +70,7 @@ class Sketch:
             if low in rows and high in rows and rows.index(low) > rows.index(high):
                 rows.remove(low)
                 rows.insert(rows.index(high), low)
-        lengths = [float(np.ptp(self._across(part))) for part in stations.parts if self._in_metres(part)]
+        lengths = [float(np.ptp(self._right_offsets(part))) for part in stations.parts if self._in_metres(part)]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
         self.rest = np.zeros(stations.position.size)
@@ -85,7 +85,7 @@ class Sketch:
         points = self.stations.points
         return part.axis.continuous or (points is not None and bool(np.all(np.isfinite(points[part.stations]))))
 
-    def _across(self, part: StationPart) -> Floats:
+    def _right_offsets(self, part: StationPart) -> Floats:
         """(k,) m to the right; nodes in space are seen obliquely."""
         if part.axis.continuous or self.stations.points is None:
             return self.stations.position[part.stations]
@@ -100,7 +100,7 @@ class Sketch:
         pairs = np.zeros((0, 2), dtype=np.int64) if self.stations.lines is None else self.stations.lines
         pairs = pairs[(pairs[:, 0] >= part.stations.start) & (pairs[:, 0] < part.stations.stop)] - part.stations.start
         scale = min(4.0 / self.span, 0.5 / (float(up.max()) or 1.0))
-        x = origin + self._across(part)
+        x = origin + self._right_offsets(part)
         return Line(x, row, self.stations.position[part.stations], numbers, False, scale * up, pairs)
 
     def _lines_of(self, part: StationPart, row: int, origin: float) -> list[Line]:

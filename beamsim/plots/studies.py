@@ -97,7 +97,7 @@ def _limit_level(result: StudyResult, quantity: str) -> list[Guide]:
     return [] if limit is None else [Guide("limit", limit, {"color": RED, "linewidth": 1.4})]
 
 
-def _labels_apart(ax: Axes, lines: ContourSet) -> list[Text]:
+def _label_contours(ax: Axes, lines: ContourSet) -> list[Text]:
     """Label the lines of a map; of labels that would lie over each other the first one stays.
 
     Parameters
@@ -133,20 +133,20 @@ def plot_response_map(
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
     """
-    judged = result.judged(name).reshape(result.shape)
+    judged = result.deciding_values(name).reshape(result.shape)
     scale, limit = scale_for(result.units[name], judged, digits=3), _limit(result, _quantity(name))
     every: Any = np.ma.masked_invalid(judged * scale.factor)
     values = every[(slice(None), slice(None), *at)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
     cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
-    bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_titled(name), scale))
+    bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_title_of(name), scale))
     starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
     star = starred[:2] if starred[2:] == at else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
         _write_cells(ax, values, beyond, cells.norm, star)
     else:
         lines = ax.contour(values, colors="white", linewidths=0.6)
-        for drawn in (lines, *_labels_apart(ax, lines)):
+        for drawn in (lines, *_label_contours(ax, lines)):
             drawn.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])  # seen on light and dark cells
         if star:
             ax.plot(*star, marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
@@ -236,7 +236,7 @@ def plot_sensitivity(result: StudyResult, ax: Axes, name: str) -> None:
         ax.set(xlim=(-1.0, 1.0), xticks=(-1.0, -0.5, 0.0, 0.5, 1.0))
     ax.set_yticks(rows, [parameter_label(path) for path in paths])
     ax.invert_yaxis()
-    ax.set_title(_titled(name), fontsize="small", loc="left")
+    ax.set_title(_title_of(name), fontsize="small", loc="left")
     finish(ax, label, "")
 
 
@@ -280,7 +280,7 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
         ax.margins(y=0.2)
 
     what = "Sampled realisations of the best case" if "nominal" in of else "Cases"
-    return Chart((_titled(name), unit), (what, ""), curves, whole="y", more=more, y_ends=(0.0, None))
+    return Chart((_title_of(name), unit), (what, ""), curves, whole="y", more=more, y_ends=(0.0, None))
 
 
 def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Chart]:
@@ -299,7 +299,7 @@ def response_scatter(result: StudyResult, k: int, quantity: str) -> Chart:
     """A quantity (at its worst place) of every case over parameter k; cases beyond the limit are marked."""
     parameter = result.parameters[k]
     along, label = _axis(parameter)
-    values = result.judged(*_of(result, quantity))
+    values = result.deciding_values(*_of(result, quantity))
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
     kinds = ((~beyond, {"marker": ".", "color": DARK, "markersize": 3}), (beyond, {"marker": "x", "color": RED}))
@@ -340,8 +340,8 @@ def design_figures(result: StudyResult) -> dict[str, Picture]:
     title = result.title + _judgement(result)
     quantities, dimensions = shown_quantities(result), len(result.parameters)
     modal = result["cases"].labels("modal_response")
-    figures: dict[str, Picture] = _searched(result)
-    if causes := _explained(result, quantities):
+    figures: dict[str, Picture] = _search_pictures(result)
+    if causes := _responses_to_explain(result, quantities):
         shares = [partial(plot_sensitivity, result, name=name) for name in causes]
         size = 1.4 + 0.4 * min(dimensions, MOST_BARS)
         figures["sensitivity"] = _grid(title, shares, 2, size, width=5.0)._replace(legend_below=True)
@@ -427,7 +427,7 @@ def _axis_of(result: StudyResult, objective: str) -> tuple[str, str]:
     return text[:1].upper() + text[1:], result["cases"]["objective_value"].sel(objective=objective).unit
 
 
-def _searched(result: StudyResult) -> dict[str, Picture]:
+def _search_pictures(result: StudyResult) -> dict[str, Picture]:
     """The pictures that only searches have: designs in their order, the front, and the run of the best design."""
     aims = result["cases"].labels("objective") if result.kind == "optimise" else []
     panels = [search_chart(result, aim) for aim in aims]
@@ -504,7 +504,7 @@ def _plot_importance(result: StudyResult, ax: Axes) -> None:
     finish(ax, "Importance (%)", "")
 
 
-def _explained(result: StudyResult, quantities: Sequence[str]) -> list[str]:
+def _responses_to_explain(result: StudyResult, quantities: Sequence[str]) -> list[str]:
     """The responses whose dependence on the parameters is drawn: those of the quantities that are shown, or others."""
     known = [name for name, of in result.summary.get("sensitivity", {}).items() if of]
     return ([name for q in quantities for name in _of(result, q) if name in known] or known)[:MOST_PANELS]
@@ -534,7 +534,9 @@ def _map(result: StudyResult, name: str, at: tuple[int, ...], best: int | None) 
     across, up = ((parameter.label, parameter.unit) for parameter in axes)
     x, y = (parameter.values.astype(float) for parameter in axes)
     words = f"{quantity_of(name).replace('_', ' ')} {place_of(name)}".strip()
-    return HeatMap(across, up, (words, result.units[name]), x, y, result.judged(name).reshape(result.shape).T, plot)
+    return HeatMap(
+        across, up, (words, result.units[name]), x, y, result.deciding_values(name).reshape(result.shape).T, plot
+    )
 
 
 def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
@@ -649,7 +651,7 @@ def _limit(result: StudyResult, quantity: str) -> float | None:
     return result.limits.get(BY_NAME[quantity].limit)
 
 
-def _titled(name: str) -> str:
+def _title_of(name: str) -> str:
     place = place_of(name)
     return _words(_quantity(name)) + (f", {place}" if place else "")
 

@@ -39,7 +39,7 @@ _chosen: ContextVar[Mapping[str, tuple[float, str]]] = ContextVar("_chosen", def
 
 
 @contextmanager
-def shown_in(scales: Mapping[str, tuple[float, str]]) -> Iterator[None]:
+def use_units(scales: Mapping[str, tuple[float, str]]) -> Iterator[None]:
     """Show quantities in chosen units: by SI unit the factor of SI values and the unit."""
     token = _chosen.set(scales)
     try:
@@ -171,7 +171,7 @@ def margin_text(margin: float | None, value: float, decibels: float | None = Non
 def amount(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with SI prefix and unit; an acceleration in g, whole numbers and those without a unit as they are.
 
-    A unit chosen by `shown_in` comes first. What is below `ROUND_OFF` in SI units is shown as zero.
+    A unit chosen by `use_units` comes first. What is below `ROUND_OFF` in SI units is shown as zero.
 
     >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2"), amount(2e9, "B")
     ('0.2 mm', '151.1 kN/m', '2 g', '2 GB')

@@ -418,7 +418,7 @@ def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit)
     forces = [name for name in places if (quantities[name].item(), places[name].item()) == ("reaction_force", "base")]
     limited = limited_quantity(limit.name, *forces[:1])
     assert limited is not None
-    peak = curve.limited(limited).peak
+    peak = curve.limited_values(limited).peak
     level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
     words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
     response = [Curve("", curve.frequency_hz, peak, {"linewidth": 1.0})]

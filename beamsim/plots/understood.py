@@ -10,7 +10,7 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import counted, path_text
+from beamsim.scenario.base import count_text, path_text
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Rate, amplitude_unit
@@ -26,7 +26,7 @@ AREAS = {
 """What the area under a pulse is, and its unit, by the quantity of the pulse."""
 
 
-def understood(scenario: Scenario, modes: Dataset | None, inputs: Inputs, command: str = "") -> str:
+def interpretation(scenario: Scenario, modes: Dataset | None, inputs: Inputs, command: str = "") -> str:
     """What was understood of a case: excitation, filter against it, and first modes.
 
     Parameters
@@ -89,11 +89,11 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
 
     Parameters
     ----------
-    scenario, inputs : as of `understood`.
+    scenario, inputs : as of `interpretation`.
     command : run, sweep or nnm, to say only what that does.
     """
     if command == "nnm":
-        return "; ".join(_held_sine(scenario, part) for _, part in scenario.excitation.items)
+        return "; ".join(_phase_resonance_text(scenario, part) for _, part in scenario.excitation.items)
     swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
     ways = {"run: ": "", "sweep: ": swept} if swept and scenario.run is not None else {"": swept}
     if command and len(ways) > 1:
@@ -110,7 +110,7 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
     return "\n".join(label + text for label, text in texts.items() if text) or "no excitation"
 
 
-def _held_sine(scenario: Scenario, part: Any) -> str:
+def _phase_resonance_text(scenario: Scenario, part: Any) -> str:
     """The sine that holds a nonlinear mode at phase resonance: its levels and place."""
     resonance: Any = None if scenario.nnm is None else scenario.nnm.phase_resonance
     levels = getattr(resonance, "levels", ()) or [level for _, level in part.levels()]
@@ -177,7 +177,7 @@ def _random(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
     """Root mean square and band of a random input."""
     psd, unit = part.psd, amplitude_unit(part.quantity)
     if part.table or known:
-        yield f"rms {amount(known['rms'] if known else SpectralDensity.through(part.table).rms, unit)}"
+        yield f"rms {amount(known['rms'] if known else SpectralDensity.from_points(part.table).rms, unit)}"
     yield psd.file if isinstance(psd, CurveFile) else f"{psd[0].frequency:.6g} to {psd[-1].frequency:.6g} Hz"
 
 
@@ -225,7 +225,7 @@ def _rate_text(rate: Rate) -> str:
 
 def _cycles_text(cycles: float) -> str:
     """How many cycles a sweep has."""
-    return counted(round(cycles), "cycle") if cycles >= 1.0 else "less than 1 cycle"
+    return count_text(round(cycles), "cycle") if cycles >= 1.0 else "less than 1 cycle"
 
 
 _INPUTS = {

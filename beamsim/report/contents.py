@@ -16,7 +16,7 @@ from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.plots.understood import excitation_text
 from beamsim.report.interactive import interactive
-from beamsim.report.page import NOTE, Cells, FirstLine, Page, captioned, labelled, listing, picture, table
+from beamsim.report.page import NOTE, Cells, FirstLine, Page, caption_plot, label_rows, listing, picture, table
 from beamsim.results.result import MARGINS, Result
 from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
@@ -89,17 +89,17 @@ def page_of(
     Sections from the question to the scenario, with the verdict above them.
     """
     page = Page(result.title or "beamsim", about, verdict_of(result), appendix="Results")
-    page.add("Question", labelled(_question(result, result.scenario if sketch is None else sketch.scenario)))
+    page.add("Question", label_rows(_question(result, result.scenario if sketch is None else sketch.scenario)))
     if sketch is not None:
         page.add("Model", f"<figure>{picture(model_figure(sketch), 'model')}</figure>")
     page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(printed.limits)))))
     page.add(
         "Summary",
         listing(printed.screen),
-        *(captioned(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
+        *(caption_plot(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
     )
     page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_reliability_rows(result, printed.rows)))))
-    page.add("Results", labelled(printed.rows))
+    page.add("Results", label_rows(printed.rows))
     if sketch is not None:
         page.add("Model in numbers", *_model(sketch))
     if scene is not None:
@@ -109,7 +109,7 @@ def page_of(
         "Plots",
         HOW_TO_READ if any(plots.values()) else "",
         *(page.plot(name, panels, figures[name].columns) for name, panels in plots.items() if panels),
-        *(captioned(name, picture(figures[name], name)) for name, panels in plots.items() if not panels),
+        *(caption_plot(name, picture(figures[name], name)) for name, panels in plots.items() if not panels),
     )
     page.add("Why these numbers can be trusted", *_trust(result))
     page.add(
@@ -122,7 +122,7 @@ def page_of(
 def verdict_of(result: Result) -> FirstLine:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
-    standing = EXIT_RULES[result.outcome.gravest]
+    standing = EXIT_RULES[result.outcome.gravest_kind]
     reasons = [str(result.outcome.displayed(scale_for))] if standing.first_line else []
     on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in Verdict}
     if on[Verdict.EXCEEDED]:
@@ -182,7 +182,7 @@ def _reliability_rows(result: Result, rows: Iterable[tuple[str, str]]) -> Iterat
 
 def _model(sketch: Sketch) -> Iterator[str]:
     scenario = sketch.scenario
-    yield labelled(_bodies(scenario))
+    yield label_rows(_bodies(scenario))
     sites = {located.item.name: snubber_site(located).label for located in scenario.located_snubbers}
     rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in sketch.stops.items()]
     heading = ("stop", "at", "side", "stiffness", "dashpot", "gap", "force at rest", "k L^3 / E I")
@@ -226,7 +226,7 @@ def _stated_properties(body: Any) -> Iterator[str]:
 
 def _trust(result: Result) -> Iterator[str]:
     """The warnings, and the errors of all values."""
-    yield labelled(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
+    yield label_rows(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
     doubtful = set(result.summary.get("doubtful") or ())
     known = sorted(named(result.summary.get("convergence") or {}), key=lambda each: -each[1])
     errors = []
@@ -237,4 +237,4 @@ def _trust(result: Result) -> Iterator[str]:
     more = f" (the {ERRORS_SHOWN} largest of {len(known)})" if len(known) > ERRORS_SHOWN else ""
     yield table(Cells(("value", "of", "error"), errors, f"Error of every value, from a finer model{more}"))
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
-    yield labelled([("made with", f"beamsim {result.beamsim_version}, {packages}"), ("created", result.created)])
+    yield label_rows([("made with", f"beamsim {result.beamsim_version}, {packages}"), ("created", result.created)])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
-from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, thinned, with_unit
+from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, thin_out, with_unit
 from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
@@ -33,7 +33,7 @@ def interactive(picture: Picture) -> list[dict[str, Any]]:
 
 def _readable(curve: Curve) -> bool:
     """Whether few points show it: those of a loop are no extremes."""
-    return curve.x.size <= MOST_POINTS or thinned(curve.x, curve.y, MOST_POINTS)[0].size < curve.x.size
+    return curve.x.size <= MOST_POINTS or thin_out(curve.x, curve.y, MOST_POINTS)[0].size < curve.x.size
 
 
 def plot(chart: Chart) -> dict[str, Any]:
@@ -51,11 +51,11 @@ def plot(chart: Chart) -> dict[str, Any]:
         line = {"color": colour, "width": 1.5}
         if not isinstance(dashes, str):
             line["dash"] = ",".join(f"{2 * each:g}px" for each in dashes[1])
-        group = plain(curve.label) or (data[-1]["legendgroup"] if data else "")  # parts of one curve follow it
+        group = without_html(curve.label) or (data[-1]["legendgroup"] if data else "")  # parts of one curve follow it
         mode = "lines" if not style.get("marker") else "markers" if dashes == "none" else "lines+markers"
-        thin = thinned(curve.x, curve.y, MOST_POINTS)
+        thin = thin_out(curve.x, curve.y, MOST_POINTS)
         data.append(
-            {"type": "scatter", "mode": mode, "name": plain(curve.label), "line": line,
+            {"type": "scatter", "mode": mode, "name": without_html(curve.label), "line": line,
              "x": numbers(thin[0] * x.factor, 8), "y": numbers(thin[1] * y.factor),
              "marker": {"color": colour, "size": 7}, "legendgroup": group, "showlegend": bool(curve.label),
              "hovertemplate": "%{x:.6~g}, %{y:.5~g}"}
@@ -70,7 +70,7 @@ def plot(chart: Chart) -> dict[str, Any]:
         layout[f"{letter}axis"] |= {"tickmode": "linear", "tick0": 0, "dtick": max(1, math.ceil(most / MOST_TICKS))}
     if chart.note:
         at = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "align": "right", "showarrow": False}
-        layout["annotations"] = [{"text": plain(chart.note), **at}]
+        layout["annotations"] = [{"text": without_html(chart.note), **at}]
     return {"data": data, "layout": layout}
 
 
@@ -82,7 +82,7 @@ def heat_map(panel: HeatMap) -> dict[str, Any]:
     data = {
         "type": "heatmap", "x": numbers(panel.x * x.factor), "y": numbers(panel.y * y.factor),
         "z": [numbers(row * of.factor) for row in panel.values], "colorscale": "Cividis",
-        "colorbar": {"title": {"text": plain(labels[2]), "side": "right"}},
+        "colorbar": {"title": {"text": without_html(labels[2]), "side": "right"}},
         "hovertemplate": "%{x:.6~g}, %{y:.6~g}: %{z:.5~g}<extra></extra>",
     }  # fmt: skip
     return {"data": [data], "layout": _layout(labels[0], labels[1], "")}
@@ -95,7 +95,7 @@ def _scale(axis: Axis, known: Floats) -> Scale:
 def _layout(xlabel: str, ylabel: str, log: str) -> dict[str, Any]:
     axis = {"showline": True, "linecolor": "#444", "gridcolor": "#e4e4e4", "zeroline": False, "ticks": "outside"}
     axes = {
-        f"{letter}axis": {**axis, "title": {"text": plain(label)}, "type": "log" if letter in log else "linear"}
+        f"{letter}axis": {**axis, "title": {"text": without_html(label)}, "type": "log" if letter in log else "linear"}
         for letter, label in (("x", xlabel), ("y", ylabel))
     }
     return {
@@ -110,6 +110,6 @@ def numbers(values: Floats, digits: int = 6) -> list[float | None]:
     return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in np.asarray(values, float)]
 
 
-def plain(text: str) -> str:
+def without_html(text: str) -> str:
     """A text for plotly, which reads a little HTML."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("\n", "<br>")

@@ -78,7 +78,7 @@ class Page:
             f'<div id="plot-{first + k}" style="height:{panel["layout"]["height"]}px"></div>'
             for k, panel in enumerate(panels)
         )
-        return captioned(name, f'<div class="pair">{places}</div>' if columns > 1 else places)
+        return caption_plot(name, f'<div class="pair">{places}</div>' if columns > 1 else places)
 
     def animated(self, scene: dict[str, Any], note: str) -> str:
         """A canvas that plays a scene; a page has one. Returns the HTML."""
@@ -181,7 +181,7 @@ def _cell(text: str) -> str:
     return f'<td class="text {mark}">{shown}</td>' if mark else f'<td class="text">{shown}</td>'
 
 
-def labelled(rows: Iterable[tuple[str, str]]) -> str:
+def label_rows(rows: Iterable[tuple[str, str]]) -> str:
     """Rows of a printed table, label and text, as HTML."""
     lines = "".join(
         f'<tr><td class="label">{escape(label)}</td><td class="text">{escape(text)}</td></tr>' for label, text in rows
@@ -202,7 +202,7 @@ def picture(drawn: Picture, name: str) -> str:
     return f'<img alt="{escape(name.replace("_", " "))}" src="data:image/png;base64,{coded}">'
 
 
-def captioned(name: str, html: str) -> str:
+def caption_plot(name: str, html: str) -> str:
     """A plot under its name."""
     words = "Shock response spectra" if name == "srs" else name.replace("_", " ").capitalize()
     return f"<figure><figcaption>{escape(words)}</figcaption>{html}</figure>"

@@ -124,9 +124,9 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
 
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
-    for name in () if limits is None else limits.given:
+    for name in () if limits is None else limits.values_by_name:
         value, place = parse_limit(name)
-        columns = [k for each, k in channels.located if value.takes(each) and place in ("", each.name)]
+        columns = [k for each, k in channels.located if value.is_extreme_of(each) and place in ("", each.name)]
         some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima

@@ -20,7 +20,7 @@ import numpy as np
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop
+from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, stop_requests
 from beamsim.responses.energies import EnergyHistory, stored_energy, work_factors
 from beamsim.results.values import merge_extremes
 from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
@@ -96,7 +96,7 @@ class HistoryRecorder:
         if not self._ended:
             last = reached(chunk.end, self._times).size
             try:
-                with asked_by(self._overdue, at_once=True, progress=self._progress):
+                with stop_requests(self._overdue, at_once=True, progress=self._progress):
                     self.record(chunk, last)
             except Interrupted:
                 self._ended = True

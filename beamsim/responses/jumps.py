@@ -81,8 +81,8 @@ def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
     if isinstance(signal, StreamedSignal):  # a record, smooth between its samples
         return np.zeros(1), np.abs(signal(np.zeros(1)))
     pieces = np.arange(signal.start.size)
-    before = np.append(0.0, signal.within(pieces[:-1], np.diff(signal.start)))
-    size, begun = np.abs(signal.within(pieces, np.zeros(pieces.size)) - before), signal.start < end
+    before = np.append(0.0, signal.piece_values(pieces[:-1], np.diff(signal.start)))
+    size, begun = np.abs(signal.piece_values(pieces, np.zeros(pieces.size)) - before), signal.start < end
     return signal.start[begun], size[begun]
 
 

@@ -110,7 +110,7 @@ def balanced(outcome: Outcome, points: Dataset) -> Outcome:
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
     at = Where(float(parameter.values[worst]), parameter.unit)
-    return unbalanced(float(error[worst]), int(bad.sum()), at).but(*outcome.unless_complete)
+    return unbalanced(float(error[worst]), int(bad.sum()), at).copy_with(*outcome.unless_complete)
 
 
 def unbalanced(error: float, points: int, at: Where) -> Outcome:

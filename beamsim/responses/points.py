@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import BranchStep, Settings
-from beamsim.outcomes import asked_to_stop
+from beamsim.outcomes import stop_requested
 
 ROUND_OFF = 1e-12  # relative: a point so near to a value has it
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
@@ -145,7 +145,7 @@ def with_maxima(
     """
     points, measured = list(branch.points), measure(branch.points)
     for quantity in quantities:
-        if asked_to_stop():
+        if stop_requested():
             break
         values = [
             quantity.of(m) if not quantity.stable_only or branch.problem.orbit(p).stable else -np.inf

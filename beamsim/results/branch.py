@@ -28,7 +28,7 @@ ENDED = {
 """Columns that say how each row ended, with their meanings."""
 
 
-def ended(dims: tuple[str, ...]) -> dict[str, Variable]:
+def outcome_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
     """The variables of how each row of a table along dimensions ended."""
     return {name: Variable(dims, "", meaning, str) for name, meaning in ENDED.items()}
 
@@ -44,7 +44,7 @@ def endings(outcomes: Iterable[Outcome]) -> dict[str, list[str]]:
 OF_BRANCHES = {
     "branch": Variable(_BRANCH, "1", "number of the branch, from 0", int),
     "kind": Variable(_BRANCH, "", "response, backbone, tongue or non_brake", str),
-    **ended(_BRANCH),
+    **outcome_variables(_BRANCH),
 }
 _OF_POINTS = {
     "point": Variable(_POINT, "1", "number of the point", int),
@@ -168,7 +168,7 @@ def of_multipliers(multipliers: Sequence[Any]) -> dict[str, Any]:
     }
 
 
-def each_of(owners: Dataset, rows: Dataset, column: str) -> tuple[Dataset, ...]:
+def rows_by_owner(owners: Dataset, rows: Dataset, column: str) -> tuple[Dataset, ...]:
     """The rows of a table by the owners that a column numbers.
 
     Parameters
@@ -267,7 +267,7 @@ FOLD_CURVES = Layout(
         "branch": Variable(_FOLD, "1", "number of the branch with the fold", int, names="branches/branch"),
         "start_hz": Variable(_FOLD, "Hz", "frequency of that fold"),
         "touching": Variable(_FOLD, "", "contact that grazes along the whole curve; empty for a fold", str),
-        **ended(_FOLD),
+        **outcome_variables(_FOLD),
         "followed": Variable((), "", "second parameter: level, gap, stiffness or position", str),
         "followed_snubber": Variable((), "", "snubber whose number that is; else empty", str),
     },

@@ -24,7 +24,7 @@ from beamsim.contacts.pads import ForceCurve
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import Outcome, OutcomeKind, interruption
-from beamsim.results.values import OUTPUT, judged, limit_unit
+from beamsim.results.values import OUTPUT, limit_unit, with_verdicts
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.quantities import amplitude_unit, level_unit
@@ -207,20 +207,20 @@ class Result:
             If the summary does not declare a value.
         """
         status = {"status": self.status} if STATUS in self.SUMMARY else {}
-        result = replace(self, summary=summary_of(self, **status | computed)).ended(self.outcome)
+        result = replace(self, summary=summary_of(self, **status | computed)).with_outcome(self.outcome)
         if not result.summary.get("margins"):
             return result
         return replace(result, warnings=tuple(dict.fromkeys((*self.warnings, *_far_limits(result)))))
 
-    def ended(self, outcome: Outcome) -> Self:
+    def with_outcome(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""
-        repeated = {"status": outcome.text, "margins": judged(self.summary.get("margins", {}), outcome)}
+        repeated = {"status": outcome.text, "margins": with_verdicts(self.summary.get("margins", {}), outcome)}
         summary = self.summary | {name: value for name, value in repeated.items() if name in self.summary}
         return replace(self, outcome=outcome, summary=summary)
 
     def interrupted(self, during: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
-        return self.ended(interruption(f"during {during}", *self.outcome.unless_complete))
+        return self.with_outcome(interruption(f"during {during}", *self.outcome.unless_complete))
 
     @property
     def status(self) -> str:
@@ -320,7 +320,7 @@ def dashpots_of(modes: Dataset) -> dict[str, dict[str, Any]]:
     }
 
 
-def reduction_checked(outcome: Outcome, scenario: Scenario, modes: Dataset) -> Outcome:
+def check_reduction(outcome: Outcome, scenario: Scenario, modes: Dataset) -> Outcome:
     """The outcome, which is not to be trusted where the reduced receptance has no useful bound.
 
     Parameters

@@ -127,7 +127,7 @@ class Value(NamedTuple):
         """Its values from the extremes of channels, of which each that acts in both directions counts in both."""
         return not_none(self.of)(by_magnitude(channels, extreme))
 
-    def takes(self, channel: Channel) -> bool:
+    def is_extreme_of(self, channel: Channel) -> bool:
         """Whether it is an extreme of a channel: of its section, quantity and unit."""
         if self.of is None or channel.section != self.section or self.quantity not in ("", channel.quantity):
             return False
@@ -268,7 +268,7 @@ def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     entry, _, place = key.partition(".")
     if entry in READ_FIRST or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
         return True
-    given = () if scenario.limits is None else scenario.limits.given
+    given = () if scenario.limits is None else scenario.limits.values_by_name
     return any(limits(name, entry, place) for name in given)
 
 
@@ -337,10 +337,12 @@ def largest_in(parts: Sequence[Dataset], at: str, counts: str = "") -> Iterator[
             yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(where[best])
 
 
-def searched(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:
+def searched_channels(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:
     """The channels of whose extremes values are made; by default all that a run reports, and the penetrations."""
     wanted, always = (VALUES, PENETRATION) if values is None else (tuple(values), None)
-    return channels.select(lambda channel: channel.key == always or any(value.takes(channel) for value in wanted))
+    return channels.select(
+        lambda channel: channel.key == always or any(value.is_extreme_of(channel) for value in wanted)
+    )
 
 
 def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
@@ -352,7 +354,7 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     for value in VALUES:
         if value.of is None:
             continue
-        some = [c for c in channels.channels if value.takes(c) and c.key in extremes]
+        some = [c for c in channels.channels if value.is_extreme_of(c) and c.key in extremes]
         alike = {key: channels.of_keys(key).channels for key in {c.key for c in some}}
         numbers = {key: (value.of_channels(each, extremes[key]) / value.scale).tolist() for key, each in alike.items()}
         if value.single:
@@ -433,7 +435,7 @@ def margin_of(limit: float, value: float) -> float:
 def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
     """The margins of a run, from the values of its summary; a curve's limit is 1, on the largest ratio to it."""
     largest = {}
-    for name in {} if limits is None else limits.given:
+    for name in {} if limits is None else limits.values_by_name:
         value, place = parse_limit(name)
         found = summary.get(value.entry, {})
         if isinstance(found, Mapping):
@@ -454,13 +456,13 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
     A limit that nothing is compared with has a value that is not known.
     """
     compared: Margins = {}
-    for name, limit in ({} if limits is None else limits.given).items():
+    for name, limit in ({} if limits is None else limits.values_by_name).items():
         value, at = largest.get(name, (math.nan, ""))
         ends = {"lowest": value, "highest": value}
         compared[name] = {"limit": limit, "value": value, **ends, "margin": margin_of(limit, value), "at": at}
         if decade := parse_limit(name)[0].decibels:
             compared[name]["margin_db"] = decade * math.log10(limit / value) if value > 0.0 else math.nan
-    return judged(compared)
+    return with_verdicts(compared)
 
 
 def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float, str]]) -> Margins:
@@ -474,7 +476,7 @@ def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float
     return margins_of(limits, largest)
 
 
-def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
+def with_verdicts(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     """Margins with the verdict on each limit.
 
     Parameters

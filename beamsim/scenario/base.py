@@ -169,7 +169,7 @@ class Schema(BaseModel):
     """Keys that make no difference between two of it."""
 
     stated: ClassVar[Mapping[str, str]] = {}
-    """By key the attribute with what `plain` writes there in any case, because units state it; None for nothing."""
+    """By key the attribute that `as_plain_data` writes there in any case, because units state it; None for nothing."""
 
     def check(self) -> None:
         """Compare fields with each other; raises `InvalidValueError`."""
@@ -234,7 +234,7 @@ class Schema(BaseModel):
         return {key: value for key, value in data.items() if value is not None or key not in known}
 
     @model_validator(mode="after")
-    def _checked(self) -> Self:
+    def _run_checks(self) -> Self:
         self.check()
         return self
 
@@ -283,7 +283,7 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
             yield from walk(part, (*path, key))
 
 
-def plain(value: object) -> Any:
+def as_plain_data(value: object) -> Any:
     """A part of a scenario as the plain data that it was read from, numbers in SI units, keys as they are written."""
     if isinstance(value, Schema):
         written = dict[str, Any]()
@@ -295,12 +295,12 @@ def plain(value: object) -> Any:
             if key in value.stated and (stated := getattr(value, value.stated[key])) is not None:
                 written[key] = stated
             elif given and held is not None and not empty:
-                written[key] = plain(held)
+                written[key] = as_plain_data(held)
         return written
     if isinstance(value, (tuple, list)):
-        return [plain(item) for item in value]
+        return [as_plain_data(item) for item in value]
     if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: as_plain_data(item) for key, item in value.items()}
     if value is None or isinstance(value, (bool, int, str)):
         return value
     return float(value) if isinstance(value, float) else str(value)
@@ -433,7 +433,7 @@ class ShortFor:
         return {"anyOf": [{"type": "string"} | alone, handler(schema)]}
 
 
-def counted(number: int, noun: str, plural: str = "") -> str:
+def count_text(number: int, noun: str, plural: str = "") -> str:
     """A number with its noun.
 
     >>> counted(1, "value"), counted(2, "mass", "masses")
@@ -476,7 +476,7 @@ def suggestion(name: str, names: Iterable[str], introduction: str) -> str:
         The similar name as a question, else ``introduction`` with all names.
     """
     names = list(names)
-    meant = closest(name, names)
+    meant = closest_name(name, names)
     more = f", ... ({len(names)} in all)" if len(names) > MOST_NAMES else ""
     return f"did you mean {meant}?" if meant else f"{introduction} {', '.join(names[:MOST_NAMES])}{more}"
 
@@ -523,7 +523,7 @@ MEANT = {
 """By key the words that engineers use for it elsewhere."""
 
 
-def closest(name: str, names: Iterable[str]) -> str:
+def closest_name(name: str, names: Iterable[str]) -> str:
     """What was meant by a name: one that means the same, else one that is spelled alike; empty if there is none.
 
     Another number is no spelling mistake.

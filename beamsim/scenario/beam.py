@@ -512,7 +512,7 @@ class BeamBody(Body):
         """Those of its segments."""
         return tuple((each.start, each.end, each.bending.depth) for each in self.uniform_segments if each.bending.depth)
 
-    def refined(self) -> Self:
+    def refine(self) -> Self:
         """The beam with twice the elements."""
         return self.model_copy(update={"elements": 2 * self.elements})
 
@@ -640,7 +640,7 @@ class SegmentedBeam(BeamBody):
         ends = [(each.path, key, x) for each in segments for key, x in (("from", each.start), ("to", each.end))]
         for path, key, x in ends:
             if x > self.length * (1.0 + _TOGETHER):
-                yield from self.beyond(at, (*at, *path, key), x)
+                yield from self.position_problems_of_side(at, (*at, *path, key), x)
                 return
         for segment in segments:
             if segment.length <= shortest:

@@ -85,7 +85,7 @@ class AtPlace(PointOfBody):
     """A point of a body."""
 
     known_by: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
-    takes: ClassVar[tuple[Literal["force"]]] = ("force",)
+    level_quantities: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: q.Name | None = None
     """Name of the body; may be left out where there is only one."""
@@ -364,7 +364,7 @@ class MovedSupport(Schema):
         return self.direction is not None and self.direction not in ("x", "y", "z")
 
     @property
-    def takes(self) -> tuple[Translation, ...] | tuple[Rotation, ...]:
+    def level_quantities(self) -> tuple[Translation, ...] | tuple[Rotation, ...]:
         """Quantities that its levels may have, the default first."""
         return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
 
@@ -381,7 +381,7 @@ class MovedSupport(Schema):
             yield from unknown((*at, "joint"), self.joint, "joint", linear)
         else:
             yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
-        sine = "phase resonance" if "nnm.phase_resonance" in _following(scenario) else ""
+        sine = "phase resonance" if "nnm.phase_resonance" in _sections_of_orbits(scenario) else ""
         sine = "a swept sine" if getattr(scenario.sweep, "kind", "") == "swept_sine" else sine
         if at[0] == "excitation" and sine:
             yield problem(
@@ -391,14 +391,14 @@ class MovedSupport(Schema):
             )  # fmt: skip
 
 
-def _following(scenario: Whole) -> list[str]:
+def _sections_of_orbits(scenario: Whole) -> list[str]:
     """Sections that follow periodic motions."""
     given = {"sweep": scenario.sweep, "identify_stiffness": scenario.identify_stiffness}
     given["nnm.phase_resonance"] = None if scenario.nnm is None else scenario.nnm.phase_resonance
     return [name for name, section in given.items() if section is not None]
 
 
-def _stays(following: list[str]) -> str:
+def _fixed_stop_remedy(following: list[str]) -> str:
     """What to do about a stop that moves."""
     return f"leave {' and '.join(following)} out, or mount it on the base"
 
@@ -417,15 +417,17 @@ class MovedStop(Schema):
         return f"stop {self.snubber}"
 
     rotates: ClassVar[bool] = False
-    takes: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
+    level_quantities: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
     places: ClassVar[tuple[AtPlace, ...]] = ()
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A snubber that there is not, and commands that do not follow it: runs alone do."""
         movable = [each.item.name for each in scenario.listed("snubbers") if hasattr(each.item, "mounted_on")]
         yield from unknown((*at, "snubber"), self.snubber, "snubber", movable)
-        if at[0] == "excitation" and (following := _following(scenario)):
-            yield problem(at, f"is a stop that moves, which {following[0]} does not follow", _stays(following))
+        if at[0] == "excitation" and (following := _sections_of_orbits(scenario)):
+            yield problem(
+                at, f"is a stop that moves, which {following[0]} does not follow", _fixed_stop_remedy(following)
+            )
 
 
 class OnSupport(Schema):
@@ -441,9 +443,9 @@ class OnSupport(Schema):
         """A body that there is not, and commands that do not follow a stop on a support that moves: runs alone do."""
         yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
         moves = any(isinstance(each.applied_to, MovedSupport) for _, each in scenario.excitation.items)
-        if moves and (following := _following(scenario)):
+        if moves and (following := _sections_of_orbits(scenario)):
             message = f"= {self.support} carries the stop along, which {following[0]} does not follow"
-            yield problem((*at, "support"), message, _stays(following))
+            yield problem((*at, "support"), message, _fixed_stop_remedy(following))
 
 
 Ratios = Annotated[
@@ -645,7 +647,7 @@ class Body(Schema):
     reaction_order: ClassVar[float] = 4.0  # of forces and moments at supports
     """Order with which its values converge as its elements get smaller."""
 
-    def refined(self) -> Self:
+    def refine(self) -> Self:
         """The body with twice the elements; itself where it has no mesh of its own."""
         return self
 
@@ -752,10 +754,10 @@ class Body(Schema):
         """
         along = position if isinstance(position, tuple) else (position,)
         if len(along) != len(self.sides):
-            yield self._unlike(where, at, position)
+            yield self._dimension_problem(where, at, position)
             return
         for axis, x in enumerate(along):
-            yield from self.beyond(where, (*at, axis) if len(along) > 1 else at, x, axis)
+            yield from self.position_problems_of_side(where, (*at, axis) if len(along) > 1 else at, x, axis)
         if what and (held := self.support_at(position)):
             yield self._without_effect(where, at, position, f"{held}, which cannot deflect: {what}")
 
@@ -766,14 +768,16 @@ class Body(Schema):
         remedy = f"move it, or change {path_text((*where, 'supports'))}"
         return problem(at, f"= {shown} m is {what} has no effect there", remedy)
 
-    def _unlike(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
+    def _dimension_problem(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
         """That a position has as many numbers as on bodies of another kind."""
         if not self.sides:
             return self._misplaced(where, at, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
         return problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
 
-    def beyond(self, where: Path, at: Path, position: float | q.Share, axis: int = 0) -> Iterator[Problem]:
+    def position_problems_of_side(
+        self, where: Path, at: Path, position: float | q.Share, axis: int = 0
+    ) -> Iterator[Problem]:
         """A position beyond the end of a side.
 
         Parameters

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import InvalidValueError, Path, counted, problem
+from beamsim.scenario.base import InvalidValueError, Path, count_text, problem
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, ChainDamping
 from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
@@ -46,13 +46,13 @@ class Chain(Body):
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots_)
         if springs not in (masses, masses + 1):
             raise InvalidValueError(
-                f"has {counted(springs, 'value')} for {counted(masses, 'mass', 'masses')}",
+                f"has {count_text(springs, 'value')} for {count_text(masses, 'mass', 'masses')}",
                 f"give {masses + 1} (wall to 1, 1 to 2, ... {masses} to wall), or {masses} if the last mass is free",
                 ("springs",),
             )
         if dashpots not in (0, springs):
             raise InvalidValueError(
-                f"has {counted(dashpots, 'value')} for {counted(springs, 'spring')}",
+                f"has {count_text(dashpots, 'value')} for {count_text(springs, 'spring')}",
                 f"give {springs}, one in parallel with each spring, or leave it out",
                 ("dashpots",),
             )
@@ -107,7 +107,7 @@ class Chain(Body):
         if mass > self.count:
             yield problem(
                 at,
-                f"= {mass}, but the chain has {counted(self.count, 'mass', 'masses')}",
+                f"= {mass}, but the chain has {count_text(self.count, 'mass', 'masses')}",
                 f"masses are numbered from 1 to {self.count}" if self.count > 1 else "its number is 1",
             )
 
@@ -142,5 +142,5 @@ class Chain(Body):
         Problem
         """
         if numbers and len(numbers) != self.count:
-            given = f"has {counted(len(numbers), 'number')} for {counted(self.count, 'mass', 'masses')}"
+            given = f"has {count_text(len(numbers), 'number')} for {count_text(self.count, 'mass', 'masses')}"
             yield problem(at, given, "give one number per mass, or leave it out")

@@ -22,7 +22,7 @@ from beamsim.scenario.base import (
     Schema,
     Variants,
     Whole,
-    counted,
+    count_text,
     demand_rising,
     path_text,
     problem,
@@ -135,7 +135,7 @@ class PiecewiseLinearSpring(Schema):
         bends, slopes = len(self.breakpoints), len(self.stiffnesses)
         if slopes != bends + 1:
             raise InvalidValueError(
-                f"has {counted(slopes, 'value')} for {counted(bends, 'breakpoint')}",
+                f"has {count_text(slopes, 'value')} for {count_text(bends, 'breakpoint')}",
                 f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
                 ("stiffnesses",),
             )
@@ -238,7 +238,7 @@ def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("
     way, push = units
     if len(points) < 2:
         raise InvalidValueError(
-            f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
+            f"has {count_text(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
         )
     if points[0] != (0.0, 0.0):
         near = abs(points[0][0]) <= 0.05 * points[-1][0] and abs(points[0][1]) <= 0.05 * points[-1][1]

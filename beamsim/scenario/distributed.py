@@ -154,7 +154,7 @@ class TableShape(Shape):
         for axis, key in enumerate(("x", "y")):
             positions = getattr(shape, key) or ()
             for index, position in enumerate(positions):
-                yield from body.beyond(where, (*at, key, index), position, axis)
+                yield from body.position_problems_of_side(where, (*at, key, index), position, axis)
             for index, (one, two) in enumerate(pairwise(positions), start=1):
                 if two <= one:
                     message = "does not lie beyond the one before it"
@@ -226,7 +226,7 @@ class LineLoad(DistributedLoad):
     """Force per length along a beam, positive upwards."""
 
     known_by: ClassVar[tuple[str, ...]] = ("line",)
-    takes: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
+    level_quantities: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
     part: ClassVar[str] = "line"
 
@@ -240,7 +240,7 @@ class AreaLoad(DistributedLoad):
     """Pressure on a plate, positive upwards."""
 
     known_by: ClassVar[tuple[str, ...]] = ("area",)
-    takes: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
+    level_quantities: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
     part: ClassVar[str] = "area"
 

@@ -65,7 +65,7 @@ AppliedTo = Annotated[
 ]
 
 
-def spoken(quantity: str) -> str:
+def quantity_text(quantity: str) -> str:
     """A quantity as text says it.
 
     >>> spoken("force_per_length")
@@ -75,7 +75,7 @@ def spoken(quantity: str) -> str:
 
 
 def _with_article(quantity: str) -> str:
-    return f"{'an' if quantity[0] == 'a' else 'a'} {spoken(quantity)}"
+    return f"{'an' if quantity[0] == 'a' else 'a'} {quantity_text(quantity)}"
 
 
 _TAKEN = {
@@ -175,7 +175,7 @@ class Driven(Input):
     def quantity(self) -> Quantity:
         """What the levels are: as stated, otherwise as their units say, otherwise the default of the place."""
         readings: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
-        return next((of for of in readings if of is not None), self.takes[0])
+        return next((of for of in readings if of is not None), self.level_quantities[0])
 
     def check(self) -> None:
         """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
@@ -183,16 +183,16 @@ class Driven(Input):
         quantity = self.quantity
         for path, level in self.levels():
             if (of := q.meant(level)) not in (None, quantity):
-                message = f"is given in a unit of {spoken(of)}, where {_with_article(quantity)} is meant"
+                message = f"is given in a unit of {quantity_text(of)}, where {_with_article(quantity)} is meant"
                 raise InvalidValueError(message, "give the level in another unit, or set quantity", path)
-        if quantity not in self.takes:
+        if quantity not in self.level_quantities:
             self._refuse_quantity()
         if self.direction is not None or self.about is not None:
             self._check_direction()
 
     def _refuse_quantity(self) -> None:
         """Refuse the quantity where it is given, or the first level that has it."""
-        why, remedy = not_taken(self.quantity, self.takes)
+        why, remedy = not_taken(self.quantity, self.level_quantities)
         of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
         raise InvalidValueError(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
 
@@ -228,10 +228,10 @@ class Driven(Input):
         return isinstance(at, MovedStop) and name in (at.snubber, f"{at.snubber}.above", f"{at.snubber}.below")
 
     @property
-    def takes(self) -> tuple[Quantity, ...]:
+    def level_quantities(self) -> tuple[Quantity, ...]:
         """Quantities that its levels may have, the default first."""
         if self.applied_to != "base":
-            return self.applied_to.takes
+            return self.applied_to.level_quantities
         return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
 
 
@@ -353,7 +353,7 @@ def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
             )
 
 
-def holds_levels(section: Any) -> bool:
+def has_level_steps(section: Any) -> bool:
     """Whether a section has a profile whose levels are held, so that they change in steps."""
     return bool(getattr(section, "profile", ())) and section.between == "held"
 
@@ -367,9 +367,9 @@ def level_jumps(scenario: Whole, at: Path, section: Any) -> Iterator[str]:
     at : path of the section.
     section : with a profile or without one.
     """
-    quantity = getattr(scenario.excitation, "takes", (q.FACTOR,))[0]
+    quantity = getattr(scenario.excitation, "level_quantities", (q.FACTOR,))[0]
     unit = "g" if quantity == "acceleration" else "" if quantity == q.FACTOR else q.amplitude_unit(quantity)
-    for before, point in pairwise(section.profile if holds_levels(section) else ()):
+    for before, point in pairwise(section.profile if has_level_steps(section) else ()):
         f = point.frequency
         levels = [q.acceleration_amplitude(each.level, each.quantity, f) for each in (before, point)]
         inside = min(section.from_, section.to) < f < max(section.from_, section.to)
@@ -407,7 +407,7 @@ def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
         if "start" in path or "excitation" in path:
             continue
         stated = part.quantity if isinstance(part, ProfilePoint | Notch) else None
-        fits = (excitation.quantity,) if stated is None else excitation.takes
+        fits = (excitation.quantity,) if stated is None else excitation.level_quantities
         for key, name in type(part).keys().items():
             held = part.__dict__.get(name)
             for k, level in enumerate(held if isinstance(held, tuple) else (held,)):
@@ -526,7 +526,7 @@ class Shock(Driven):
             if self.kind == "step":
                 remedy = "give the time in which it is reached (rise: 5 ms), or an acceleration (level: 20 g)"
             raise InvalidValueError(
-                f"is a {called} of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
+                f"is a {called} of the base's {quantity_text(self.quantity)}, which needs an infinite acceleration",
                 remedy, ("level",),
             )  # fmt: skip
 
@@ -667,8 +667,8 @@ class SweptSineInput(Driven, FrequencyRange):
         super().check()
         check_profile(self.profile, self.between)
         for index, point in enumerate(self.profile):
-            if point.quantity is not None and point.quantity not in self.takes:
-                why, remedy = not_taken(point.quantity, self.takes)
+            if point.quantity is not None and point.quantity not in self.level_quantities:
+                why, remedy = not_taken(point.quantity, self.level_quantities)
                 raise InvalidValueError(f"is {why}", remedy, ("profile", index, "level"))
 
     def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
@@ -720,7 +720,7 @@ class SampledInput(Driven, RecordPreparation):
     @property
     def quantity(self) -> Quantity:
         """What the values are: as stated, otherwise as the unit says, otherwise the default of the place."""
-        return self.quantity_ or self._quantity_of_unit or self.takes[0]
+        return self.quantity_ or self._quantity_of_unit or self.level_quantities[0]
 
     @property
     def _quantity_of_unit(self) -> Quantity | None:
@@ -740,7 +740,8 @@ class SampledInput(Driven, RecordPreparation):
         super().check()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
             raise InvalidValueError(
-                f"= linear of the base's {spoken(self.quantity)} has corners, where the acceleration is infinite",
+                f"= linear of the base's {quantity_text(self.quantity)} has corners, where the acceleration is "
+                "infinite",
                 "use interpolation: cubic, or give the acceleration",
                 ("interpolation",),
             )
@@ -845,8 +846,8 @@ class RandomInput(Driven):
     def check(self) -> None:
         """Check the table."""
         super().check()
-        if self.quantity != self.takes[0]:
-            raise InvalidValueError(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+        if self.quantity != self.level_quantities[0]:
+            raise InvalidValueError(f"must be {quantity_text(self.level_quantities[0])}", "leave it out", ("quantity",))
         if isinstance(self.seed, str) and self.amplitudes != "random":
             raise InvalidValueError("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
         if isinstance(self.psd, CurveFile):
@@ -867,7 +868,7 @@ class RandomInput(Driven):
         for k, point in enumerate(self.psd):
             of = q.meant(point.density)
             if of not in (None, self.quantity):
-                why, _ = not_taken(str(of), self.takes)
+                why, _ = not_taken(str(of), self.level_quantities)
                 remedy = f"give a density such as {q.DENSITY_DIMENSIONS[self.quantity].example}, or change applied_to"
                 raise InvalidValueError(f"is of {why}", remedy, ("psd", k, "density"))
         self.check_sample_rate(highest)
@@ -1003,7 +1004,7 @@ class Forces(Input):
     level: ClassVar[float] = 1.0
     phase: ClassVar[float] = 0.0
     quantity: ClassVar[str] = q.FACTOR
-    takes: ClassVar[tuple[str, ...]] = (q.FACTOR,)
+    level_quantities: ClassVar[tuple[str, ...]] = (q.FACTOR,)
     on_base: ClassVar[bool] = False
 
     @property

@@ -19,7 +19,7 @@ from beamsim.scenario.base import (
     ShortFor,
     Variants,
     Whole,
-    counted,
+    count_text,
     demand_rising,
     kind_of,
     problem,
@@ -29,7 +29,15 @@ from beamsim.scenario.body import Ratios
 from beamsim.scenario.connections import HingeStop
 from beamsim.scenario.excitation import Excitation, FrequencyRange, Harmonic, level_problems, not_harmonic
 from beamsim.scenario.files import DecimalMark, RecordPreparation
-from beamsim.scenario.parameters import choices_at, each_once, find_parameters, in_metres, read_as, side_at, value_at
+from beamsim.scenario.parameters import (
+    choices_at,
+    find_parameters,
+    in_metres,
+    listing_problems,
+    read_as,
+    side_at,
+    value_at,
+)
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import Start
 from beamsim.scenario.sweep import no_stop_of_hinge
@@ -95,7 +103,7 @@ def check_data(points: Any, kind: str, branches: int | None) -> None:
     """
     least = 2 if branches is None else branches + 1
     if len(points) < least:
-        what = counted(len(points), "measurement")
+        what = count_text(len(points), "measurement")
         raise InvalidValueError(f"has {what}", f"measure at {least} or more", (kind,))
     unit = "Hz" if kind == "dynamic" else "s"
     demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
@@ -395,7 +403,7 @@ class NonlinearFit(Schema):
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Numbers that cannot be sought, an excitation that is no sine, tests left out that there are not."""
-        yield from each_once(self.estimate, (*at, "estimate"), lambda each: _sought(scenario, each, words=False))
+        yield from listing_problems(self.estimate, (*at, "estimate"), lambda each: _sought(scenario, each, words=False))
         steady = any(test.kind != "transient" for test in self.used.values())
         if steady and not isinstance(scenario.excitation, Harmonic):
             yield not_harmonic(at, "a harmonic excitation", scenario.excitation)
@@ -456,9 +464,11 @@ class IdentifyStiffness(Schema):
             yield from no_stop_of_hinge(where, self.snubber)
         if self.parameter_uncertainty:
             uncertain = (*at, "parameter_uncertainty")
-            yield from each_once(self.parameter_uncertainty, uncertain, lambda each: _numbers(scenario, each.parameter))
+            yield from listing_problems(
+                self.parameter_uncertainty, uncertain, lambda each: _numbers(scenario, each.parameter)
+            )
         if self.update:
-            yield from each_once(self.update, (*at, "update"), lambda each: _sought(scenario, each, words=True))
+            yield from listing_problems(self.update, (*at, "update"), lambda each: _sought(scenario, each, words=True))
         if self.nonlinear is not None:
             yield from level_problems(scenario, at, self)
 
@@ -489,7 +499,7 @@ class IdentifyStiffness(Schema):
                 ("uncertainty",),
             )
         if len(free) > len(self.measured_without):
-            given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
+            given = count_text(len(self.measured_without), "measured frequency", "measured frequencies")
             raise InvalidValueError(
                 f"asks for {len(free)} unknowns without prior from {given}",
                 "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
@@ -509,7 +519,7 @@ class IdentifyStiffness(Schema):
         for index, mode in enumerate(self.fit_to):
             if mode > count:
                 raise InvalidValueError(
-                    f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
+                    f"= {mode}, but measured_with has {count_text(count, 'frequency', 'frequencies')}",
                     "list only modes that were measured",
                     ("fit_to", index),
                 )

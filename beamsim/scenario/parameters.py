@@ -18,16 +18,16 @@ from beamsim.scenario.base import (
     Problems,
     Schema,
     Whole,
+    as_plain_data,
     path_parts,
     path_text,
-    plain,
     problem,
     single_line,
     suggestion,
     words_of,
 )
 from beamsim.scenario.quantities import FieldType, LevelValue, PositionType, Share, meant
-from beamsim.scenario.tree import dumped, from_python, in_a_body, indices
+from beamsim.scenario.tree import body_path_remedy, dump_yaml, from_python, indices
 from beamsim.scenario.units import NUMBER, Dimension, UnitError
 
 Part = TypeVar("Part", bound=Schema)
@@ -60,7 +60,7 @@ def find_parameters(scenario: Whole, path: str, at: Path = ()) -> list[Path]:
     try:
         return _walk(scenario, parts, ())
     except InvalidValueError as error:
-        remedy = in_a_body(from_python(plain(scenario)), parts) or error.remedy
+        remedy = body_path_remedy(from_python(as_plain_data(scenario)), parts) or error.remedy
         raise InvalidValueError(f"= {path} {error.message}", remedy, at) from None
 
 
@@ -153,10 +153,10 @@ def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
             raise ScenarioError(problem(place, message, error.remedy)) from None
         if isinstance(number, LevelValue):
             read[place] = LevelValue(number, meant(number) or meant(value_at(scenario, place)))
-    return replaced(scenario, read)
+    return replace_values(scenario, read)
 
 
-def replaced(part: Part, values: Mapping[Path, object]) -> Part:
+def replace_values(part: Part, values: Mapping[Path, object]) -> Part:
     """The same scenario, or part, with other values at these places, which may be a little outside of their bounds."""
     for place, value in values.items():
         owners: list[Any] = [part]
@@ -323,10 +323,10 @@ def yaml_with_units(scenario: Whole) -> str:
         unit = unit_at(scenario, place) if isinstance(value, float) else "1"
         return value if unit == "1" else f"{value!r} {unit}"
 
-    return dumped(written(plain(scenario), ()))
+    return dump_yaml(written(as_plain_data(scenario), ()))
 
 
-def each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:
+def listing_problems(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:
     """What is wrong with each of the numbers that a section lists, and those that are listed twice.
 
     Parameters

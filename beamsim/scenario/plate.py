@@ -195,7 +195,7 @@ class PlateBody(Body):
         stiffness = max(self.bending.rigidity.dx, self.bending.rigidity.dy)
         return math.pi / 2.0 * math.sqrt(stiffness / self.bending.mass_per_area) / max(self.length, self.width) ** 2
 
-    def refined(self) -> Self:
+    def refine(self) -> Self:
         """The plate with twice the elements in both directions."""
         return self.model_copy(update={"elements": (2 * self.elements[0], 2 * self.elements[1])})
 

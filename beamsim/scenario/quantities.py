@@ -90,7 +90,7 @@ class Bounded(FieldType):
     maximum: float | None = None
     below: float | None = None
 
-    def bounded(self, number: float) -> float:
+    def check_bounds(self, number: float) -> float:
         """Check the bounds."""
         low = self.above if self.minimum is None else self.minimum
         high = self.below if self.maximum is None else self.maximum
@@ -154,7 +154,9 @@ class Quantity(Bounded):
     def read(self, value: Any) -> float:
         """Return the SI number."""
         number, _ = units.read_level(value, (self.dimension,), any_size=True)
-        return units.in_range(self.bounded(number), (self.dimension,), f"write for example {self.dimension.example}")
+        return units.in_range(
+            self.check_bounds(number), (self.dimension,), f"write for example {self.dimension.example}"
+        )
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
@@ -271,7 +273,7 @@ class PositionType(Quantity):
         if isinstance(value, Share):
             return value
         if isinstance(value, str) and value.rstrip().endswith("%"):
-            return Share(self.bounded(units.read_quantity(value, units.RATIO)))
+            return Share(self.check_bounds(units.read_quantity(value, units.RATIO)))
         return super().read(value)
 
 
@@ -376,7 +378,7 @@ class LevelType(Bounded):
             return value
         number, dimension = units.read_level(value, tuple(dict.fromkeys(each for _, each in self.quantities)))
         of = next((name for name, known in self.quantities if known is dimension), None)
-        return LevelValue(self.bounded(number), of)
+        return LevelValue(self.check_bounds(number), of)
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string."""
@@ -500,7 +502,7 @@ class SeedType(Whole):
     def read(self, value: Any) -> int | str:
         """Return the integer, or the text of the blend."""
         if isinstance(value, str) and "*" in value:
-            blended(value)
+            shares_of_seeds(value)
             return value
         seed: int = super().read(value)
         return seed
@@ -510,7 +512,7 @@ class SeedType(Whole):
         return {"anyOf": [super().json_schema(), {"type": "string", "pattern": "\\*"}]}
 
 
-def blended(seed: int | str) -> list[tuple[int, float]]:
+def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
     """The seeds of a blend and the share of the realisation of each, whose squares add up to one.
 
     >>> blended("4*7 + 3*8")

@@ -289,7 +289,7 @@ class Limits(Schema):
 
     def check(self) -> None:
         """Reject a section that limits nothing, and curves that are none."""
-        if not self.given:
+        if not self.values_by_name:
             raise InvalidValueError(
                 "limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}"
             )
@@ -376,7 +376,7 @@ class Limits(Schema):
         """Curves of spectra that are not asked for, and of places that there are not."""
         for name, place, points in self.given_curves():
             path = (*at, name, place)
-            needed, remedy = _what_a_curve_lacks(scenario, name)
+            needed, remedy = _missing_for_curve(scenario, name)
             stated = None if name == "srs" or isinstance(points, CurveFile) else q.meant(points[0][1])
             if needed:
                 yield problem(path, f"needs {needed}", remedy)
@@ -394,7 +394,7 @@ class Limits(Schema):
             yield from unknown(path, place, "place", snubbers if forces else places)
 
     @property
-    def given(self) -> dict[str, float]:
+    def values_by_name(self) -> dict[str, float]:
         """The given limits in SI units, by name: that of the value, and behind a point the place where it has one.
 
         A curve is the limit 1 on the ratio to it.
@@ -413,7 +413,7 @@ class Limits(Schema):
 _FORCES = {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE, units.MOMENT)}
 
 
-def _what_a_curve_lacks(scenario: Whole, name: str) -> tuple[str, str]:
+def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
     """What a curve of a name needs in addition, and a remedy; empty where it is there."""
     run = scenario.run
     if name == "srs":

@@ -503,7 +503,7 @@ class Run(Schema):
 
     def _static_warnings(self, scenario: Whole) -> Iterator[str]:
         """That nothing moves without an excitation, where the run starts at static equilibrium."""
-        if self.start == "static_equilibrium" and not scenario.just_mounted:
+        if self.start == "static_equilibrium" and not scenario.starts_unrelaxed:
             none = scenario.excitation.kind == "none"
             why = "there is no excitation" if none else "the level of the excitation is zero"
             yield (

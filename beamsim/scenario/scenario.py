@@ -31,11 +31,11 @@ from beamsim.scenario.base import (
     Problems,
     Schema,
     Variants,
+    as_plain_data,
     named_twice,
     nested_annotations,
     path_parts,
     path_text,
-    plain,
     problem,
     walk,
 )
@@ -66,7 +66,7 @@ from beamsim.scenario.tree import (
     Overrides,
     WrittenMapping,
     apply_overrides,
-    dumped,
+    dump_yaml,
     from_python,
     locate,
     located_problem,
@@ -109,7 +109,7 @@ class DisplayUnits(Schema):
     energy: Annotated[str, q.UnitType(of=units.ENERGY, example="J")] | None = None
     """Unit of energies, such as mJ."""
 
-    def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
+    def complete_from(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
         """The same with the units in which quantities are written, for what is not chosen.
 
         Parameters
@@ -496,7 +496,7 @@ class Scenario(Schema):
 
     def to_yaml(self) -> str:
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""
-        return dumped(plain(self))
+        return dump_yaml(as_plain_data(self))
 
     @property
     def study(self) -> Vary | Optimise | None:
@@ -535,7 +535,7 @@ class Scenario(Schema):
         multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
         A record that is made for a spectrum has as many.
         """
-        random = self._banded and highest > 0.0
+        random = self._has_random_band and highest > 0.0
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / duration)
         rate = min(rate, max(MANY_SAMPLES / duration, (10.0 if random else 20.0) * highest))
@@ -550,10 +550,10 @@ class Scenario(Schema):
         at a stop need that many.
         """
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
-        return max((10.0 if self._banded else 50.0) * highest, 64.0 * rough)
+        return max((10.0 if self._has_random_band else 50.0) * highest, 64.0 * rough)
 
     @property
-    def _banded(self) -> bool:
+    def _has_random_band(self) -> bool:
         """Whether the excitation fills a band of frequencies."""
         return self.excitation.stationary or any(each.kind == "matched" for _, each in self.excitation.items)
 
@@ -566,7 +566,7 @@ class Scenario(Schema):
     @property
     def has_mesh(self) -> bool:
         """Whether a body has a mesh that can be finer."""
-        return any(body.refined() is not body for body in self.all_bodies.values())
+        return any(body.refine() is not body for body in self.all_bodies.values())
 
     @property
     def default_body(self) -> str:
@@ -582,20 +582,20 @@ class Scenario(Schema):
         """The body that a path leads into; empty where it leads into none."""
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
-    def refined(self, modes: int) -> Self:
+    def refine(self, modes: int) -> Self:
         """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
-        bodies = {name: body.refined() for name, body in self.all_bodies.items()}
+        bodies = {name: body.refine() for name, body in self.all_bodies.items()}
         named = {name: body for name, body in bodies.items() if name in self.bodies}
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
         return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
 
     @property
-    def lasting(self) -> bool:
+    def is_lasting(self) -> bool:
         """Whether the excitation goes on, so that the motion has means."""
         return self.excitation.kind != "none" and not self.excitation.shock
 
     @property
-    def just_mounted(self) -> bool:
+    def starts_unrelaxed(self) -> bool:
         """Whether a motion begins with Maxwell branches that have not relaxed."""
         return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
@@ -625,7 +625,7 @@ class Scenario(Schema):
         bodies, total = self.all_bodies, 0.0
         for place in located.item.places:
             body = bodies[place.body or located.body]
-            if body.refined() is not body:
+            if body.refine() is not body:
                 mass = body.mass_at(body.point_of(place))
                 total += 1.0 / mass if mass else math.inf
         return total
@@ -858,7 +858,7 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
         path = FilePath(source)
         root, name = resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
     else:
-        root, name = _given_data(source)
+        root, name = _source_data(source)
     if overrides:
         root = apply_overrides(root, overrides)
     try:
@@ -877,7 +877,7 @@ def _is_yaml(text: str) -> bool:
     return "\n" in text or text.lstrip().startswith("{")
 
 
-def _given_data(source: str | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
+def _source_data(source: str | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
     """The data of a source that is no file, and its name for output files; see `load_scenario`."""
     if isinstance(source, Scenario):
         return _tree_of(source), source.source
@@ -919,7 +919,7 @@ def _without_unused_sections(root: WrittenMapping, name: str, command: str, erro
 
 def _tree_of(scenario: Scenario) -> WrittenMapping:
     """The data of a scenario, in which files are relative to where they were written."""
-    root: WrittenMapping = from_python(plain(scenario))
+    root: WrittenMapping = from_python(as_plain_data(scenario))
     for at, _ in named_files(scenario):
         owner: Any = root
         for part in at[:-1]:
@@ -952,7 +952,7 @@ def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) 
         raise _located(root, error) from None
     finally:
         UNITS_WRITTEN.reset(token)
-    shown = (scenario.units or DisplayUnits()).filled(written)
+    shown = (scenario.units or DisplayUnits()).complete_from(written)
     if any(getattr(shown, each) is not None for each in DIMENSIONS):
         scenario = scenario.model_copy(update={"units": shown})
     scenario._source, scenario._text, scenario._left_out = name, root, warnings

@@ -22,9 +22,9 @@ from beamsim.scenario.base import (
     Schema,
     Variants,
     Whole,
-    counted,
+    as_plain_data,
+    count_text,
     path_text,
-    plain,
     problem,
     unknown,
 )
@@ -34,9 +34,9 @@ from beamsim.scenario.parameters import (
     choices_at,
     dimension_at,
     dimension_of_level,
-    each_once,
     field_type_at,
     find_parameters,
+    listing_problems,
     read_as,
     unit_at,
     value_at,
@@ -239,7 +239,7 @@ def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, at:
             yield problem(place, f"= {', '.join(correlation.between)} {what}", "name two parameters, each pair once")
         stated.add(pair)
     if stated and sample.samples <= len(paths):
-        message = f"= {sample.samples} is too few for correlations of {counted(len(paths), 'parameter')}"
+        message = f"= {sample.samples} is too few for correlations of {count_text(len(paths), 'parameter')}"
         yield problem((*at, "samples"), message, f"take more than {len(paths)}")
 
 
@@ -527,7 +527,7 @@ class VariedParameter:
         return len(self.values) or self.points
 
     @property
-    def set_by(self) -> tuple[Path, ...]:
+    def dependent_places(self) -> tuple[Path, ...]:
         """All places that depend on it."""
         return (*self.places, *dict.fromkeys(place for changes in self.choices.values() for place in changes))
 
@@ -627,7 +627,7 @@ def value_count(parameter: Any) -> int:
 
 def parameter_problems(scenario: Whole, parameters: Sequence[Any], at: Path) -> Problems:
     """What is wrong with the parameters that a section lists at a path, each alone and with the others."""
-    yield from each_once(parameters, at, lambda each: resolve_parameter(scenario, each).set_by)
+    yield from listing_problems(parameters, at, lambda each: resolve_parameter(scenario, each).dependent_places)
 
 
 def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
@@ -706,7 +706,7 @@ def _check_range(parameter: RangedParameter | SampledRange, low: float, high: fl
 
 def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParameter:
     """What each choice changes: where a scenario with these overrides differs from the one without."""
-    written = {key: value for key, value in plain(scenario).items() if key not in _SECTIONS}
+    written = {key: value for key, value in as_plain_data(scenario).items() if key not in _SECTIONS}
     as_it_is, choices = type(scenario).model_validate(written), dict[str, dict[Path, Any]]()
     for name, settings in catalogue.choices.items():
         try:

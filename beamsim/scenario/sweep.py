@@ -533,7 +533,7 @@ class SweptSine(_UpAndDown):
         return (2.0 if self.direction == "both" else 1.0) * once / self.rate.value
 
     @property
-    def shaped(self) -> bool:
+    def has_varying_level(self) -> bool:
         """Whether the level differs between frequencies: by a profile, notches or limits of the response."""
         return bool(self.profile or self.profile_file or self.notches or self.notch_to)
 

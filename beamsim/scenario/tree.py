@@ -33,7 +33,7 @@ from beamsim.scenario.base import (
     InvalidValueError,
     Mark,
     Path,
-    counted,
+    count_text,
     path_parts,
     path_text,
     problem,
@@ -100,11 +100,11 @@ def locate(root: Any, path: Path) -> Mark:
 
 def located_problem(root: Any, found: Problem) -> Problem:
     """Return the problem with the file and line of the value at its path."""
-    file, line = locate(root, tuple(path_parts(found.path)) or _written_at(root, found.path))
+    file, line = locate(root, tuple(path_parts(found.path)) or _written_path(root, found.path))
     return replace(found, file=file, line=line)
 
 
-def _written_at(root: Any, path: str) -> Path:
+def _written_path(root: Any, path: str) -> Path:
     """Keys and indices of what is written at a path with a key that is no name (``gap:0.1 mm``), or next above it."""
     value, walked = root, Path()
     while isinstance(value, (dict, list)):
@@ -254,7 +254,7 @@ class _Reader:
         finally:
             self.open.discard(id(node))
 
-    def _given_twice(self, path: Path, line: int, node: yaml.Node) -> None:
+    def _note_duplicate(self, path: Path, line: int, node: yaml.Node) -> None:
         """Note that a key was given before, in a line."""
         self._problem(path, f"is given twice, first in line {line}", "keep one of the two", node)
 
@@ -289,7 +289,7 @@ class _Reader:
             key = key_node.value
             value = self.data(value_node, (*path, key))
             if key in items:
-                self._given_twice((*path, key), lines[key], key_node)
+                self._note_duplicate((*path, key), lines[key], key_node)
                 continue
             items[key], lines[key] = value, key_node.start_mark.line + 1
             marked = value_node if isinstance(value_node.value, str) else key_node
@@ -355,7 +355,7 @@ _Dumper.add_representer(str, _represent_text)
 _FIRST = ("name", "kind", "body", "at", "position", "mass", "between", "masses", "applied_to", "level")
 
 
-def dumped(data: Any) -> str:
+def dump_yaml(data: Any) -> str:
     """Plain data as YAML text, the keys that say what a mapping is first."""
     return yaml.dump(
         _ordered(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120
@@ -448,10 +448,10 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
     named, where = root.pop("extends", None), root.marks.get("extends", NOWHERE)
-    return root if named is None else _extending(root, named, where, folder, chain)
+    return root if named is None else _merge_into_base(root, named, where, folder, chain)
 
 
-def _extending(
+def _merge_into_base(
     root: WrittenMapping, named: Any, where: Mark, folder: FilePath, chain: tuple[FilePath, ...]
 ) -> WrittenMapping:
     """A document merged into the file that it names, at a mark, as the one that it extends; see `resolve_extends`."""
@@ -572,7 +572,7 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
                 within[place[-1]] = copy.deepcopy(value)
             changed = merge(root, added)
         except InvalidValueError as error:
-            remedy = in_a_body(root, path_parts(path)) or error.remedy
+            remedy = body_path_remedy(root, path_parts(path)) or error.remedy
             problems.append(problem((path,), error.message, remedy))
     if problems:
         raise ScenarioError(problems)
@@ -672,7 +672,7 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
         if part < len(items):
             return [part]
         last = f"the last one is {where}[{len(items) - 1}]" if items else "give the whole list"
-        raise InvalidValueError(f"does not exist: {where} has {counted(len(items), 'item')}", last)
+        raise InvalidValueError(f"does not exist: {where} has {count_text(len(items), 'item')}", last)
     prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
     names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
     for k, item in enumerate(items):
@@ -689,7 +689,7 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
     )
 
 
-def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
+def body_path_remedy(root: WrittenMapping, parts: Sequence[str | int]) -> str:
     """The remedy for a path to an item that a body lists, ``snubbers.stop`` for ``chain.snubbers.stop``; else empty."""
     single = {(key,): root.get(key) for key in ("beam", "chain")}
     several = root.get("bodies")

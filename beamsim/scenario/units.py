@@ -392,7 +392,7 @@ def _scaled(given: str | float, size: Unit, remedy: str) -> float:
     return number
 
 
-def _respelled(text: str, dimensions: tuple[Dimension, ...]) -> str:
+def _spelling_question(text: str, dimensions: tuple[Dimension, ...]) -> str:
     """The question whether an ill-spelt unit is another, 'hz' for Hz; empty if that has none of the dimensions."""
     meant = re.sub(r"[A-Za-zµμ]+", lambda name: _SPELLINGS.get(name[0].lower(), name[0]), text)
     return f"did you mean {meant}?" if meant != text and any(_fits(meant, each) for each in dimensions) else ""
@@ -423,24 +423,26 @@ def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
         message = _another_dimension(text, dimensions)
     except UnitError as error:
         message = error.message
-    raise UnitError(message, _what_to_write(text, dimensions))
+    raise UnitError(message, _unit_remedy(text, dimensions))
 
 
 def _another_dimension(text: str, dimensions: tuple[Dimension, ...]) -> str:
     """That a unit has none of the dimensions."""
     names = [dimension.with_article for dimension in dimensions]
     expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
-    return f"must be {expected}, not {_given(_unit(text, all(each.gravity for each in dimensions)), text)}"
+    return f"must be {expected}, not {_dimension_text(_unit(text, all(each.gravity for each in dimensions)), text)}"
 
 
-def _what_to_write(text: str, dimensions: tuple[Dimension, ...]) -> str:
+def _unit_remedy(text: str, dimensions: tuple[Dimension, ...]) -> str:
     """The remedy for a unit that has none of the dimensions, or is unknown."""
     if dimensions == (LENGTH,) and re.fullmatch(r"mils?", text):
         return "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
-    return _respelled(text, dimensions) or "write for example " + " or ".join(each.example for each in dimensions)
+    return _spelling_question(text, dimensions) or "write for example " + " or ".join(
+        each.example for each in dimensions
+    )
 
 
-def _given(unit: Unit, text: str) -> str:
+def _dimension_text(unit: Unit, text: str) -> str:
     """Name the dimension that was given."""
     if not unit.powers:
         return (ANGLE if unit.radians else RATIO).with_article

@@ -14,8 +14,8 @@ from beamsim.scenario.base import (
     MEANT,
     Path,
     Schema,
-    closest,
-    counted,
+    closest_name,
+    count_text,
     descriptions,
     kinds_of,
     nested_annotations,
@@ -95,7 +95,7 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
         case "variants":
             return path, shown + error["msg"], context["remedy"]
         case "missing":
-            return path, "is missing", _how_to_give(str(path[-1]), schema, field)
+            return path, "is missing", _entry_remedy(str(path[-1]), schema, field)
         case "extra_forbidden":
             return path, "is not a known key", _known_keys(str(path[-1]), path, schema)
         case "union_tag_invalid" | "union_tag_not_found":
@@ -114,7 +114,7 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
         case "too_short" | "too_long":
             least, most = context.get("min_length"), context.get("max_length")
             bound = f"at most {most}" if least is None else f"at least {least}"
-            return path, f"has {counted(len(value), 'value')}, and takes {bound}", _described(schema, field)
+            return path, f"has {count_text(len(value), 'value')}, and takes {bound}", _field_text(schema, field)
     return path, shown + "is not accepted: " + error["msg"][:1].lower() + error["msg"][1:], ""
 
 
@@ -124,7 +124,7 @@ def _class_at(schema: type[Schema], field: FieldInfo | None, location: Path) -> 
     return choices.get(str(last)) or next(iter(choices.values()), schema)
 
 
-def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str:
+def _entry_remedy(key: str, schema: type[Schema], field: FieldInfo | None) -> str:
     if field is None:
         return ""
     for item in field.metadata:
@@ -133,7 +133,7 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
             return f"give for example {key}: {usual or item.example}"
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
-    return _described(schema, field)
+    return _field_text(schema, field)
 
 
 def _with_usual_example(remedy: str, path: Path, field: FieldInfo | None) -> str:
@@ -145,14 +145,14 @@ def _with_usual_example(remedy: str, path: Path, field: FieldInfo | None) -> str
     return remedy
 
 
-def _described(schema: type[Schema], field: FieldInfo | None) -> str:
+def _field_text(schema: type[Schema], field: FieldInfo | None) -> str:
     name = next((name for name, each in schema.model_fields.items() if each is field), "")
     described = descriptions(schema).get(name, "")
     return f"it is: {described[:1].lower()}{described[1:].rstrip('.')}" if described else ""
 
 
 def _did_you_mean(value: object, choices: list[str]) -> str:
-    meant = closest(str(value), choices)
+    meant = closest_name(str(value), choices)
     return f"did you mean {meant}?" if meant else "choose one of these"
 
 
@@ -166,13 +166,13 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"
-    same = key in MEANT.get(closest(key, keys), "").split()
-    if not same and (home := _where_it_belongs(key, schema)):
+    same = key in MEANT.get(closest_name(key, keys), "").split()
+    if not same and (home := _section_of_key(key, schema)):
         return home
     return suggestion(key, keys, "known keys:")
 
 
-def _where_it_belongs(key: str, schema: type[Schema]) -> str:
+def _section_of_key(key: str, schema: type[Schema]) -> str:
     """Of a key that stands too far out: the section that has it, or in which it is a kind."""
     homes = []
     for section, attribute in schema.keys().items():

@@ -192,13 +192,13 @@ class LinearFilter:
         """
         ends, values, slopes = [times[:1]], [self.value[None]], [self.slope[None]]
         for block in _panels(times, signal, longest):
-            value, slope = self.through(block)
+            value, slope = self.apply(block)
             ends.append(block.ends[1:])
             values.append(value)
             slopes.append(slope)
         return FilteredPanels(np.concatenate(ends), np.vstack(values), np.vstack(slopes))
 
-    def through(self, block: Panels) -> tuple[Floats, Floats]:
+    def apply(self, block: Panels) -> tuple[Floats, Floats]:
         """(P, k) the output at the ends of panels, and its slope."""
         values = block.values
         output = np.zeros((values.shape[0] + 1, values.shape[2]))
@@ -519,7 +519,7 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
     oscillators = [LinearFilter(*_oscillator(hz, quality), count) for hz in frequency]
     for block in _panels(times, signal, longest):
         for oscillator in oscillators:
-            oscillator.through(block)
+            oscillator.apply(block)
     peaks = np.empty((count, 4, frequency.size))
     for i, oscillator in enumerate(oscillators):
         low, _, high, _ = oscillator.extremes

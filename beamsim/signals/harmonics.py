@@ -151,7 +151,7 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
 ALIKE = 0.01  # of the rms: periods that differ by less are alike
 
 
-def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
+def steady_part(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     """The longest last part of a history whose periods repeat.
 
     Periods are compared, in the rms, with the last one of a motion that repeats after one, two, three or four of them.

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from beamsim.kinds import KINDS
 from beamsim.labelled import Variable
 from beamsim.store.results import ROOT
-from beamsim.summaries import described
+from beamsim.summaries import complete_entry
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
 
@@ -44,7 +44,7 @@ def documentation() -> str:
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in sections_of(cls)]
-        summary = [Row(e.name, e.unit, "attribute", e.meaning) for e in (described(cls, e) for e in cls.SUMMARY)]
+        summary = [Row(e.name, e.unit, "attribute", e.meaning) for e in (complete_entry(cls, e) for e in cls.SUMMARY)]
         if summary:
             parts.append(_markdown(Section("/summary", "The printed summary, also with `--json`.", summary)))
     return "\n".join(parts)
@@ -71,10 +71,10 @@ def _row_of(name: str, declared: Variable) -> Row:
     axes = "is an axis" if declared.dims == (name,) else " × ".join(declared.dims)
     flags = f" ({declared.flags[0]}, {declared.flags[1]})" if declared.flags else ""
     numbers = f", in {declared.names.partition('/')[0]}" if declared.names else ""
-    return Row(name, _spoken(declared.unit), axes, _spoken(declared.meaning) + flags + numbers)
+    return Row(name, _replace_fields(declared.unit), axes, _replace_fields(declared.meaning) + flags + numbers)
 
 
-def _spoken(text: str) -> str:
+def _replace_fields(text: str) -> str:
     """A text with fields that are replaced by their names."""
     return re.sub(r"\{(\w+)\}", r"*\1*", text)
 
@@ -94,11 +94,11 @@ def _safe(text: str) -> str:
     return text.replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def renewed(text: str) -> str:
+def regenerate(text: str) -> str:
     """A document with the part below `MARK` generated again."""
     return f"{text.partition(MARK)[0]}{MARK}\n\n{documentation()}"
 
 
 if __name__ == "__main__":
     document = Path(sys.argv[1])
-    document.write_text(renewed(document.read_text(encoding="utf-8")), encoding="utf-8")
+    document.write_text(regenerate(document.read_text(encoding="utf-8")), encoding="utf-8")

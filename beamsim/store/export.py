@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
-from beamsim.files import replacing
+from beamsim.files import replacement_file
 from beamsim.labelled import NAMES, OF_EACH, ROW, Item, Items, absent_in, last, parent, part_of
 from beamsim.results.result import Result
 from beamsim.store.results import (
@@ -149,7 +149,7 @@ def tables_of(items: Items) -> list[ExportTable]:
         key = (parent(path), *rows)
         name = parent(path).strip("/") + ("_by_" + "_and_".join(map(last, rows)) if rows else "_values")
         table = tables.setdefault(key, ExportTable(name, [_axis(items[axis], axis) for axis in rows], []))
-        absent = _absent(item)
+        absent = _missing_mask(item)
         for labels, index, unit in columns_of(items, path, rows):
             if absent is not None and labels and absent[index].all():
                 continue
@@ -202,7 +202,7 @@ def _named(items: Items, path: str, values: Any) -> Any:
     return names.values[np.asarray(values)]
 
 
-def _absent(item: Item) -> NDArray[np.bool_] | None:
+def _missing_mask(item: Item) -> NDArray[np.bool_] | None:
     """Which integers or truth values of an array are not known, in its shape; None where all are.
 
     Numbers and texts show by themselves that they are not.
@@ -241,7 +241,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
 
     def write(name: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         written.append(folder / f"{name}.csv")
-        with replacing(written[-1]) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
+        with replacement_file(written[-1]) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(columns)
             writer.writerows(rows)
@@ -256,7 +256,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
     numbers = ((name, item, value) for name, values in result.summary.items() for item, value in _flat(values))
     write("summary", ("name", "item", "value"), numbers)
     written.append(folder / "scenario.yaml")
-    with replacing(written[-1]) as temporary:
+    with replacement_file(written[-1]) as temporary:
         temporary.write_text(str(items["/"].attributes["scenario"]), encoding="utf-8")
     return written
 
@@ -315,7 +315,7 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
         stem = name.removesuffix("_real").removesuffix("_imag")
         pair = {part: items.get(f"{parent(path)}/{stem}_{part}") for part in ("real", "imag")}
         values: Any = item.values + 1 if NAMES in item.attributes else item.values
-        if (absent := _absent(item)) is not None:
+        if (absent := _missing_mask(item)) is not None:
             values = np.where(absent, np.nan, values)
         if pair["real"] is not None and pair["imag"] is not None and name != stem:
             name, values = stem, pair["real"].values + 1j * pair["imag"].values
@@ -325,7 +325,7 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
     info = {k: v for k, v in _native(items["/"].attributes).items() if k not in ("provenance", "input_files")}
     root["info"] = info | {"warnings": np.array(json.loads(info["warnings"]), dtype=object)}
     root["summary"] = decode_summary(items["/summary"].attributes)
-    with replacing(target) as temporary, open(temporary, "xb") as file:
+    with replacement_file(target) as temporary, open(temporary, "xb") as file:
         stream: Any = file  # SciPy's stubs know paths alone
         savemat(stream, _matlab(root), long_field_names=True, oned_as="column", do_compression=True)
     return [target]
@@ -392,7 +392,7 @@ def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
     ImportError
         If pandas is not installed.
     """
-    pd = _imported("pandas")
+    pd = _import_module("pandas")
     frames = {}
     for table in tables_of(items_of(result)):
         headers = [column.header for column in (*table.axes, *table.columns)]
@@ -412,15 +412,15 @@ def data_tree(result: Result) -> xarray.DataTree:
     ImportError
         If xarray or h5netcdf is not installed.
     """
-    xr = _imported("xarray")
-    _imported("h5netcdf")
+    xr = _import_module("xarray")
+    _import_module("h5netcdf")
     with tempfile.TemporaryDirectory() as folder:
         path = write_result(result, Path(folder) / "result.h5")
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             return tree.load()  # type: ignore[no-any-return]
 
 
-def _imported(name: str) -> Any:
+def _import_module(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:

@@ -51,7 +51,7 @@ from beamsim.outcomes import Outcome
 from beamsim.results.result import demand_result
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import SolvedFiles, stored_scenario
-from beamsim.summaries import by_name, demand_summary, plain, record
+from beamsim.summaries import as_builtin, by_name, demand_summary, record
 
 if TYPE_CHECKING:
     from beamsim.results.result import Result
@@ -150,7 +150,7 @@ def root_attributes(result: Result) -> dict[str, Any]:
 
 
 def _json(value: Any) -> str:
-    return json.dumps(plain(value), ensure_ascii=False)
+    return json.dumps(as_builtin(value), ensure_ascii=False)
 
 
 _TEXTS: TypeAdapter[Any] = TypeAdapter(tuple[str, ...])
@@ -160,7 +160,7 @@ _NUMBER: TypeAdapter[Any] = TypeAdapter(float)
 _NUMBER_IF_ANY: TypeAdapter[Any] = TypeAdapter(float | None)
 
 
-def _described_by(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def _root_fields(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a result that are attributes of the root.
 
     Raises
@@ -227,10 +227,10 @@ def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> P
     try:
         return write_result(result, path, resumed=resumed)
     except ResultFileError as error:
-        raise _kept_elsewhere(result, Path(path), error) from None
+        raise _save_elsewhere(result, Path(path), error) from None
 
 
-def _kept_elsewhere(result: Result, path: Path, error: ResultFileError) -> NotWrittenError:
+def _save_elsewhere(result: Result, path: Path, error: ResultFileError) -> NotWrittenError:
     """Write a result that could not be written to a path to another folder; the error that says where it is then."""
     reason = error.reason if isinstance(error, NotWrittenError) else str(error)
     target, folders = path.absolute(), [tempfile.gettempdir(), str(Path.home())]
@@ -321,7 +321,7 @@ def open_with_items(
             scenario=_scenario(items["/"], path, open_files),
             summary=decode_summary(items["/summary"].attributes),
             datasets={layout.name: layout.read(items) for layout in layouts},
-            **_described_by(items["/"].attributes),
+            **_root_fields(items["/"].attributes),
         )
         if not is_as_written(path):
             raise ValueError("it was changed after it was written")
@@ -366,7 +366,7 @@ def kind_of(path: Path | str) -> str:
         return _kind(file, path)
 
 
-def holds(path: Path | str, kind: str) -> bool:
+def is_result_of_kind(path: Path | str, kind: str) -> bool:
     """Whether a file is a result file of this kind."""
     try:
         return kind_of(path) == kind
@@ -510,7 +510,7 @@ def read_items(file: h5py.File) -> Items:
         place = f"/{name}"
         item = items[place] = Item(_attributes(owner))
         if isinstance(owner, h5py.Dataset):
-            item.array, item.scale = _stored(owner, state), owner.is_scale
+            item.array, item.scale = _read_array(owner, state), owner.is_scale
             if item.scale:
                 scales[_address(owner)] = place
             else:
@@ -586,7 +586,7 @@ class StoredArray(LargeArray):
             yield file[self.name]
 
 
-def _stored(dataset: h5py.Dataset, state: FileState) -> Any:
+def _read_array(dataset: h5py.Dataset, state: FileState) -> Any:
     """An array: texts as objects, flags as truth values; of numbers above `CHUNK_BYTES` a `StoredArray`."""
     demand_plausible(dataset)
     if dataset.compression is not None or dataset.scaleoffset is not None:

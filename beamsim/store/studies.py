@@ -29,7 +29,7 @@ from beamsim.outcomes import Outcome
 from beamsim.parallel import Cluster
 from beamsim.results.result import used_processor_time
 from beamsim.scenario import Source, scenario_of
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 from beamsim.store.results import keep_result, write_result
 from beamsim.trust.studies import design_study
 from beamsim.version import __version__
@@ -237,7 +237,7 @@ class Journal:
             if damaged:
                 numbers = ", ".join(map(str, damaged[:20])) + (", ..." if len(damaged) > 20 else "")
                 text = "warning: %s: %s damaged and ignored, and solved again: line %s"
-                _LOG.warning(text, self.path, counted(len(damaged), "line is", "lines are"), numbers)
+                _LOG.warning(text, self.path, count_text(len(damaged), "line is", "lines are"), numbers)
         elif not self._header.startswith(content):
             raise ResultFileError(
                 f"{self.path}: belongs to another study (the scenario, its values or the version of beamsim differ); "
@@ -263,7 +263,7 @@ class Journal:
                 self._move_aside()
             _write(self._file, self._lead + line)
         except OSError as error:
-            remedy = f"the {counted(len(self.kept), 'case')} before are kept; make room and continue with --resume"
+            remedy = f"the {count_text(len(self.kept), 'case')} before are kept; make room and continue with --resume"
             raise NotWrittenError(self.path, error.strerror or str(error), remedy) from error
         self._lead, self.added = b"", True
         self.kept.append(outcome)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dofs import DIRECTIONS
-from beamsim.files import replacing
+from beamsim.files import replacement_file
 from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, absent_in, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
@@ -536,7 +536,7 @@ def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
     units = pyuff.prepare_164(
         units_code=1, units_description="SI", temp_mode=1, length=1.0, force=1.0, temp=1.0, temp_offset=0.0
     )
-    with replacing(path) as temporary, warnings.catch_warnings():
+    with replacement_file(path) as temporary, warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the closing of binary sets to Python
         pyuff.UFF(str(temporary)).write_sets([units, *sets], mode="overwrite")
 

@@ -25,7 +25,7 @@ from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.body import Located
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
-from beamsim.scenario.parameters import replaced
+from beamsim.scenario.parameters import replace_values
 from beamsim.structures.modes import allowed_rigid_motions, orthonormal_in_mass
 from beamsim.structures.places import (
     SLOPE,
@@ -80,7 +80,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
         if placed_by_bodies:
             _check_places(scenario, placed_by_bodies, bodies)
         parts.append(join(bodies, within, origins) if within else bodies[0])
-    return side_by_side(parts)
+    return combine_structures(parts)
 
 
 def couplings_of(scenario: Scenario) -> list[Coupling]:
@@ -134,7 +134,7 @@ def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: S
 def with_places_of_files(scenario: Scenario, name: str) -> Any:
     """The section of a body that is read from files, which are where the scenario has them."""
     body = scenario.all_bodies[name]
-    return replaced(body, scenario.whole_paths(body, scenario.body_path(name)))
+    return replace_values(body, scenario.whole_paths(body, scenario.body_path(name)))
 
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:
@@ -234,7 +234,7 @@ class SeveralBodies(Structure):
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
         inertia, ground = np.zeros(self.size), np.zeros(self.size)
         for member in self.members:
-            of_body = member.body.base_load(self.seen_from(member.body.name, motion))
+            of_body = member.body.base_load(self.base_direction_of(member.body.name, motion))
             inertia += (of_body[0] @ member.expansion) * member.mass_ratio
             ground += of_body[1] @ member.expansion
         for spring in self.couplings:
@@ -299,7 +299,7 @@ def _highest_of(body: BodyStructure) -> float:
     return float(highest) * (1 - 1e-11) * body.frequency_scale
 
 
-def side_by_side(structures: Sequence[Structure]) -> Structure:
+def combine_structures(structures: Sequence[Structure]) -> Structure:
     """Several structures as one structure; one alone is that."""
     return structures[0] if len(structures) == 1 else _blocks_of(structures)
 
@@ -353,7 +353,7 @@ def join(
     SeveralBodies
         On the dofs that the constraints leave.
     """
-    apart = side_by_side(bodies)
+    apart = combine_structures(bodies)
     held = apart.rows([c.site for c in couplings if c.stiffness is None])
     basis = null_space_basis(held)
     springs = [c for c in couplings if c.stiffness]

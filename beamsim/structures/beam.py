@@ -108,7 +108,7 @@ def _moments(
     for pattern, row in loads:
         site = pattern.site
         if isinstance(site, BaseDirection):
-            moving = model.rigid_motion(member.whole.seen_from(model.name, site))
+            moving = model.rigid_motion(member.whole.base_direction_of(model.name, site))
             acceleration += np.multiply.outer(moving, row * inertia)
         elif isinstance(site, UnitMotion):
             if model.name in site.fields:
@@ -225,7 +225,7 @@ class BeamStructure(MeshedBody):
         if base is not None:
             inertia = member.whole.base_load(base)[0]
             _, exact = _static_moments(member, x, [LoadPattern(inertia, base)])
-            remainder = basis.left_out(inertia, moment, exact[:, 0])
+            remainder = basis.omitted_response(inertia, moment, exact[:, 0])
         return Recovery(
             body=self.name,
             axis=ALONG,

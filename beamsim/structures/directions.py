@@ -22,7 +22,7 @@ from beamsim.typing import Floats
 ROUND_OFF = 1e-9  # of a unit vector
 
 
-def along_the_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) -> NamedMatrices:
+def rotate_to_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) -> NamedMatrices:
     """The matrices with all directions along the axes of the model.
 
     Parameters
@@ -63,11 +63,11 @@ def along_the_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
         turn[np.ix_(rows, rows)] = axes
     turn = csr_array(turn)
 
-    def turned(matrix: Any) -> Any:
+    def rotate(matrix: Any) -> Any:
         product = None if matrix is None else turn.T @ matrix @ turn
         return None if product is None else (0.5 * (product + product.T)).tocsc()
 
-    mass, stiffness, damping = (turned(each) for each in (given.mass, given.stiffness, given.damping))
+    mass, stiffness, damping = (rotate(each) for each in (given.mass, given.stiffness, given.damping))
     recovery = None if given.recovery is None else (given.recovery @ turn).tocsr()
     table = replace(table, systems=None, turn=turn)
     return replace(given, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery)

@@ -19,7 +19,7 @@ from beamsim.dofs import MODAL, Dof
 from beamsim.errors import MethodError
 from beamsim.matrix_files import FileMatrix, read_matrix
 from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
-from beamsim.structures.directions import along_the_axes
+from beamsim.structures.directions import rotate_to_axes
 from beamsim.structures.named_matrices import (
     TRANSLATIONS,
     DofTable,
@@ -92,7 +92,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         table.part(used), mass, stiffness, damping, (), units=name_of(section.units),
         recovery=None if recovery is None else recovery[:, used],
     )  # fmt: skip
-    converted = in_si_units(along_the_axes(as_written, section.systems), sizes)
+    converted = in_si_units(rotate_to_axes(as_written, section.systems), sizes)
     remarks += doubtful_units(converted, section.units)
     return replace(converted, remarks=tuple(remarks))
 

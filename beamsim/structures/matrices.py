@@ -36,7 +36,7 @@ from beamsim.structures.named_matrices import (
 from beamsim.structures.places import NODES, UPWARDS, BaseDirection, Distributed, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import BodyStructure, MemberBody, ReducedBasis, Restraint
-from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues
+from beamsim.structures.symmetric_lu import SymmetricLU, dissection, factors_with_rigid_motions, negative_eigenvalues
 from beamsim.typing import Floats, Ints
 
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
@@ -58,7 +58,7 @@ class MatricesStructure(BodyStructure):
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
     massless: Floats  # (rows,) share of a row that has no mass
     given_stiffness: Any  # (N, N) scaled K
-    factors: SymmetricLU  # of K, with rigid-body modes as `held_factors` gives them
+    factors: SymmetricLU  # of K, with rigid-body modes as `factors_with_rigid_motions` gives them
     _motions: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
@@ -201,7 +201,7 @@ class MatricesStructure(BodyStructure):
     @cached_property
     def _rows(self) -> tuple[Ints, Ints]:
         """Rows of the files that the base holds, and the others."""
-        held = _held_rows(self.given)
+        held = _base_rows(self.given)
         return held, np.setdiff1d(np.arange(len(self.given.table.dofs)), held)
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
@@ -368,7 +368,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     MethodError
         Where the base holds every row or moves against springs or dashpots, or the matrices make no structure.
     """
-    held = _held_rows(given)
+    held = _base_rows(given)
     free = np.setdiff1d(np.arange(len(given.table.dofs)), held)
     if not free.size:
         raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
@@ -437,7 +437,7 @@ def _largest_at(table: DofTable, motion: Floats) -> str:
     return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
 
 
-def _held_rows(given: NamedMatrices) -> Ints:
+def _base_rows(given: NamedMatrices) -> Ints:
     for k, node in enumerate(given.base):
         if not given.table.rows_of([node]).size:
             raise MethodError(f"base.nodes[{k}]", f"= {node} is not a node of the matrices", given.table.remedy(node))
@@ -486,7 +486,7 @@ def rigid_modes(
             _SOFT,
         )  # fmt: skip
     null = orthonormal_in_mass(vectors[:, :rigid], mass)
-    held = held_factors(stiffness, null, order)
+    held = factors_with_rigid_motions(stiffness, null, order)
     if np.any(held.pivots <= 0):
         negative = int(np.sum(held.pivots <= 0))
         raise MethodError(

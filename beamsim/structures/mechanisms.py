@@ -20,7 +20,7 @@ NOTHING = 1e-9  # of the largest possible motion; less is round-off
 ROUNDED_COORDINATES = 1e-4  # distances of joined points that differ by less, relative to the larger, are those of these
 
 
-def held_problems(structure: Structure, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
+def immobile_problems(structure: Structure, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
     """What acts (path, where, its name) where joints leave no motion."""
     if not structure.couplings:
         return []

@@ -307,8 +307,8 @@ class Stations:
         return cls(
             tuple(StationPart(each.body, each.axis, slice(start, end)) for each, start, end in parts),
             np.concatenate([np.zeros(0), *(each.position for each in bodies)]),
-            _together([each.across for each in bodies], bodies, ()),
-            _together([each.points for each in bodies], bodies, (3,)),
+            _join_values([each.across for each in bodies], bodies, ()),
+            _join_values([each.points for each in bodies], bodies, (3,)),
             np.concatenate(known) if known else None,
         )
 
@@ -362,7 +362,7 @@ class Stations:
         return f"{part.body} {name}" if len(self.parts) > 1 else name
 
 
-def _together(values: Sequence[Floats | None], bodies: Sequence[Recovery], shape: tuple[int, ...]) -> Floats | None:
+def _join_values(values: Sequence[Floats | None], bodies: Sequence[Recovery], shape: tuple[int, ...]) -> Floats | None:
     """The values of all bodies, NaN where one has none; None where no body has any."""
     if all(each is None for each in values):
         return None

@@ -131,7 +131,9 @@ class PlateStructure(MeshedBody):
         remainder = np.zeros(moment.shape[0])
         if base is not None:
             inertia = whole.base_load(base)[0]
-            remainder = basis.left_out(inertia, moment, moments(static_deflections(whole, inertia[:, None]))[:, 0])
+            remainder = basis.omitted_response(
+                inertia, moment, moments(static_deflections(whole, inertia[:, None]))[:, 0]
+            )
         per_moment = plate.bending.stress_per_moment
         points = self.mesh.node_points * (plate.length, plate.width)
         return Recovery(
@@ -253,7 +255,7 @@ class PlateStructure(MeshedBody):
         }
         taken = np.zeros(self.mesh.size, dtype=bool)
         restraints = []
-        for name, held in _held_by(plate, self.mesh).items():
+        for name, held in _supported_dofs(plate, self.mesh).items():
             for direction, motion, with_base in ((DEFLECTION, translation, 1.0), (SLOPE, about.get(name), 0.0)):
                 moved = np.zeros(0) if motion is None else np.where(held & ~taken, motion, 0.0)
                 if np.any(np.abs(moved) > 1e-12):
@@ -309,7 +311,7 @@ def assemble_plate(
     moving = vstack(inertia, format="csr")
     mass = (moving.T @ moving).tocsr()
 
-    held = np.flatnonzero(np.any(list(_held_by(plate, mesh).values()), axis=0))
+    held = np.flatnonzero(np.any(list(_supported_dofs(plate, mesh).values()), axis=0))
     return PlateStructure(
         name=name,
         section=plate,
@@ -346,7 +348,7 @@ def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
     return PlateMesh(*lines)
 
 
-def _held_by(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
+def _supported_dofs(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
     """(size,) by edge or point support the dofs that it holds; a point support is at the node next to it."""
     supports = plate.supports
     along_y = 2 * mesh.y.nodes.size

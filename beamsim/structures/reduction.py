@@ -227,7 +227,7 @@ def _with_static_vectors(
     )
 
 
-def _beyond_modes(model: Structure, modes: Floats, loads: Floats) -> Floats:
+def _residual_deflections(model: Structure, modes: Floats, loads: Floats) -> Floats:
     """(N, c) static deflections under loads (N, c) without what modes (N, k) make of them.
 
     Solved for the load that the modes do not take, so that small deflections stay accurate.
@@ -245,7 +245,7 @@ def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Float
     below `_INDEPENDENT` of that of the whole deflection.
     """
     whole = np.sum(np.asarray(model.factor @ static_deflections(model, loads)) ** 2, axis=0)
-    residual = _beyond_modes(model, phi, loads)
+    residual = _residual_deflections(model, phi, loads)
     scale = np.divide(1.0, np.sqrt(whole), out=np.zeros_like(whole), where=whole > 0)
     r, order = qr(np.asarray(model.factor @ residual) * scale, mode="r", pivoting=True)
     kept = int(np.sum(np.diag(r) ** 2 > _INDEPENDENT))
@@ -399,19 +399,19 @@ class LeftOut:
         if stated.known is not None:
             modal_damping = modal_damping - basis.vectors.T @ (stated.known @ basis.vectors)
         modes, static = np.hsplit(basis.vectors, [basis.modes])
-        flexibility = _beyond_modes(model, modes, model.mass @ static)
-        columns = [_beyond_modes(model, modes, loads.T), static, flexibility]
+        flexibility = _residual_deflections(model, modes, model.mass @ static)
+        columns = [_residual_deflections(model, modes, loads.T), static, flexibility]
         kept, beyond, share = basis.omega[: basis.modes], np.inf, 0.0
         if basis.modes < model.size:
             trial = np.hstack([static, flexibility])
             if not trial.shape[1]:
-                trial = _beyond_modes(model, modes, loads[:acting].T)
+                trial = _residual_deflections(model, modes, loads[:acting].T)
             bent = np.asarray(model.factor @ trial)
             moving = np.einsum("ij,ij->j", trial, model.mass @ trial)
             ritz = np.sqrt(np.sum(bent**2, axis=0)[moving > 0] / moving[moving > 0])
             beyond = frequency_beyond(model, kept, float(ritz.min(initial=4 * max(kept[-1:], default=1.0))))
             if stated.known is not None:
-                columns.append(_beyond_modes(model, modes, stated.known @ basis.vectors))
+                columns.append(_residual_deflections(model, modes, stated.known @ basis.vectors))
                 share = stated.share_of(model, beyond)
         strains = np.asarray(np.linalg.qr(np.asarray(model.factor @ np.hstack(columns)), mode="r"))
         inverse = static.T @ (model.mass @ flexibility)

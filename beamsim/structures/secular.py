@@ -42,9 +42,9 @@ from scipy.sparse.linalg import spsolve
 
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, walk
-from beamsim.scenario.parameters import replaced, side_at, value_at
+from beamsim.scenario.parameters import replace_values, side_at, value_at
 from beamsim.scenario.quantities import Share
-from beamsim.structures.assembly import assemble, couplings_of, side_by_side, snubber_site
+from beamsim.structures.assembly import assemble, combine_structures, couplings_of, snubber_site
 from beamsim.structures.places import Site
 from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.typing import Floats
@@ -196,7 +196,8 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
     rates: dict[Path, float] = {}
     for path, along in _parameters(scenario, snubber, [member.body for member in structure.members]):
         scaled = (
-            replaced(scenario, {at: value_at(scenario, at) * (1 + step) for at in along}) for step in (_STEP, -_STEP)
+            replace_values(scenario, {at: value_at(scenario, at) * (1 + step) for at in along})
+            for step in (_STEP, -_STEP)
         )
         up, down = (sum(part.form(each, snubber, omega) / part.stiffness**2 for part in loaded) for each in scaled)
         if up != down:
@@ -219,7 +220,7 @@ class _LoadedSubstructure:
         row, squared = part.own_row(site), (omega / part.frequency_scale) ** 2
         mode = np.asarray(spsolve((part.factor.T @ part.factor - squared * part.mass).tocsc(), row))
         scaled = -1.0 / float(row @ mode)
-        stiffness, bodies = scaled * part.stiffness_scale, side_by_side([m.body for m in part.members])
+        stiffness, bodies = scaled * part.stiffness_scale, combine_structures([m.body for m in part.members])
         field = np.concatenate([member.expansion @ (scaled * mode) for member in part.members])
         left = stiffness * bodies.own_row(site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
         left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
@@ -235,7 +236,7 @@ class _LoadedSubstructure:
         """F, N/m, of the motion with other numbers in the scenario."""
         sections, v = scenario.all_bodies, self.field
         before = [member.body for member in self.bodies.members]
-        bodies = side_by_side(
+        bodies = combine_structures(
             [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
         )
         bent = bodies.factor @ v

@@ -29,7 +29,7 @@ from beamsim.structures.places import (
     ends_of,
     signed_ends,
 )
-from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
+from beamsim.structures.symmetric_lu import SymmetricLU, factors_with_rigid_motions
 from beamsim.typing import Floats, Ints
 
 
@@ -101,7 +101,7 @@ class ReducedBasis:
         """Number of coordinates n."""
         return int(self.omega.size)
 
-    def left_out(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
+    def omitted_response(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
         """What the coordinates leave out of static values under a load, to which the modes left out respond statically.
 
         Under motion of the base, moments need many more modes than deflections (mode-acceleration method).
@@ -216,7 +216,7 @@ class Structure(ABC):
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
         """Factors of K, with as many degrees of freedom held as there are rigid-body modes."""
-        return held_factors(self.stiffness, self.rigid, self.order)
+        return factors_with_rigid_motions(self.stiffness, self.rigid, self.order)
 
     @property
     @abstractmethod
@@ -296,7 +296,7 @@ class Structure(ABC):
             Where a body cannot move so.
         """
 
-    def seen_from(self, body: str, motion: BaseDirection) -> BaseDirection:
+    def base_direction_of(self, body: str, motion: BaseDirection) -> BaseDirection:
         """A motion of the base in the coordinates of a body."""
         if motion.direction not in ROTATIONS:
             return motion
@@ -306,7 +306,7 @@ class Structure(ABC):
     def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
         body = self.member(place.body).body
-        return float(body.unsupported_row(place) @ body.rigid_motion(self.seen_from(place.body, motion)))
+        return float(body.unsupported_row(place) @ body.rigid_motion(self.base_direction_of(place.body, motion)))
 
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None

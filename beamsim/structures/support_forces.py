@@ -148,7 +148,7 @@ class Support:
         inertia, ground = structure.base_load(motion)
         total = np.array([structure.mass_scale * inertia @ self.shape, -ground @ self.shape])
         for name, u in self.motion.fields.items():
-            body, seen = self._member(name).body, structure.seen_from(name, motion)
+            body, seen = self._member(name).body, structure.base_direction_of(name, motion)
             total[0] += body.forces_of(u)[1] @ body.rigid_motion(seen)
             if name in self.free:
                 total[1] -= body.base_load(seen)[1] @ self.free[name]
@@ -182,7 +182,7 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
     """
     held = []
     for name, body in ((member.body.name, member.body) for member in structure.members):
-        for restraint in body.restraints(structure.seen_from(name, base)):
+        for restraint in body.restraints(structure.base_direction_of(name, base)):
             moved = {} if restraint.motion is None else {name: restraint.motion}
             extensions = {} if restraint.spring is None else {restraint.spring: -1.0}
             given = (structure, restraint.name, restraint.direction, restraint.base_motion)

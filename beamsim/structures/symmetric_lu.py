@@ -87,7 +87,7 @@ class SymmetricLU:
     scale: Floats  # (N,) diagonal of D, in the order of A
     matrix: Any  # (N, N) D A D, in the order of the factors
     order: Ints  # (N,) rows of A in the order of the factors
-    # (r,) rows that hold rigid-body motions, as `held_factors` replaces them; none where A is as it was given
+    # (r,) rows that `factors_with_rigid_motions` replaces, which hold rigid-body motions; none where A is unchanged
     pinned: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def solve(self, load: Floats) -> Floats:
@@ -141,7 +141,7 @@ def blocks_of(matrix: Any) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:
+def factors_with_rigid_motions(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:
     """Factors of K in which a diagonal matrix replaces as many rows and columns as there are rigid-body motions.
 
     They are those in which these motions differ most. What the factors solve for a load in equilibrium, zero in these
@@ -181,7 +181,7 @@ def _singular() -> ScenarioError:
 
 
 def _pinned(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
-    """K with a diagonal matrix in the place of some rows and columns, and which these are; see `held_factors`."""
+    """K with a diagonal matrix in place of some rows and columns, and which; see `factors_with_rigid_motions`."""
     size, count = rigid.shape
     # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
     ranked = rigid * np.linspace(1.0, 1.0 - PREFERENCE, size)[:, None]

@@ -23,7 +23,7 @@ from beamsim.contacts.snubbers import (
     spring_contacts,
     springs_of,
 )
-from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
+from beamsim.errors import NotTrustedError, Problem, ScenarioError, prefix_problems
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
 from beamsim.inputs.signal import Signal
@@ -31,12 +31,12 @@ from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.body import Located, OnSupport
-from beamsim.scenario.excitation import One, holds_levels, sine_problems
-from beamsim.scenario.parameters import replaced
+from beamsim.scenario.excitation import One, has_level_steps, sine_problems
+from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.assembly import load_site_in
-from beamsim.structures.mechanisms import check_mechanisms, floating_motions, held_problems, open_loops
+from beamsim.structures.mechanisms import check_mechanisms, floating_motions, immobile_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import places_needed
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
@@ -133,7 +133,7 @@ def _signal_of(model: ReducedModel, at: Path, driven: One, make: Callable[..., A
     scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
     folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
-    with rooted("excitation", path_text(at)):
+    with prefix_problems("excitation", path_text(at)):
         key = (driven, duration, folder)
         made: Any = model.shared.once("signal", key, lambda: make(driven, duration, folder))
     accounts.append((path_text(at), made.account))
@@ -240,7 +240,7 @@ class SystemFamily:
         return self.model.shapes([turned])[0], of_base
 
     def _model_with(self, path: Path, value: float) -> ReducedModel:
-        return replace(self.model, scenario=replaced(self.model.scenario, {path: value}))
+        return replace(self.model, scenario=replace_values(self.model.scenario, {path: value}))
 
 
 def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) -> SystemFamily:
@@ -307,7 +307,7 @@ def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> St
         initial = np.append(initial, _relaxed_states(contacts, forcing, initial[: model.basis.size]))
     correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
     if correction is not None:
-        warnings += correction.warnings(held=any(holds_levels(each) for _, each in scenario.excitation.items))
+        warnings += correction.warnings(held=any(has_level_steps(each) for _, each in scenario.excitation.items))
     sites = [*model.snubber_sites, *force_sites(scenario), *(output_sites(model) if scenario.requested_outputs else ())]
     recoveries = model.recoveries(sites) if recovered else ()
     asked = (model, recoveries, pushing.sites, contacts, forcing)
@@ -358,13 +358,13 @@ def _statics(model: ReducedModel, pushing: _Pushing, loads: Floats) -> tuple[Con
     if any(located.item.preload is not None for located in snubbers):
         contacts = resolve_preloads(contacts, snubbers, model.stiffness, model.basis.rigid, loads, cubic)
     equilibrium = _equilibrium(model, contacts, loads, cubic)
-    first, mounted = equilibrium, _as_mounted(contacts)
+    first, mounted = equilibrium, _with_initial_branches(contacts)
     if mounted is not contacts:
         first = _equilibrium(model, mounted, loads, cubic)
     return contacts, equilibrium, *initial_state(model, mounted, loads, cubic, first)
 
 
-def _as_mounted(contacts: Contacts) -> Contacts:
+def _with_initial_branches(contacts: Contacts) -> Contacts:
     """The contacts as a motion begins, of which some have not had a long rest; themselves where all have."""
     if all(law.as_installed is None for law in contacts.laws):
         return contacts
@@ -425,7 +425,7 @@ def _check_couplings(model: ReducedModel, pushing: _Pushing) -> list[str]:
     ScenarioError
         Where nothing stops a motion, or something acts where nothing can move.
     """
-    problems = held_problems(model.structure, _acting(model))
+    problems = immobile_problems(model.structure, _load_sites(model))
     if problems:
         raise ScenarioError(problems)
     stopping = np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)])
@@ -447,7 +447,7 @@ def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
         apart += contacts.base_influence * float(forcing.base_displacement(0.0))
     if forcing.influence is not None:
         apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
-    return _as_mounted(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
+    return _with_initial_branches(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
 
 
 def _located_sites(model: ReducedModel) -> list[tuple[Located, Site]]:
@@ -456,7 +456,7 @@ def _located_sites(model: ReducedModel) -> list[tuple[Located, Site]]:
     return list(zip(located, (*model.snubber_sites, *model.spring_sites), strict=True))
 
 
-def _acting(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
+def _load_sites(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
     forces = model.acting.forces
     return [
@@ -508,7 +508,7 @@ def _found_equilibrium(
     """The static equilibrium of what is displaced; see `_equilibrium`."""
     try:
         found = find_equilibrium(model.stiffness, model.basis.rigid, springs, loads, cubic)
-        return replace(found, force=springs.by_contact(found.force, contacts.sign))
+        return replace(found, force=springs.contact_forces(found.force, contacts.sign))
     except NotTrustedError as error:
         if model.scenario.run is not None and model.scenario.run.start == "static_equilibrium":
             raise
@@ -605,7 +605,7 @@ def _other_start(
     if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif isinstance(start, ReleasedForceStart):
-        q = _held_shape(model, start, contacts, loads, cubic)
+        q = _release_shape(model, start, contacts, loads, cubic)
     elif not isinstance(start, str):  # from rest
         q, v = _moving_start(model, start, warnings)
     return np.concatenate([q, v]), warnings
@@ -625,7 +625,7 @@ def _moving_start(
     return displacement, velocity
 
 
-def _held_shape(
+def _release_shape(
     model: ReducedModel, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings | None
 ) -> Floats:
     """(n,) static equilibrium under the constant loads (L, n) and a force that is then released."""

@@ -241,7 +241,7 @@ class StateEquations:
         self.law = e.law.copy() if c.jointly_acting else e.law
         self.factors, drive = c.arrays.force[every, phases], c.arrays.rates[every, phases]
         if c.pressed.size:
-            self._press(drive)
+            self._add_pressing(drive)
         self.pressing = self.law[c.pressed, PRESSING]
         self.force = self._own_force = _products(self.factors, self.law)
         applied = e.free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
@@ -265,7 +265,7 @@ class StateEquations:
         applied = e.free @ z - e.penetrations.T @ (self._own_force @ z)
         return np.concatenate([z[e.velocities], self._without_balanced(applied), self.internal_rates @ z])
 
-    def _press(self, drive: Floats) -> None:
+    def _add_pressing(self, drive: Floats) -> None:
         """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
         c, law = self.equations.contacts, self.law
         i, factors = c.pressing, self.factors[c.pressing]
@@ -342,7 +342,7 @@ class StateEquations:
         """
         c = self.equations.contacts
         limit = next(g.row for g in c.laws[contact].phases[stuck].guards if g.next == self.phases[contact])
-        law = StateEquations(self.equations, c.after(self.phases, contact, stuck)).law[contact]
+        law = StateEquations(self.equations, c.phases_after(self.phases, contact, stuck)).law[contact]
         return np.asarray(-limit.reaction * law[REACTION] - limit.constant * law[CONSTANT])
 
     def state_after(self, event: int) -> Floats:

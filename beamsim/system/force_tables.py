@@ -14,12 +14,12 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.files import found_in, open_input
+from beamsim.files import find_file, open_input
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import axis_kind
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import InvalidValueError, Path, counted, path_text, problem
+from beamsim.scenario.base import InvalidValueError, Path, count_text, path_text, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
@@ -74,7 +74,7 @@ def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfSto
     """The table at a path; both stops of a pair have the same."""
     file = None
     if table.file is not None:
-        file = found_in(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
+        file = find_file(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
         if not os.path.lexists(file):
             remedy = "give its path, relative to the folder of the scenario"
             raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
@@ -92,9 +92,8 @@ def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfSto
         raise ScenarioError(problem(at, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
     segments = measured.curve.slopes.size
     if len(table.segment_factors) not in (0, segments):
-        message = (
-            f"has {counted(len(table.segment_factors), 'value')}, and the curve has {counted(segments, 'segment')}"
-        )
+        values = count_text(len(table.segment_factors), "value")
+        message = f"has {values}, and the curve has {count_text(segments, 'segment')}"
         remedy = "give one factor for each segment, [1, 1, ...] to begin with"
         raise ScenarioError(problem((*at, "segment_factors"), message, remedy))
     return measured.scaled(table.scale, table.segment_factors)

@@ -19,7 +19,7 @@ from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.reduced_model import (
     ReducedModel,
-    determined,
+    check_determined,
     gravity_loads,
     output_direction,
     supports_named,
@@ -110,7 +110,7 @@ class _Asked:
         if kind.endswith("energy"):
             return self._energy(output)
         if kind == "recovered":
-            return self._recovered(output)
+            return self._recovered_channel(output)
         place = site_in(self.model.scenario, output)
         assert isinstance(place, Place)
         if kind in _BENDING:
@@ -132,7 +132,7 @@ class _Asked:
         rows, unit = self.sizes.rows(count, **given), self.model.scenario.output_unit(output)
         return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
 
-    def _recovered(self, output: Any) -> Channel:
+    def _recovered_channel(self, output: Any) -> Channel:
         name = output.body or self.model.scenario.default_body
         structure, names = self.model.structure, self.model.scenario.all_bodies[name].recovered_rows
         member, motion = structure.member(name), self.model.base or UPWARDS
@@ -185,7 +185,7 @@ class _Asked:
         if not fits:
             message = f"= {output.joint} transmits no moment"
             raise ScenarioError(problem((*path, "joint"), message, "ask for kind: joint_force"))
-        fitting = determined(fits[0], (*path, "joint"), ": its force is not determined")
+        fitting = check_determined(fits[0], (*path, "joint"), ": its force is not determined")
         return self._summed(output, output.joint, [(1.0, fitting)])
 
     def _of_base(self, output: Any) -> Channel:

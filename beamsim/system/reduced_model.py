@@ -188,7 +188,7 @@ def _driven_support(scenario: Scenario, supports: Sequence[Support], path: Path,
         name = moved.joint or moved.support
         message = f"= {name} does not hold {moved.direction or 'z'}"
         raise ScenarioError(problem((*path, key), message, f"it holds {held}"))
-    return determined(fits[0], (*path, key), ", and cannot move against them")
+    return check_determined(fits[0], (*path, key), ", and cannot move against them")
 
 
 def supports_named(supports: Sequence[Support], body: str, name: str, path: Path) -> list[Support]:
@@ -214,7 +214,7 @@ def supports_named(supports: Sequence[Support], body: str, name: str, path: Path
     return named
 
 
-def determined(support: Support, path: Path, consequence: str) -> Support:
+def check_determined(support: Support, path: Path, consequence: str) -> Support:
     """The support, if its force follows from the motion.
 
     Parameters
@@ -370,7 +370,7 @@ def build_reduced_model(
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
     # a place in an element that ends at a support which moves would move with it
-    nodes = (*_sensed(scenario, contacts), *also_at) if driven else ()
+    nodes = (*_sensor_places(scenario, contacts), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moving = moving_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
@@ -399,7 +399,7 @@ def _patterns(
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 
-def _sensed(scenario: Scenario, contacts: Sequence[Site]) -> list[Place]:
+def _sensor_places(scenario: Scenario, contacts: Sequence[Site]) -> list[Place]:
     """Where contacts act and motions are recorded."""
     sites = [*contacts, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
     return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
@@ -415,7 +415,7 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
             try:
                 structure.base_load(direction)
                 for member in structure.members if direction == moving else ():
-                    member.body.demand_undamped(structure.seen_from(member.body.name, direction))
+                    member.body.demand_undamped(structure.base_direction_of(member.body.name, direction))
             except MethodError as error:
                 about = f"= {direction.direction}: {error.about} {error.message}"
                 raise ScenarioError(Problem(path, about, error.remedy)) from None

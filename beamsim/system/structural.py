@@ -30,7 +30,7 @@ from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import Path, counted
+from beamsim.scenario.base import Path, count_text
 from beamsim.scenario.body import Located
 from beamsim.scenario.reporting import SWEPT
 from beamsim.scenario.scenario import UsualSizes
@@ -580,7 +580,7 @@ def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:
             ratio = snubber.damping.ratio
             hz = ratio * law.stiffness / (np.pi * law.dashpot)
             source = f"{100 * ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
-        branches = f", in parallel with {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
+        branches = f", in parallel with {count_text(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
         sources.append(source + branches)
     dashpots = [law.dashpot for law in contacts.laws[: len(located)]]
     return {"snubber": [each.item.name for each in located], "dashpot": dashpots, "dashpot_from": sources}

@@ -59,7 +59,7 @@ COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
 
 
-def compared(summary: Mapping[str, Any]) -> Values:
+def comparable_values(summary: Mapping[str, Any]) -> Values:
     """Values as numbers, or numbers by place; natural frequencies by their number."""
     values: Values = {}
     for name, value in summary.items():
@@ -173,7 +173,7 @@ def relative_changes(
     return changes
 
 
-def larger(first: Changes, other: Changes) -> Changes:
+def largest_changes(first: Changes, other: Changes) -> Changes:
     """The larger of two changes of each value."""
     out = dict(first)
     for name, value in other.items():
@@ -185,7 +185,7 @@ def larger(first: Changes, other: Changes) -> Changes:
     return out
 
 
-def raised(errors: Errors, least: Errors) -> Errors:
+def largest_errors(errors: Errors, least: Errors) -> Errors:
     """The errors, each at least as large as the other of its entry and place where there is one."""
     known = dict(named(least))
     return {
@@ -195,7 +195,7 @@ def raised(errors: Errors, least: Errors) -> Errors:
     }  # fmt: skip
 
 
-def doubtful(errors: Errors, scatter: Changes) -> Iterator[str]:
+def unconverged_values(errors: Errors, scatter: Changes) -> Iterator[str]:
     """``entry.place`` of the values whose error is more than is allowed, and than their scatter explains.
 
     Of a displacement or force with an error of more than half no scatter explains enough.
@@ -366,19 +366,21 @@ def with_convergence(result: _Result, convergence: Convergence, values: Values |
     if "margins" in summary:
         summary["margins"] = _margins_with_errors(summary, values or {}, convergence.errors)
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
-    outcome, doubts = result.outcome, [_diverged(result, convergence)] if convergence.after else []
+    outcome, doubts = result.outcome, [_divergence_outcome(result, convergence)] if convergence.after else []
     if first := [key for key in convergence.doubtful if read_first(result.scenario, result["modes"], key)]:
-        doubts = [doubt_about(result, first, *doubts)]
+        doubts = [unconverged_outcome(result, first, *doubts)]
     if not doubts or not outcome.usable:
-        return result.ended(outcome.but(*doubts))
-    return result.ended(doubts[0].but(outcome) if outcome.message else doubts[0])  # what was wrong before comes last
+        return result.with_outcome(outcome.copy_with(*doubts))
+    return result.with_outcome(
+        doubts[0].copy_with(outcome) if outcome.message else doubts[0]
+    )  # what was wrong before comes last
 
 
 def _margins_with_errors(summary: Mapping[str, Any], values: Values, errors: Errors) -> dict[str, dict[str, Any]]:
     """The margins of a summary, each with what the errors of its value make of it; see `with_convergence`."""
     margins = {name: item | _range(name, item, (summary, values), errors) for name, item in summary["margins"].items()}
     if summary.get("without_limit"):
-        margins = {name: _grown(name, item, summary) for name, item in margins.items()}
+        margins = {name: _without_modal_limit(name, item, summary) for name, item in margins.items()}
     return margins
 
 
@@ -415,7 +417,7 @@ def _range(
     return {"lowest": float(np.max(size * (1.0 - error_of))), "highest": float(np.max(size * (1.0 + error_of)))}
 
 
-def _grown(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict[str, Any]:
+def _without_modal_limit(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict[str, Any]:
     """What is known of a limit, on values some of which have no limit as the modes grow: these may exceed any.
 
     Parameters
@@ -431,14 +433,14 @@ def _grown(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict
     errors, scale = dict(places(summary["convergence"].get(entry, {}))), parse_limit(limit)[0].scale
     others = [
         scale * number * (1.0 - errors.get(place, 0.0))
-        for place, number in places(compared({entry: summary[entry]})[entry])
+        for place, number in places(comparable_values({entry: summary[entry]})[entry])
         if place not in growing and limits(limit, entry, place)
     ]
     unknown = dict.fromkeys((key for key in item if key.startswith("interval_")), math.nan)  # of a random motion
     return item | {"lowest": max(others, default=0.0), "highest": math.inf} | unknown
 
 
-def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:
+def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:
     """Which values do not converge, the worst first, and what helps.
 
     Parameters
@@ -462,7 +464,7 @@ def doubt_about(result: Result, keys: Collection[str], *parts: Outcome) -> Outco
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
-def _diverged(result: Result, convergence: Convergence) -> Outcome:
+def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
     """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
     times, time, run = convergence.sensitivity, convergence.diverged_s, not_none(result.scenario.run)
     figures = tuple(dict.fromkeys(value_in_words(x.partition(".")[0]) for x in convergence.after))
@@ -471,8 +473,8 @@ def _diverged(result: Result, convergence: Convergence) -> Outcome:
             OutcomeKind.COMPLETE, "contacts_diverge",
             f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
             "on what follows",
-            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, convergence.first_modes)}, or "
-            "take means of a longer run",
+            remedy=f"lower run.rtol below {relative_tolerance(run):g}, "
+            f"{_finer_model_remedy(result, convergence.first_modes)}, or take means of a longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (
@@ -484,7 +486,7 @@ def _diverged(result: Result, convergence: Convergence) -> Outcome:
     if math.isfinite(times.round_off_s):
         sentence += f", round-off from {times.round_off_s:.4g} s on"
     of = "rms, contact share" + (", run.impacts" if run.impacts is None else "")
-    means = f"means of a longer run ({of}), or " if result.scenario.lasting else ""  # else nothing is stationary
+    means = f"means of a longer run ({of}), or " if result.scenario.is_lasting else ""  # else nothing is stationary
     return Outcome.of(
         OutcomeKind.COMPLETE, "motion_sensitive", sentence,
         remedy=f"take {means}the spread of peaks over several cases (vary)",
@@ -492,7 +494,7 @@ def _diverged(result: Result, convergence: Convergence) -> Outcome:
     )  # fmt: skip
 
 
-def _finer(result: Result, modes: int) -> str:
+def _finer_model_remedy(result: Result, modes: int) -> str:
     """What gives a finer model than that with so many modes, in addition to what the message states."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
     return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements)))
@@ -508,7 +510,7 @@ def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
     band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] if unfiltered else []
     contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
     special = [*band, *contact] if places else []
-    remedies = [] if special and len(places) == len(doubtful) else [_finer(result, modes)]
+    remedies = [] if special and len(places) == len(doubtful) else [_finer_model_remedy(result, modes)]
     if special:
         remedies.append(f"for the peak acceleration of {listed(tuple(places))} {', or '.join(special)}")
     return "; ".join(remedies)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from beamsim.errors import ScenarioError, TooLongError, allowed_hours
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 from beamsim.scenario.studies import Reliability
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 
@@ -69,7 +69,7 @@ class LeastTime:
         """
         hours = self.seconds / processors / 3600.0
         if hours > allowed_hours.get():
-            on = f" on {counted(processors, 'processor')}" if processors > 1 else ""
+            on = f" on {count_text(processors, 'processor')}" if processors > 1 else ""
             counts = " x ".join(map(str, self.counts))
             keys = [key for count in self.counts for key in count.keys if count.number > 1]
             estimate = f"{counts}, at least {1e3 * self.each_s:g} ms each{on}, would take at least"
@@ -144,4 +144,4 @@ def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
 
 def _varies_counts(parameter: VariedParameter) -> bool:
     """Whether a number may change what is counted; levels and seeds do not."""
-    return any(path[0] in _COUNTED_IN and path[-1] not in ("level", "seed") for path in parameter.set_by)
+    return any(path[0] in _COUNTED_IN and path[-1] not in ("level", "seed") for path in parameter.dependent_places)

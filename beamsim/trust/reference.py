@@ -50,7 +50,7 @@ def tolerance_of(text: str) -> float:
     return rtol
 
 
-def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
+def compare_with_reference(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
     """The result with a comparison with the reference integrator, in its summary.
 
     There is none, but a warning, where either of the two ended before the run does. The result is not reliable where
@@ -69,7 +69,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     RunResult : the same result with ``summary["against"]``.
     """
     if result.outcome.ended_early:
-        return _without(result, f"the run is {result.status}")
+        return _with_warning(result, f"the run is {result.status}")
     system = build_system(result.scenario)
     settings = not_none(result.scenario.run)
     # where the run itself is integrated, a method of another family
@@ -84,32 +84,32 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     if motion.outcome.interrupted:
         return result.interrupted("the comparison with the reference integrator")
     if motion.outcome.ended_early:
-        return _without(result, f"the reference integrator is {motion.outcome.text}")
-    compared = _compared(result, motion)
-    return _judged(replace(result, summary={**result.summary, "against": compared}), compared)
+        return _with_warning(result, f"the reference integrator is {motion.outcome.text}")
+    compared = _comparison_summary(result, motion)
+    return _with_comparison(replace(result, summary={**result.summary, "against": compared}), compared)
 
 
-def _judged(result: RunResult, compared: Mapping[str, Any]) -> RunResult:
+def _with_comparison(result: RunResult, compared: Mapping[str, Any]) -> RunResult:
     """The result with what the comparison says of it."""
     until, outcome, warnings = compared["agrees_until_s"], result.outcome, result.warnings
     if (difference := compared["largest_state_difference"]) > ALLOWED_ERROR:
         apart = f"displacements differ by {100 * difference:.2g} % from the {compared['method']}"
         remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
-        outcome = outcome.but(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
+        outcome = outcome.copy_with(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
     if until < result["histories"]["time"].values[-1]:
         warnings += (
             f"--against: from {until:.4g} s on run and reference have other contacts; compare again with a smaller "
             "tolerance, reference:1e-10: the time of a sensitive motion grows, that of an error stays",
         )
-    return replace(result, warnings=warnings).ended(outcome)
+    return replace(result, warnings=warnings).with_outcome(outcome)
 
 
-def _without(result: RunResult, reason: str) -> RunResult:
+def _with_warning(result: RunResult, reason: str) -> RunResult:
     """The result with a warning in place of a comparison."""
     return replace(result, warnings=(*result.warnings, f"no comparison with the reference integrator: {reason}"))
 
 
-def _compared(result: RunResult, motion: RunMotion) -> dict[str, Any]:
+def _comparison_summary(result: RunResult, motion: RunMotion) -> dict[str, Any]:
     """The comparison for the summary: by quantity and place the value of the run and of the reference."""
     exact, stepped = result.summary, values_of_motion(motion)
     histories, end = not_none(motion.histories), motion.marched.end

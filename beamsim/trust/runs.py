@@ -29,7 +29,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.analyses.run.analysis import Solution, motion_of, solved
+from beamsim.analyses.run.analysis import Solution, motion_of, solve_run
 from beamsim.analyses.run.motion import MOTION_ALONE, TIME_SHARES, RunMotion, motion_in_chunks, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
@@ -46,11 +46,11 @@ from beamsim.flow.channels import channel_extrema, channel_values, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Interrupted, Progress, Stop, asked_by, check_stop, never, part_of, tell
+from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, never, part_of, report_progress, stop_requests
 from beamsim.responses.gapping import finite, gapping_of_sine, gapping_ratios
 from beamsim.responses.histories import Histories
 from beamsim.responses.jumps import peaks_after_jumps
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched_channels
 from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -71,18 +71,18 @@ from beamsim.trust.convergence import (
     DivergenceTimes,
     Errors,
     Values,
-    compared,
+    comparable_values,
     divergence,
-    doubtful,
     errors_of,
     exact,
     finer_modes,
     keeps_all,
-    larger,
+    largest_changes,
     named,
     places,
     relative_changes,
     sensitivity,
+    unconverged_values,
     with_convergence,
 )
 from beamsim.typing import Floats, not_none, of_kind
@@ -113,7 +113,7 @@ class Model:
     def values(self) -> Values:
         """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
         values, modes = values_of_motion(self.motion), self.motion.system.kept_modes
-        return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
+        return comparable_values({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
     def events(self) -> ContactEvents:
@@ -128,14 +128,14 @@ class Model:
         acceleration = outputs_of(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION).linear)
         return filtered(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
 
-    def between(self, begin: float, end: float) -> Values:
+    def values_between(self, begin: float, end: float) -> Values:
         """The values of a part of a motion in closed form, and of the model itself.
 
         Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
         between samples, and chance would decide which part has it.
         """
         trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered
-        part, channels = trajectory.between(begin, end), searched(system.channels)
+        part, channels = trajectory.between(begin, end), searched_channels(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
         extremes = channels.split(np.array(channel_extrema(part, channels)[:4]))
         if behind is not None:
@@ -143,15 +143,15 @@ class Model:
         inside = (trajectory.touch_changes > 0) & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
         closings = np.bincount(trajectory.event_contact[inside], minlength=part.flow.system.contacts.count)
         states = trajectory.states_at(np.sort(extreme_times(extremes)))
-        return compared(values_of_part(system, extremes, part.contact_share(), closings, states))
+        return comparable_values(values_of_part(system, extremes, part.contact_share(), closings, states))
 
     def windows(self, begin: float, end: float) -> list[Values]:
         """The values of equal parts of the motion."""
-        return [self.between(*edges) for edges in pairwise(np.linspace(begin, end, WINDOWS + 1).tolist())]
+        return [self.values_between(*edges) for edges in pairwise(np.linspace(begin, end, WINDOWS + 1).tolist())]
 
-    def until(self, end: float) -> Values:
+    def values_until(self, end: float) -> Values:
         """The values of the motion up to a time; shares are those of the whole motion's time."""
-        values = self.between(0.0, end)
+        values = self.values_between(0.0, end)
         shares = of_kind(dict, values["contact_share"])
         return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
 
@@ -197,8 +197,8 @@ def run(
     begin, shared = clock.perf_counter(), shared or SharedBuilds()
     alone = scenario.run is not None and scenario.run.convergence == "off"
     share = 1.0 if alone else TIME_SHARES[scenario.excitation.stationary].own_model
-    solution = solved(scenario, part_of(progress, 0.0, share), stop, shared, entries if alone else None)
-    tell(progress, share)
+    solution = solve_run(scenario, part_of(progress, 0.0, share), stop, shared, entries if alone else None)
+    report_progress(progress, share)
     if alone:
         return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
     result = solution.result
@@ -206,15 +206,15 @@ def run(
         return result
     compare = convergence_of if solution.motion.compared_s is None else _of_first_part
     checked: Convergence | None = None
-    with suppress(Interrupted), asked_by(stop, at_once=True):
+    with suppress(Interrupted), stop_requests(stop, at_once=True):
         check_stop()
         checked = compare(solution, shared, part_of(progress, share, 1.0))
-    tell(progress, 1.0)
+    report_progress(progress, 1.0)
     if checked is None:
         result = result.interrupted(COMPARISON)
     else:
         limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
-        values = compared({entry: result.summary[entry] for entry in limited})
+        values = comparable_values({entry: result.summary[entry] for entry in limited})
         result = with_convergence(result, checked, values)
         if checked.lines is not None:
             spectra = result["spectra"].assign(line_error=checked.lines)
@@ -241,24 +241,24 @@ def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress 
     first, derived = Model(solution.motion), DerivedValues(solution.result)
     if keeps_all(first.motion.system.modes):
         errors, lines = _with_lines(derived, exact(first.values | derived.reported()))
-        checked = _disturbed_alone(Convergence(errors, lines=lines), first, derived)
+        checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
-        checked = _disturbed_alone(Convergence(reason=reason), first, derived)
+        checked = _with_disturbance(Convergence(reason=reason), first, derived)
     else:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
-            case = scenario.refined(finer_modes(first.motion.system.modes))
+            case = scenario.refine(finer_modes(first.motion.system.modes))
             motion = motion_of(build_system(case, shared), again, output_times(case), progress, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
         else:
-            checked = _compared_models(first, Model(motion), derived)
+            checked = _errors_of_models(first, Model(motion), derived)
     return replace(checked, processor_time_s=processor_time() - begin)
 
 
-def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Convergence:
+def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Convergence:
     """The errors of a run, from a finer model.
 
     Parameters
@@ -274,7 +274,7 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         changes, scatter = statistical
     else:
         changes = relative_changes([first.values], [second.values])
-        changes |= relative_changes([derived.reported()], derived.again(second))
+        changes |= relative_changes([derived.reported()], derived.values_of_model(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
     scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
     complete = keeps_all(first.motion.system.modes, kept)  # what else is known of the modes of the second takes long
@@ -286,7 +286,7 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
             errors[entry] = {
                 name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
             }
-    off = tuple(doubtful(errors, errors_of(scatter, scenario, complete)))
+    off = tuple(unconverged_values(errors, errors_of(scatter, scenario, complete)))
     return Convergence(errors, off, kept, first.motion.system.kept_modes, diverged, after, times, lines=lines)
 
 
@@ -311,7 +311,7 @@ def _compared_after_divergence(
 
     Parameters
     ----------
-    first, second, derived : as of `_compared_models`.
+    first, second, derived : as of `_errors_of_models`.
     rest : s, from where they diverge to the end of the shorter one.
 
     Returns
@@ -320,32 +320,32 @@ def _compared_after_divergence(
     changes, scatter : of the values before, and of means of those after; None where nothing is stationary.
     """
     if first.motion.trajectory is None:
-        return DivergenceTimes(), tuple(_after(first, None, (), derived)), None
+        return DivergenceTimes(), tuple(_diverging_values(first, None, (), derived)), None
     times = sensitivity(first.events, rest[0], first.disturbed)
     if not times.sensitive:  # only the models differ: each value is that of one motion
         return times, (), None
-    early, windows = first.until(rest[0]), first.windows(*rest)
-    after = tuple(_after(first, early, windows, derived))
-    if not first.motion.system.scenario.lasting or second.motion.trajectory is None:
+    early, windows = first.values_until(rest[0]), first.windows(*rest)
+    after = tuple(_diverging_values(first, early, windows, derived))
+    if not first.motion.system.scenario.is_lasting or second.motion.trajectory is None:
         return times, after, None
     later, parts = second.windows(*rest), derived.parts(WINDOWS)
-    before = relative_changes([early], [second.until(rest[0])], whole=first.values)
-    changes = larger(before, relative_changes(windows, later))
+    before = relative_changes([early], [second.values_until(rest[0])], whole=first.values)
+    changes = largest_changes(before, relative_changes(windows, later))
     scatter = relative_changes(windows, later, scatter=True)
-    one, other = (derived.again(model, parts) for model in (first, second))
+    one, other = (derived.values_of_model(model, parts) for model in (first, second))
     changes |= relative_changes(one, other)
     if parts > 1:
         scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
     return times, after, (changes, scatter)
 
 
-def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues) -> Convergence:
+def _with_disturbance(checked: Convergence, first: Model, derived: DerivedValues) -> Convergence:
     """What is known without a finer model: whether a small disturbance gives other contacts.
 
     Parameters
     ----------
     checked : what is known so far.
-    first, derived : as of `_compared_models`.
+    first, derived : as of `_errors_of_models`.
     """
     if first.motion.trajectory is None or first.events.time.size == 0:
         return checked
@@ -353,7 +353,7 @@ def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues)
     if not times.sensitive:
         return checked
     windows = first.windows(times.small_s, first.events.end)
-    after = tuple(_after(first, first.until(times.small_s), windows, derived))
+    after = tuple(_diverging_values(first, first.values_until(times.small_s), windows, derived))
     return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
 
 
@@ -375,7 +375,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
     shorter = settings.model_copy(update={"duration": compared_s})
     share = TIME_SHARES[scenario.excitation.stationary].own_model
     shorter_scenario = scenario.model_copy(update={"excitation": same, "run": shorter})
-    part = solved(shorter_scenario, part_of(progress, 0.0, share), never, shared)
+    part = solve_run(shorter_scenario, part_of(progress, 0.0, share), never, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
     datasets = {name: of for name, of in part.result.datasets.items() if name not in ("random", "srs")}
@@ -392,7 +392,9 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
     return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
 
 
-def _after(first: Model, early: Values | None, windows: Sequence[Values], derived: DerivedValues) -> Iterator[str]:
+def _diverging_values(
+    first: Model, early: Values | None, windows: Sequence[Values], derived: DerivedValues
+) -> Iterator[str]:
     """``entry.place`` of what the motion after its contacts diverge can change.
 
     Parameters
@@ -485,7 +487,7 @@ class DerivedValues:
         signals = self.result["random"].rows("signal")[1:]
         return {"random": {f"{of['signal']} {key}": x for of in signals for key, x in sampling_errors(of).items()}}
 
-    def again(self, model: Model, parts: int = 1) -> list[Values]:
+    def values_of_model(self, model: Model, parts: int = 1) -> list[Values]:
         """The values of the motion of another model.
 
         Parameters

@@ -19,23 +19,23 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.studies.designs import unsettled
+from beamsim.analyses.studies.designs import unfinished_search
 from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import Study, StudyPlan, check_cases, design, plan_designs
-from beamsim.analyses.studies.reliability import Exceedance, asked, concluded
+from beamsim.analyses.studies.reliability import Exceedance, run_histories, with_probability
 from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.search import search
 from beamsim.analyses.studies.summary import result_of
-from beamsim.analyses.studies.table import worth_comparing
+from beamsim.analyses.studies.table import cases_to_compare
 from beamsim.analyses.studies.worst import Changes, WorstSearch
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.labelled import Dataset, LabelledArray
-from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, tell
-from beamsim.parallel import Cluster, Computation, most_processors, working
+from beamsim.outcomes import Outcome, Progress, Stop, never, report_progress, stop_requested, stop_requests
+from beamsim.parallel import Cluster, Computation, most_processors, worker_pool
 from beamsim.results.result import CONVERGENCE
 from beamsim.results.values import BY_NAME, parse_limit
 from beamsim.scenario import Scenario, Source, scenario_of
@@ -43,7 +43,7 @@ from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import SensitiveParameter
 from beamsim.scenario.studies import Value, tolerances_of
 from beamsim.system.reduced_model import SharedBuilds
-from beamsim.trust.convergence import COMPARISON, doubt_about
+from beamsim.trust.convergence import COMPARISON, unconverged_outcome
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
 from beamsim.trust.with_finer_model import continuation, sweep
@@ -74,7 +74,7 @@ def solve_case(
     with allowing_hours(math.inf):  # the study was estimated as a whole, and workers do not know what is allowed
         if analysis == "run":
             around = copy_context()  # whose requests are asked, not those within the run
-            return run(scenario, stop=lambda: around.run(asked_to_stop), entries=entries, shared=shared)
+            return run(scenario, stop=lambda: around.run(stop_requested), entries=entries, shared=shared)
         return (continuation if analysis == "continuation" else sweep)(scenario)
 
 
@@ -89,12 +89,12 @@ class CaseSolver:
         """Solve one case, unless it is to stop; where it is refused, that is its outcome, and other cases continue."""
         begin = clock.thread_time()
         try:
-            solved = self._solved(case)
+            solved = self._solve(case)
         except BeamsimError as error:
             solved = failed_case(case, "; ".join(str(error).splitlines()))
         return replace(solved, processor_time_s=clock.thread_time() - begin)
 
-    def _solved(self, case: Case) -> CaseOutcome:
+    def _solve(self, case: Case) -> CaseOutcome:
         """Responses, outcome, margins and warnings of a case."""
         scenario, asked, analysis = self.study.scenario(case), self.study.asked, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
@@ -171,17 +171,17 @@ def design_study(
     least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
     # how many cases a study of reliability needs follows from those that are solved
     of_cases = None if plan.kind == "reliability" else progress
-    tell(of_cases, solved_before / total)
+    report_progress(of_cases, solved_before / total)
 
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
             each(outcome)
-        tell(of_cases, min(1.0, len(evaluate.outcomes) / total))
+        report_progress(of_cases, min(1.0, len(evaluate.outcomes) / total))
 
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
-    with asked_by(stop):
+    with stop_requests(stop):
         with Evaluator(
-            working(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
+            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
             realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
             most_further=plan.study.realisations.most_further,
         ) as evaluate:  # fmt: skip
@@ -190,7 +190,7 @@ def design_study(
         result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended, worst.searches)
         if evaluate.ended == "interrupted":
             return result.interrupted(COMPARISON) if result.finished else result
-        return _with_runs(result if histories is None else concluded(result, histories))
+        return _with_runs(result if histories is None else with_probability(result, histories))
 
 
 def _evaluated(
@@ -211,19 +211,19 @@ def _evaluated(
     histories: Exceedance | None = None
     with suppress(Ended):
         if plan.kind == "reliability":
-            histories = asked(plan, evaluate, progress)
+            histories = run_histories(plan, evaluate, progress)
         elif plan.searches:
             ended = search(plan, evaluate, worst)
         else:
             evaluate([case.values for case in plan.cases if not case.realisation])
     with suppress(Ended):
         while evaluate.ended != "interrupted":  # either may make another case the best
-            if plan.kind != "reliability" and worst.go_on():
+            if plan.kind != "reliability" and worst.search_next():
                 continue
-            if plan.convergence is not None or not (chosen := worth_comparing(plan, evaluate.outcomes)):
+            if plan.convergence is not None or not (chosen := cases_to_compare(plan, evaluate.outcomes)):
                 break
             evaluate.compare(chosen)
-    return (unsettled(plan.most) if evaluate.ended == "most_cases" else ended), histories
+    return (unfinished_search(plan.most) if evaluate.ended == "most_cases" else ended), histories
 
 
 def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Changes:
@@ -262,14 +262,14 @@ def _with_runs(result: StudyResult) -> StudyResult:
     runs = {
         name: solve_case(design(result.scenario, case), analysis) for name, case in chosen.items() if case is not None
     }
-    if asked_to_stop():
+    if stop_requested():
         return result.interrupted("the run of the best design")
     best = runs["best"]
     convergence: dict[str, Any] = {
         entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary
     }
     for doubts in ("doubtful", "after_parting"):
-        convergence[doubts] = _concerning(result, convergence.get(doubts, ()))
+        convergence[doubts] = _requested_doubts(result, convergence.get(doubts, ()))
     summary = result.summary | convergence
     shown = {name: of for name, of in runs.items() if isinstance(of, RunResult)}
     checked = replace(
@@ -277,11 +277,11 @@ def _with_runs(result: StudyResult) -> StudyResult:
         datasets=result.datasets | ({"runs": _runs(shown)} if shown else {}),
         summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
-    parts = _doubts_about(best, convergence["doubtful"], convergence["after_parting"])
-    return checked.ended(result.outcome.but(*(replace(part, context="the best design") for part in parts)))
+    parts = _outcomes_of_best(best, convergence["doubtful"], convergence["after_parting"])
+    return checked.with_outcome(result.outcome.copy_with(*(replace(part, context="the best design") for part in parts)))
 
 
-def _doubts_about(
+def _outcomes_of_best(
     best: RunResult | SweepResult | ContinuationResult, doubtful: Sequence[str], after: Sequence[str]
 ) -> tuple[Outcome, ...]:
     """Outcomes of the result of the best design: why it cannot be used, or doubts about what was searched for.
@@ -295,15 +295,17 @@ def _doubts_about(
     outcome = best.outcome
     if not outcome.usable:
         return (outcome,)
-    of_motion = outcome.all_of("contacts_diverge") + outcome.all_of("motion_sensitive") if after else []
-    return (*((doubt_about(best, doubtful),) if doubtful else ()), *of_motion)
+    of_motion = (
+        outcome.outcomes_with_code("contacts_diverge") + outcome.outcomes_with_code("motion_sensitive") if after else []
+    )
+    return (*((unconverged_outcome(best, doubtful),) if doubtful else ()), *of_motion)
 
 
 def _runs(runs: Mapping[str, RunResult]) -> Dataset:
     """What the runs of designs show: the motion of the first probe, and the force of the stop that is hit hardest."""
     times = [run["histories"]["time"].values for run in runs.values()]
     motions = [next(iter(run["histories"].by_label("displacement").items())) for run in runs.values()]
-    hit = [_hit_hardest(run["histories"].by_label("snubber_force")) for run in runs.values()]
+    hit = [_largest_contact_force(run["histories"].by_label("snubber_force")) for run in runs.values()]
     forces = [
         np.full(x.size, np.nan) if force is None else force.values for x, (_, force) in zip(times, hit, strict=True)
     ]
@@ -321,12 +323,12 @@ def _runs(runs: Mapping[str, RunResult]) -> Dataset:
     return RUNS.dataset(values, force_unit=" | ".join(units))
 
 
-def _hit_hardest(forces: Mapping[str, LabelledArray]) -> tuple[str, LabelledArray | None]:
+def _largest_contact_force(forces: Mapping[str, LabelledArray]) -> tuple[str, LabelledArray | None]:
     """The snubber with the largest force, and its force; an empty name and None without one."""
     return max(forces.items(), key=lambda item: float(np.max(np.abs(item[1].values))), default=("", None))
 
 
-def _concerning(result: StudyResult, doubts: Iterable[str]) -> list[str]:
+def _requested_doubts(result: StudyResult, doubts: Iterable[str]) -> list[str]:
     """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
     asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
     asked |= {parse_limit(name)[0].entry for name in result["cases"].labels("limit")}

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.swept_motion import CLOSE
-from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
+from beamsim.outcomes import Progress, Stop, never, part_of, stop_requested, stop_requests
 from beamsim.responses.gapping import finite
 from beamsim.results.values import largest_in, peaks_in
 from beamsim.scenario import Scenario, Source, scenario_of
@@ -28,14 +28,14 @@ from beamsim.trust.convergence import (
     Convergence,
     Errors,
     Values,
-    compared,
-    doubtful,
+    comparable_values,
     errors_of,
     exact,
     finer_modes,
     keeps_all,
-    raised,
+    largest_errors,
     relative_changes,
+    unconverged_values,
     with_convergence,
 )
 from beamsim.trust.least_time import least_time_of_sweep
@@ -105,7 +105,7 @@ def sweep(
             save(result)
         return result
 
-    with asked_by(stop):
+    with stop_requests(stop):
         return _with_convergence_errors(
             first, compute, asked, _Compared(_of_sweep, _changes_of_cycles, _least_of_level), progress
         )
@@ -137,7 +137,7 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
     from beamsim.analyses.continuation.analysis import continuation as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
-    with asked_by(stop):
+    with stop_requests(stop):
         return _with_convergence_errors(
             partial(compute, scenario), compute, asked, _Compared(_of_continuation), progress
         )
@@ -173,7 +173,7 @@ def coexisting(
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, workers=workers, scheduler=scheduler)
     of: _Compared[CoexistingResult] = _Compared(_of_continuation)
-    with asked_by(stop):
+    with stop_requests(stop):
         return _with_convergence_errors(partial(again, scenario, **kept), again, asked, of, progress)
 
 
@@ -203,7 +203,7 @@ def nnm(
     from beamsim.analyses.nnm.analysis import nnm as compute
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
-    with asked_by(stop):
+    with stop_requests(stop):
         return _with_convergence_errors(
             partial(compute, scenario, compare=compare), compute, asked, _Compared(_of_mode), progress
         )
@@ -232,11 +232,11 @@ def _with_convergence_errors(
         return with_convergence(result, Convergence(reason=NOT_ASKED))
     if result.outcome.cut_short:
         return result
-    if asked_to_stop():
+    if stop_requested():
         return result.interrupted(COMPARISON)
     begin, wall, own = processor_time(), clock.perf_counter(), of.values(result)
     checked = _convergence(of, own, result, lambda case: again(case, part_of(progress, share, 1.0)))
-    if asked_to_stop():
+    if stop_requested():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
     result = with_convergence(result, checked, own)
@@ -254,24 +254,24 @@ def _convergence(
     if keeps_all(result["modes"]):
         return Convergence(exact(own))
     try:
-        second = solve(result.scenario.refined(finer_modes(result["modes"])))
+        second = solve(result.scenario.refine(finer_modes(result["modes"])))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
     changes = relative_changes([own], [of.values(second)])
     if of.cycles is not None:
-        changes = raised(changes, of.cycles(result, second))
+        changes = largest_errors(changes, of.cycles(result, second))
     errors = errors_of(changes, result.scenario, keeps_all(second["modes"]))
     if of.least is not None:
-        errors = raised(errors, of.least(result))
-    return Convergence(errors, tuple(doubtful(errors, {})), second["modes"]["kept_modes"].item(), modes)
+        errors = largest_errors(errors, of.least(result))
+    return Convergence(errors, tuple(unconverged_values(errors, {})), second["modes"]["kept_modes"].item(), modes)
 
 
 def _frequencies(result: _Result) -> Values:
     modes = result["modes"]
     kept, names = modes["kept_modes"].item(), ("open_frequencies_hz", "closed_frequencies_hz")
-    return compared({name: modes[name].values[:kept].tolist() for name in names})
+    return comparable_values({name: modes[name].values[:kept].tolist() for name in names})
 
 
 def _of_sweep(result: SweepResult) -> Values:
@@ -282,7 +282,7 @@ def _of_sweep(result: SweepResult) -> Values:
             entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
     of_model = {"contact_share": result.summary["contact_share"]}
     of_model |= {"gapping_ratio": finite(result.summary.get("gapping_ratio", {}))}
-    return compared(of_model | entries) | _frequencies(result)
+    return comparable_values(of_model | entries) | _frequencies(result)
 
 
 def _changes_of_cycles(first: SweepResult, second: SweepResult) -> Changes:
@@ -333,9 +333,9 @@ def _least_of_level(result: SweepResult) -> Errors:
 
     Every level that holds them as well would do, and each model finds another one.
     """
-    from beamsim.analyses.sweep.swept_sine import LEVEL_KNOWN, held_by_level
+    from beamsim.analyses.sweep.swept_sine import LEVEL_KNOWN, values_that_lower_level
 
-    held, least = held_by_level(result.scenario), dict[str, dict[str, float]]()
+    held, least = values_that_lower_level(result.scenario), dict[str, dict[str, float]]()
     for name, curve in result.curves.items():
         if curve.notching is None:
             continue
@@ -361,7 +361,7 @@ def _of_continuation(result: ContinuationResult) -> Values:
     for value, name, largest, _ in largest_in([result["points"]], "parameter", "stable"):
         entries.setdefault(value.entry, {})[name] = largest / value.scale
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
-    return compared(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)
+    return comparable_values(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)
 
 
 def _of_mode(result: NormalModeResult) -> Values:

@@ -9,7 +9,7 @@ import pytest
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as unchecked
 from beamsim.cli.tables import table_rows
-from beamsim.outcomes import asked_by
+from beamsim.outcomes import stop_requests
 from beamsim.results.result import ALLOWED_ERROR
 from beamsim.scenario import load_scenario
 
@@ -93,7 +93,7 @@ def test_a_sweep_with_too_few_modes_is_marked(tmp_path):
     """One mode: forces on the stop belong to the model."""
     result = beamsim.sweep(case(1, snubbers=[TIP | {"stiffness": "100 kN/m"}]))
     assert any(key.startswith("peak_force_n.") for key in result.summary["doubtful"])
-    assert result.outcome.all_of("figures_doubtful")
+    assert result.outcome.outcomes_with_code("figures_doubtful")
     rows = list(table_rows(result))
     assert any("NOT CONVERGED" in text and " N" in text for _, text in rows)
     stored = beamsim.load(beamsim.write_result(result, tmp_path / "sweep.h5"))
@@ -139,7 +139,7 @@ def test_a_comparison_can_be_left_out_and_interrupted():
     whole = beamsim.sweep(case(3), stop=lambda: next(asked) < 0)
     first = next(asked)
     of_first_model = count()
-    with asked_by(lambda: next(of_first_model) < 0):
+    with stop_requests(lambda: next(of_first_model) < 0):
         unchecked(case(3))
     ended = next(of_first_model)
     assert ended < first

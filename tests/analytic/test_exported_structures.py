@@ -8,7 +8,7 @@ import yaml
 from shipped import config_path
 
 import beamsim
-from beamsim.cli.structures import exported
+from beamsim.cli.structures import write_export
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files import read_op4, write_matrices
 from beamsim.scenario import load_scenario
@@ -57,7 +57,7 @@ def at_tip(place):
 
 def read_back(folder, case, acting, modes=None, damping=DAMPING, units="SI"):
     """The exported structure with the same snubbers."""
-    _, text = exported(load_scenario(case), folder / "it.op4", modes=modes, units=units)
+    _, text = write_export(load_scenario(case), folder / "it.op4", modes=modes, units=units)
     body = yaml.safe_load(text)
     for section in body["bodies"].values():
         section["damping"] = damping
@@ -96,7 +96,7 @@ def test_a_plate_by_its_nodes_and_as_a_craig_bampton_model(tmp_path, modes, unit
 
 def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):
     """Written by ``export-structure plate_panel.yaml --modes 40``, nodes 68, 127, 135, 136 renamed."""
-    written = exported(load_scenario(config_path("plate_panel")), tmp_path / "it.op4", modes=40)[0]
+    written = write_export(load_scenario(config_path("plate_panel")), tmp_path / "it.op4", modes=40)[0]
     one, other = ({m.name: m.values for m in read_op4(file)} for file in (written[0], CONFIGS / "panel.op4"))
     for now, shipped in (("mass", "mxx"), ("stiff", "kxx")):
         difference = abs(abs(one[now]) - abs(other[shipped]))  # signs of modes are free
@@ -109,14 +109,14 @@ def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):
 def test_a_boundary_between_nodes_is_refused(tmp_path):
     built = {"bodies": {"panel": PANEL}, **plate({"position": [0.7, 0.0]}, {"position": [0.77, 0.44]}), **SHAKEN}
     with pytest.raises(ScenarioError, match=r"boundary is not at a node: \(0.7, 0\) m; change the number of elements"):
-        exported(load_scenario(built), tmp_path / "it.op4", modes=5)
+        write_export(load_scenario(built), tmp_path / "it.op4", modes=5)
 
 
 def test_a_boundary_that_does_not_hold_the_structure_is_refused(tmp_path):
     body = {**BEAM, "supports": {"left": "free", "right": "free"}}
     built = {"bodies": {"beam": body}, **at_tip({"position": 0.4}), **SHAKEN}
     with pytest.raises(ScenarioError, match="boundary does not hold the structure: it moves without force; let more"):
-        exported(load_scenario(built), tmp_path / "it.op4", modes=5)
+        write_export(load_scenario(built), tmp_path / "it.op4", modes=5)
 
 
 def test_springs_to_the_ground_are_refused(tmp_path):
@@ -129,7 +129,7 @@ def test_springs_to_the_ground_are_refused(tmp_path):
         **SHAKEN,
     }
     with pytest.raises(ScenarioError, match="springs to the ground hold the structure"):
-        exported(load_scenario(built), tmp_path / "it.op4")
+        write_export(load_scenario(built), tmp_path / "it.op4")
 
 
 def test_the_order_of_bodies_and_of_imported_degrees_of_freedom_changes_nothing(tmp_path):

@@ -82,7 +82,7 @@ def test_modes_that_are_hardly_kept_do_not_put_a_case_in_doubt():
     """Four elements give mode 6 with an error of more than 2 %, which no one reads as a result of this run."""
     result = beamsim.run(load_scenario(beam(6, low_pass="200 Hz"), {"beam.elements": 4}))
     assert {"open_frequencies_hz.6", "closed_frequencies_hz.6"} <= set(result.summary["doubtful"])
-    assert result.outcome.gravest is OutcomeKind.COMPLETE
+    assert result.outcome.gravest_kind is OutcomeKind.COMPLETE
     first, *_ = run_screen(result).text(result, ["case.h5"]).splitlines()
     assert "NOT CONVERGED" not in first
     assert "converged within" in first

@@ -36,7 +36,7 @@ def solved_by(monkeypatch):
             if values is None:
                 return CaseOutcome(case.number, {}, Outcome.of(OutcomeKind.FAILED, "failed", "no"), given=case.values)
             values = values if isinstance(values, dict) else {FORCE: values}
-            return solved_case(self.study.case.limits.given, case.number, values, given=case.values)
+            return solved_case(self.study.case.limits.values_by_name, case.number, values, given=case.values)
 
         monkeypatch.setattr(CaseSolver, "__call__", solve)
 
@@ -301,7 +301,8 @@ def test_a_value_counts_with_its_change_by_a_finer_model(monkeypatch):
     def solve(self, case):
         force = case.values[1]
         ranges = {"peak_force": (0.9 * force, 1.1 * force)}
-        return solved_case(self.study.case.limits.given, case.number, {FORCE: force}, ranges, given=case.values)
+        limits = self.study.case.limits.values_by_name
+        return solved_case(limits, case.number, {FORCE: force}, ranges, given=case.values)
 
     monkeypatch.setattr(CaseSolver, "__call__", solve)
     of = found(scenario(PAIR, "{peak_force: 143 kN}", method="form"))[1]

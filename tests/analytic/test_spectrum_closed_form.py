@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.run.spectra import Label, spectra_of_samples
-from beamsim.plots.run import in_bands
+from beamsim.plots.run import band_levels
 from tests.helpers.spectra import spectra_by_signal
 
 pytestmark = pytest.mark.quick
@@ -75,7 +75,7 @@ def test_parseval(length):
 
 def test_a_band_has_the_root_mean_square_of_its_lines():
     """A line of the peak beside one that is nothing: half the power."""
-    middles, levels = in_bands(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
+    middles, levels = band_levels(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
     np.testing.assert_array_equal(middles, [0.5, 2.5])
     np.testing.assert_allclose(levels, [0.0, -10.0 * np.log10(2.0)], atol=1e-12)
 

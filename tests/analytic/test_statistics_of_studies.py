@@ -193,7 +193,9 @@ def sampled(kind, samples, force, failed=()):
     plan = plan_designs(load_scenario(STEP + text))
     outcomes = {
         case.number: solved_case(
-            plan.scenario.limits.given, case.number, {"probes/m/peak_displacement": 2.0 * force / case.values[0]}
+            plan.scenario.limits.values_by_name,
+            case.number,
+            {"probes/m/peak_displacement": 2.0 * force / case.values[0]},
         )
         for case in plan.cases
     }

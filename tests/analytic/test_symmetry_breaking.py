@@ -16,7 +16,7 @@ from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
-from beamsim.outcomes import asked_by
+from beamsim.outcomes import stop_requests
 from beamsim.scenario import load_scenario
 from tests.helpers.branches import events_of, of_kind
 
@@ -62,7 +62,7 @@ def test_an_interruption_ends_the_search_for_where_they_leave():
     followed, asked = job.follow(None), count()
     points = len(followed.backbone.points)
     # once after every point over the whole period, once before the search, and after its first step
-    with asked_by(lambda: next(asked) > points):
+    with stop_requests(lambda: next(asked) > points):
         found = follow_full_period(job, followed, scenario.nnm.method)
     assert found.backbone.outcome.complete
     assert len(found.backbone.points) == points

@@ -36,7 +36,7 @@ import beamsim
 from beamsim.analyses.sweep.layouts import FOLLOWED
 from beamsim.errors import ScenarioError
 from beamsim.results.values import peaks_in
-from beamsim.scenario.base import path_text, plain
+from beamsim.scenario.base import as_plain_data, path_text
 from beamsim.scenario.parameters import field_type_at
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelType, Quantity
 from beamsim.scenario.scenario import named_files
@@ -100,7 +100,7 @@ def scenario_of(seed, folder):
         timing = {"duration": duration, "sample_rate": 150 / duration, "spectrum": {"to": 20 / duration}}
         tree["run"] |= timing | {"max_events": MOST_EVENTS}  # nothing of a spectrum is compared
         with contextlib.suppress(ScenarioError):
-            tree = plain(beamsim.load_scenario(tree))
+            tree = as_plain_data(beamsim.load_scenario(tree))
             return source, with_sweep(tree, PERIODS / longest, rng) if seed % SWEPT == SWEPT - 1 else tree
     raise InvalidValueError("a record of no length")
 
@@ -117,14 +117,14 @@ def with_sweep(tree, lowest, rng):
     }  # fmt: skip
     kind = str(rng.choice([*kinds]))
     with contextlib.suppress(ScenarioError):
-        return plain(beamsim.load_scenario(tree | {"sweep": {"kind": kind} | kinds[kind]}))
+        return as_plain_data(beamsim.load_scenario(tree | {"sweep": {"kind": kind} | kinds[kind]}))
     return tree
 
 
 def config(path):
     """A shipped config without its analyses, its bodies coarse, its files by their full names."""
     scenario = shipped(path)
-    tree = copy.deepcopy(plain(scenario))
+    tree = copy.deepcopy(as_plain_data(scenario))
     for at, name in named_files(scenario):
         put(tree, at, str((scenario.folder_of(*at) / name).absolute()))
     for key in ("sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits", "units", "title"):

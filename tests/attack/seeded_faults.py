@@ -103,7 +103,7 @@ OF_PLACES = {
     ),
     "tables reach beyond their body": (
         "beamsim/scenario/distributed.py",
-        "yield from body.beyond(where, (*at, key, index), position, axis)",
+        "yield from body.position_problems_of_side(where, (*at, key, index), position, axis)",
         "pass",
     ),
     "values are along the first side": (PARAMETERS, "int(second and len(body.sides) > 1)", "0"),

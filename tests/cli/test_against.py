@@ -14,7 +14,7 @@ from beamsim.outcomes import ExitCode, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.system.build import build_system
-from beamsim.trust.reference import RTOL, against, tolerance_of
+from beamsim.trust.reference import RTOL, compare_with_reference, tolerance_of
 from tests.helpers.commands import invoke
 
 RUNS = [path for path in PATHS if "run" in asked(path) and shipped(path).study is None]
@@ -52,7 +52,7 @@ def figures_of(compared):
 
 def test_it_agrees_to_its_tolerance(result):
     assert result.summary["solver_events"] > 8
-    values = against(result, 1e-11).summary["against"]
+    values = compare_with_reference(result, 1e-11).summary["against"]
     assert values["agrees_until_s"] == pytest.approx(2.5)
     assert values["largest_state_difference"] < 1e-8
     assert values["largest_time_difference_s"] < 1e-8
@@ -67,16 +67,16 @@ def test_accelerations_of_stiff_modes_follow_the_tolerance():
     light = {"masses": [1.0, 0.7, 0.01], "springs": [50.0, 30.0, 1e6, 0.0], "dashpots": [0.3, 0.1, 2.0, 0.0]}
     case = {**CASE, "chain": {**CASE["chain"], **light}, "probes": [{"name": "light", "mass": 3}]}
     case["run"] = {"duration": 0.05, "sample_rate": 200.0, "convergence": "off", "spectrum": {"frequencies": [50.0]}}
-    compared = against(beamsim.run(Scenario.model_validate(case)), 1e-11).summary["against"]
+    compared = compare_with_reference(beamsim.run(Scenario.model_validate(case)), 1e-11).summary["against"]
     (peak,) = compared["figures"]["peak_acceleration"].values()
     assert peak["stepped"] == pytest.approx(peak["exact"], rel=1e-7)
 
 
 def test_a_wrong_motion_is_seen(result):
     """The twin: the integration of another case differs, and the run is not reliable."""
-    assert against(result, 1e-6).complete
+    assert compare_with_reference(result, 1e-6).complete
     softer = {**CASE, "chain": {**CASE["chain"], "springs": [45.0, 30.0, 0.0]}}
-    wrong = against(replace(result, scenario=Scenario.model_validate(softer)), 1e-6)
+    wrong = compare_with_reference(replace(result, scenario=Scenario.model_validate(softer)), 1e-6)
     assert wrong.summary["against"]["largest_state_difference"] > 0.02
     assert exit_code(wrong.outcome) == ExitCode.NOT_CONVERGED
     assert wrong.summary["status"] == wrong.status
@@ -86,17 +86,17 @@ def test_a_wrong_motion_is_seen(result):
 def test_contacts_that_only_one_of_the_two_has_are_named(result):
     """Of other contacts the time is said, and what tells a sensitive motion from an error."""
     other = result.scenario.model_copy(update={"gravity": 0.5})
-    compared = against(replace(result, scenario=other), 1e-6)
+    compared = compare_with_reference(replace(result, scenario=other), 1e-6)
     until = compared.summary["against"]["agrees_until_s"]
     assert until < 1.0
     assert any(f"from {until:.4g} s on" in warning for warning in compared.warnings)
-    assert not any("other contacts" in warning for warning in against(result, 1e-6).warnings)
+    assert not any("other contacts" in warning for warning in compare_with_reference(result, 1e-6).warnings)
 
 
 def test_a_run_that_is_integrated_itself_is_compared_with_another_method():
     cubic = {"name": "cubic", "mass": 1, "kind": "cubic", "stiffness": 4000.0}
     case = {**CASE, "chain": {**CASE["chain"], "springs_to_ground": [cubic], "snubbers": []}}
-    values = against(beamsim.run(Scenario.model_validate(case)), 1e-9).summary["against"]
+    values = compare_with_reference(beamsim.run(Scenario.model_validate(case)), 1e-9).summary["against"]
     assert values["method"].startswith("reference (LSODA")
     assert 1e-13 < values["largest_state_difference"] < 1e-6
 
@@ -182,7 +182,7 @@ def test_every_law_has_a_reference(law):
     case["run"] = {"duration": 4.03, "sample_rate": 11.0, "convergence": "off", "spectrum": {"frequencies": [1.0]}}
     result = beamsim.run(Scenario.model_validate(case))
     assert result.complete
-    compared = against(result, 1e-11).summary["against"]
+    compared = compare_with_reference(result, 1e-11).summary["against"]
     assert compared["agrees_until_s"] == 4.03
     assert compared["largest_state_difference"] < 2e-9
     assert compared["largest_time_difference_s"] < 1e-9
@@ -195,8 +195,8 @@ def test_every_law_has_a_reference(law):
 def test_filtered_accelerations_are_compared_with_filtered_ones(result):
     """The reference was not filtered."""
     case = {**CASE, "run": {**CASE["run"], "low_pass": 3.0}}
-    filtered = figures_of(against(beamsim.run(Scenario.model_validate(case)), 1e-9).summary["against"])
-    plain = figures_of(against(result, 1e-9).summary["against"])
+    filtered = figures_of(compare_with_reference(beamsim.run(Scenario.model_validate(case)), 1e-9).summary["against"])
+    plain = figures_of(compare_with_reference(result, 1e-9).summary["against"])
     for (figure, _, a), (_, _, b) in zip(filtered, plain, strict=True):
         assert a["stepped"] == pytest.approx(a["exact"], rel=1e-4)
         assert (abs(a["exact"] / b["exact"] - 1) > 0.05) == (figure == "peak_acceleration")
@@ -205,11 +205,11 @@ def test_filtered_accelerations_are_compared_with_filtered_ones(result):
 def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch):
     """Peaks of a part of a motion were compared with those of the whole."""
     short = {**CASE, "run": {**CASE["run"], "max_events": 4}}
-    ended = against(beamsim.run(Scenario.model_validate(short)), 1e-7)
+    ended = compare_with_reference(beamsim.run(Scenario.model_validate(short)), 1e-7)
     assert "against" not in ended.summary
     assert any("no comparison" in warning and "event" in warning for warning in ended.warnings)
     monkeypatch.setattr("scipy.integrate.DOP853.step", lambda self: "the step became too small")
-    ended = against(result, 1e-7)
+    ended = compare_with_reference(result, 1e-7)
     assert "against" not in ended.summary
     assert any("no comparison" in warning and "too small" in warning for warning in ended.warnings)
     assert ended.outcome == result.outcome
@@ -238,7 +238,7 @@ def test_every_shipped_run_agrees_with_the_reference(path):
     for periods in (250, 400):
         result = result if result.summary["solver_events"] >= 4 else run(periods)
     result = result if result.summary["solver_events"] else first
-    compared = against(result, 1e-10).summary["against"]
+    compared = compare_with_reference(result, 1e-10).summary["against"]
     assert compared["agrees_until_s"] == result.scenario.run.duration
     assert compared["largest_state_difference"] < 1e-8
     for figure, place, of in figures_of(compared):
@@ -253,7 +253,7 @@ def test_a_comparison_that_is_stopped_leaves_the_run(result):
         left -= 1
         return left <= 0
 
-    part = against(result, 1e-11, stop)
+    part = compare_with_reference(result, 1e-11, stop)
     assert left <= 0
     assert "against" not in part.summary
     assert part.outcome.interrupted

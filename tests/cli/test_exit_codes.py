@@ -7,12 +7,12 @@ from pkgutil import resolve_name
 
 import pytest
 
-from beamsim.cli.command import conclude
+from beamsim.cli.command import plot_and_print
 from beamsim.cli.session import CommandOptions, Interruption
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS
 from beamsim.outcomes import EXIT_RULES, Outcome, OutcomeKind, Verdict, exit_code, on_limit
-from beamsim.results.values import judged, margins_of
+from beamsim.results.values import margins_of, with_verdicts
 from beamsim.scenario.reporting import Limits
 from tests.helpers.commands import invoke
 
@@ -37,7 +37,9 @@ def of_kind(kind):
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
-        conclude("run", result, Path("case.h5"), CommandOptions(no_plots=True, quiet=True, **more), Interruption())
+        plot_and_print(
+            "run", result, Path("case.h5"), CommandOptions(no_plots=True, quiet=True, **more), Interruption()
+        )
     except VerdictError as error:
         return error.exit_code
     return 0
@@ -58,11 +60,11 @@ def test_an_outcome_has_its_code_and_its_first_line(kind, fabricated_run):
 @pytest.mark.parametrize(("kind", "part"), [*product(OutcomeKind, OutcomeKind)])
 def test_what_accompanies_an_outcome_counts_as_the_outcome_itself(kind, part):
     """A part that is not reliable made a result that is complete incomplete, with exit code 0."""
-    both = of_kind(kind).but(of_kind(part))
-    assert both.gravest is max(kind, part, key=list(OutcomeKind).index)
+    both = of_kind(kind).copy_with(of_kind(part))
+    assert both.gravest_kind is max(kind, part, key=list(OutcomeKind).index)
     assert exit_code(both) == max(CODES[kind], CODES[part])
     assert both.usable == (exit_code(both) == 0)
-    assert both.complete == (both.gravest not in FIRST_LINES)
+    assert both.complete == (both.gravest_kind not in FIRST_LINES)
 
 
 @pytest.mark.parametrize(
@@ -100,12 +102,12 @@ def test_a_limit_counts_only_where_it_is_checked(value, change, code, fabricated
     result = fabricated_run()
     (item,) = margins_of(Limits(peak_force=50.0), {"peak_force": (value, "tip")}).values()
     ends = {"lowest": value * (1 - change), "highest": value * (1 + change)}
-    result.summary["margins"] = judged({"peak_force": item | ends})
+    result.summary["margins"] = with_verdicts({"peak_force": item | ends})
     assert ended(result, check=True) == code
     assert ended(result) == 0
     verdict = result.summary["margins"]["peak_force"]["verdict"]
     assert {0: "ok", 3: "not reliable", 4: "exceeded"}[code] == verdict
-    conclude("run", result, Path("case.h5"), CommandOptions(no_plots=True), Interruption())
+    plot_and_print("run", result, Path("case.h5"), CommandOptions(no_plots=True), Interruption())
     assert f"peak force {verdict if verdict == 'ok' else verdict.upper()}" in capsys.readouterr().out
 
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from beamsim.cli.app import app
 from beamsim.kinds import KINDS
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.store.results import kind_of, load
 
 STORED = Path(__file__).parents[1] / "data" / "results"
@@ -129,7 +129,7 @@ def test_every_kind_says_first_what_is_decided_by(name, tmp_path):
     path = tmp_path / f"{name}.h5"
     path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
     result = load(path)
-    with shown_in(result.scenario.display_scales):
+    with use_units(result.scenario.display_scales):
         text = resolve_name(KINDS[kind_of(path)].screen)(result).text(result, [f"{name}.h5", "picture.png"])
     for words in SHOWN[name]:
         assert words in text, text
@@ -154,7 +154,7 @@ def test_counts_of_special_points_are_those_of_their_table(name, more, tmp_path)
         for kind in ("neimark_sacker", "grazing", "nonsmooth_fold", "fold")
         for _ in range(more)
     ]
-    with shown_in(result.scenario.display_scales):
+    with use_units(result.scenario.display_scales):
         text = resolve_name(KINDS[kind_of(path)].screen)(result).text(result, [path.name]).replace("\n", " ")
     for kind, count in Counter(point["kind"] for point in table).items():
         called = {"neimark_sacker": "Neimark–Sacker bifurcation"}.get(kind, kind.replace("_", " "))

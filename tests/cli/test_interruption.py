@@ -17,7 +17,7 @@ import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.session import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
-from beamsim.outcomes import COMPLETE, Interrupted, asked_by, exit_code
+from beamsim.outcomes import COMPLETE, Interrupted, exit_code, stop_requests
 from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
 from beamsim.store.results import load
@@ -52,7 +52,7 @@ def mode():
 @first_apart("points", 1, [1, 20])
 def test_a_mode_keeps_the_points_it_has(mode, points):
     request = After(points)
-    with asked_by(request.stop):
+    with stop_requests(request.stop):
         part = nnm(load_scenario(MODE), request)
     assert mode.complete  # the twin that is not stopped
     assert part.status == f"interrupted at stiffness factor {part.branches[0]['parameter'].values[-1]:.6g}"

@@ -15,7 +15,7 @@ from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.sweep.analysis import outcomes_of
-from beamsim.files import protecting
+from beamsim.files import protected_files
 from beamsim.labelled import Dataset
 from tests.helpers.commands import invoke
 
@@ -112,7 +112,7 @@ def test_a_partial_sweep_is_moved_aside_unless_the_new_one_has_all_of_it(change,
     stop = iter([False] * 2)
     part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
     assert part.outcome.cut_short
-    with protecting([]):
+    with protected_files([]):
         beamsim.write_result(part, "case.h5")
     before = Path("case.h5").read_bytes()
     Path("case.yaml").write_text(change + SWEPT)
@@ -148,7 +148,7 @@ def half_swept(here):
     stop = iter([False] * 5)
     part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
     assert [outcome.complete for outcome in outcomes_of(part["levels"])] == [True, False]
-    with protecting([]):
+    with protected_files([]):
         return beamsim.write_result(part, "case.h5")
 
 
@@ -195,7 +195,7 @@ EDITS = {
 def test_a_resumed_sweep_whose_file_contradicts_itself_is_refused(contradiction, half_swept):
     name, edit = EDITS[contradiction]
     part, content = beamsim.load(half_swept, whole=True), half_swept.read_bytes()
-    with protecting([]):
+    with protected_files([]):
         beamsim.write_result(replace(part, datasets={**part.datasets, name: edit(part[name])}), half_swept)
     done = invoke("sweep", "case.yaml", "--resume", "--no-plots")
     half_swept.write_bytes(content)

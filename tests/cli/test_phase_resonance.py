@@ -14,7 +14,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.orbits.continuation import BranchStep
 from beamsim.responses import periodic_motion
-from beamsim.results.branch import each_of
+from beamsim.results.branch import rows_by_owner
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
@@ -31,7 +31,7 @@ def held():
 
 def of_levels(result):
     """What is known of each level, and its response about the resonance."""
-    return each_of(result["phase_resonance"], result["resonance_curves"], "level_index")
+    return rows_by_owner(result["phase_resonance"], result["resonance_curves"], "level_index")
 
 
 def test_predicted_and_found(held):
@@ -129,7 +129,10 @@ def test_a_transient_comes_to_the_same_motion(held):
 
 def test_held_motion(held):
     """Carried from the mode itself it stays near, and its second instant is half a period after the first."""
-    of_all, spectra = held["phase_resonance"], each_of(held["phase_resonance"], held["held_spectra"], "level_index")
+    of_all, spectra = (
+        held["phase_resonance"],
+        rows_by_owner(held["phase_resonance"], held["held_spectra"], "level_index"),
+    )
     for k, spectrum in enumerate(spectra):
         m = of_all.sel(level_index=k)
         predicted, mode = m["predicted_frequency_hz"].item(), m["mode_shapes"].values

@@ -133,7 +133,7 @@ def test_the_excitation_of_a_sweep_is_a_sweep(name, said, tmp_path):
 
 def test_a_caption_is_no_file_name():
     for name, words in (("srs", "Shock response spectra"), ("contact_force", "Contact force")):
-        assert f"<figcaption>{words}</figcaption>" in page.captioned(name, "")
+        assert f"<figcaption>{words}</figcaption>" in page.caption_plot(name, "")
 
 
 def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):

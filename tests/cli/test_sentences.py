@@ -12,7 +12,7 @@ import yaml
 from sampling import first_apart
 
 from beamsim.kinds import KINDS
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.store.results import kind_of, load
 from tests.helpers.commands import invoke
 from tests.helpers.screens import ResultFacts
@@ -81,7 +81,7 @@ def screen_of(tmp_path_factory):
             else:
                 path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
                 result, kind = load(path), KINDS[kind_of(path)]
-                with shown_in(result.scenario.display_scales):
+                with use_units(result.scenario.display_scales):
                     known[name] = resolve_name(kind.screen)(result).text(result, [path.name]), kind.command, path
         text, command, path = known[name]
         return text, ResultFacts(path, command)

@@ -11,7 +11,7 @@ from shipped import config_path
 import beamsim
 from beamsim.analyses.continuation.forced_expansion import compare_forced_expansion
 from beamsim.errors import ScenarioError
-from beamsim.results.branch import each_of
+from beamsim.results.branch import rows_by_owner
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
@@ -24,7 +24,7 @@ def expanded(scenario):
     """Of each level the motions by multiple scales, and their differences from exact ones."""
     found = compare_forced_expansion(scenario)
     tables = ("multiple_scales_points", "multiple_scales_factors")
-    return list(zip(*(each_of(found["multiple_scales"], found[of], "comparison") for of in tables), strict=True))
+    return list(zip(*(rows_by_owner(found["multiple_scales"], found[of], "comparison") for of in tables), strict=True))
 
 
 def test_oscillator_of_the_thesis():

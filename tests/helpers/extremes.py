@@ -12,7 +12,7 @@ import yaml
 from shipped import PATHS, config_path, shipped
 
 from beamsim.scenario import Scenario, load_scenario, units
-from beamsim.scenario.base import Schema, nested_annotations, plain, walk
+from beamsim.scenario.base import Schema, as_plain_data, nested_annotations, walk
 from beamsim.scenario.quantities import Bounded, FieldType, RateType, Whole
 
 REFUSALS = Path(__file__).parents[1] / "data" / "refusals.yaml"
@@ -157,7 +157,7 @@ def places() -> dict[Field, tuple[str, tuple[Any, ...]]]:
     for name, case in cases().items():
         for path, part in walk(case):
             for field in fields_of(type(part)):
-                value = plain(part).get(field.key)
+                value = as_plain_data(part).get(field.key)
                 number = value[0] if isinstance(value, list) and value else value
                 holds = isinstance(number, (int, float, str))
                 (written if holds else missing).setdefault(field, (name, (*path, field.key)))

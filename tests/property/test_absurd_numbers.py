@@ -8,7 +8,7 @@ from shipped import PATHS, shipped
 
 from beamsim import load_scenario
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import plain
+from beamsim.scenario.base import as_plain_data
 from beamsim.scenario.jsonschema import json_schema
 
 pytestmark = pytest.mark.quick
@@ -45,7 +45,7 @@ def places_by_file():
     """One place of every key that holds a number in a shipped scenario, by file."""
     seen = {}
     for file in PATHS:
-        for path in numbers_in(plain(shipped(file))):
+        for path in numbers_in(as_plain_data(shipped(file))):
             seen.setdefault(tuple("*" if isinstance(part, int) else part for part in path), (file, path))
     found = {}
     for file, path in seen.values():
@@ -67,7 +67,7 @@ def problems_of(data):
 
 def assert_accepted_or_refused(file, values_of):
     """Put each of the values of a place there; whatever is refused is refused with a short message."""
-    data = plain(shipped(file))
+    data = as_plain_data(shipped(file))
     for number, path in enumerate(PLACES[file]):
         for value in values_of(number):
             problems = problems_of(replaced(data, path, value))
@@ -90,7 +90,7 @@ OUTSIDE = (1e40, -1e40, 1e308, -1e308, math.nan, math.inf, -math.inf, 10**400, "
 @pytest.mark.parametrize("file", PLACES, ids=lambda file: file.stem)
 def test_what_no_quantity_can_be_is_refused_where_it_stands(file):
     """In contrast to the above: nothing accepts these, and the message names the key."""
-    data = plain(shipped(file))
+    data = as_plain_data(shipped(file))
     for number, path in enumerate(PLACES[file]):
         value = OUTSIDE[number % len(OUTSIDE)]
         with pytest.raises(ScenarioError) as refused:

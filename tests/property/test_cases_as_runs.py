@@ -11,7 +11,7 @@ from shipped import PATHS, shipped
 import beamsim
 from beamsim.analyses.studies.plan import plan_draws
 from beamsim.analyses.studies.responses import responses_of_result
-from beamsim.outcomes import asked_by
+from beamsim.outcomes import stop_requests
 from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.store.studies import journal_path, opened_journal, stored_study
 from beamsim.trust.studies import design_study
@@ -76,7 +76,7 @@ def same(one, other):
 def demand_same(result, case, study):
     """Compare a case with the result of its command."""
     assert case.outcome.text == result.outcome.text
-    assert case.outcome.gravest == result.outcome.gravest
+    assert case.outcome.gravest_kind == result.outcome.gravest_kind
     assert case.warnings == result.warnings
     assert same(dict(case.margins), result.summary.get("margins", {}))
     whole = {} if case.failed else responses_of_result(result)  # of a motion that stopped early no study has values
@@ -144,7 +144,7 @@ def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_p
     """It said ok in all cases, with exit code 0."""
     case = beamsim.load_scenario(BEAM, {**UNRELIABLE, **GAPS, "run.convergence": "off"})
     study = beamsim.design_study(case, workers=workers)
-    assert study.outcome.gravest == "untrusted"
+    assert study.outcome.gravest_kind == "untrusted"
     assert study.summary["not_reliable"] == 2
     assert study["cases"]["passing"].values.tolist() == [False, False]
     assert {of["verdict"] for of in study.summary["margins"].values()} == {"not reliable"}
@@ -204,7 +204,7 @@ def test_an_interruption_amid_the_comparison_changes_nothing(tmp_path):
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
         journal_add = journal.add
         journal.add = lambda outcome: (seen.append(outcome), journal_add(outcome))
-        with asked_by(lambda: len(seen) > 5):
+        with stop_requests(lambda: len(seen) > 5):
             part, _ = stored_study(plan, journal, target)
     assert part.outcome.interrupted
     assert part.status.startswith("interrupted during the comparison with a finer model")

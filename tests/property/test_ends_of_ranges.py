@@ -10,7 +10,7 @@ from sampling import first_apart
 
 from beamsim import load_scenario
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import plain
+from beamsim.scenario.base import as_plain_data
 from beamsim.scenario.units import UnitError
 
 pytestmark = pytest.mark.quick
@@ -59,7 +59,7 @@ def problems_of(data):
 
 @pytest.mark.parametrize("case", BY_CASE)
 def test_ends_of_ranges_in_cases(case):
-    data = plain(cases()[case])
+    data = as_plain_data(cases()[case])
     for field, (_, path) in BY_CASE[case]:
         inside, outside = field.ends
         for number in inside:
@@ -71,7 +71,7 @@ def test_ends_of_ranges_in_cases(case):
 
 @first_apart("case", 20, BY_CASE)
 def test_two_and_three_numbers_at_the_ends_of_their_ranges(case):
-    data, rng = plain(cases()[case]), np.random.default_rng(1)
+    data, rng = as_plain_data(cases()[case]), np.random.default_rng(1)
     for count in (2, 3) * 10:
         changed = data
         for k in rng.permutation(len(BY_CASE[case]))[:count]:

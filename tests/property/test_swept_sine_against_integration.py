@@ -80,7 +80,7 @@ class Swept:
         parts = [
             record_cycles(
                 s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
-            ).some(slice(s.reached))
+            ).select(slice(s.reached))
             for s in self.stretches
         ]
         self.record = CycleRecord.joined(parts)
@@ -166,7 +166,7 @@ def test_random_structure(make_system, case, rigid):
 def test_laws_and_profiles(make_system, legs):
     """Fast sweeps (the frequency changes within a cycle), both laws, levels that step and bend."""
     system = make_system([1.0, 5.0], [0.02, 0.1], shape=[[1.0, 0.4]], stiffness=[15.0], dashpot=[0.3], gap=[0.05])
-    profile = Profile.held([(0.05, 0.2, "displacement"), (0.3, 0.7, "acceleration"), (1.5, 0.05, "velocity")])
+    profile = Profile.from_steps([(0.05, 0.2, "displacement"), (0.3, 0.7, "acceleration"), (1.5, 0.05, "velocity")])
     profile = profile.notched(0.5, 0.9, 0.3, "acceleration")
     windows = cut_into_windows(legs, profile)
     load, start = np.array([1.0, 0.5]), np.array([-0.3, 0.0, 0.2, 0.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamsim.labelled import Layout, Variable
-from beamsim.results.branch import each_of, numbered_points, of_multipliers, of_states
+from beamsim.results.branch import numbered_points, of_multipliers, of_states, rows_by_owner
 
 OWNERS = Layout(
     "owners",
@@ -37,7 +37,7 @@ def test_each_owner_has_its_rows_and_what_its_own_row_says(sizes):
         {"owner": np.arange(count), "level": 10.0 * np.arange(count), "x": np.zeros(count), "kind": "all"}
     )
     rows = ROWS.dataset({**numbered_points(sizes, "owner"), "x": x, "probe": ["a", "b/c"], "y": np.array([x, -x])})
-    found = each_of(owners, rows, "owner")
+    found = rows_by_owner(owners, rows, "owner")
     assert [of["x"].values.tolist() for of in found] == [part.tolist() for part in np.split(x, np.cumsum(sizes)[:-1])]
     for k, (of, size) in enumerate(zip(found, sizes, strict=True)):
         assert (of["level"].item(), of["level"].unit, of["kind"].item()) == (10.0 * k, "N", "all")

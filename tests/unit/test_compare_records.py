@@ -229,9 +229,9 @@ INTERRUPTED = interruption("after 0.1 s")
 def test_a_comparison_is_as_reliable_as_the_result_that_is_compared(shaken, ended, kind, code):
     """It was complete, with exit code 0, whatever the run was."""
     history = shaken["histories"]["displacement"].sel(probe="mass").values
-    run = replace(shaken, warnings=("a warning of the run",)).ended(ended)
+    run = replace(shaken, warnings=("a warning of the run",)).with_outcome(ended)
     result = compare(run, [("mass", "displacement", MeasuredSignal("mass", TIME, 1.1 * history))])
-    assert result.outcome.gravest == kind
+    assert result.outcome.gravest_kind == kind
     assert exit_code(result.outcome) == code
     assert result.complete == (kind == "complete")
     assert result.warnings[0] == "a warning of the run"

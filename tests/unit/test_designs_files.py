@@ -13,7 +13,7 @@ from beamsim.analyses.studies.plan import plan_designs, plan_draws
 from beamsim.analyses.studies.summary import result_of
 from beamsim.cases import CaseOutcome
 from beamsim.errors import ResultFileError
-from beamsim.files import replacing
+from beamsim.files import replacement_file
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.studies import design_figures, shown_quantities
@@ -52,7 +52,7 @@ STUDIES = {
 
 
 def limits_of(plan):
-    return {} if plan.scenario.limits is None else plan.scenario.limits.given
+    return {} if plan.scenario.limits is None else plan.scenario.limits.values_by_name
 
 
 def outcome(limits, index, rng):
@@ -276,7 +276,7 @@ def test_temporary_files_of_killed_processes_are_removed(tmp_path):
     """A process that has ended, one that runs (this one), and one of another machine."""
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    with replacing(tmp_path / "x") as temporary:
+    with replacement_file(tmp_path / "x") as temporary:
         temporary.write_text("x")
         begin, machine, own, *_ = temporary.name.split("-")
         others = {
@@ -285,7 +285,7 @@ def test_temporary_files_of_killed_processes_are_removed(tmp_path):
         }
         for path in others.values():
             path.touch()
-    with replacing(tmp_path / "y") as temporary:
+    with replacement_file(tmp_path / "y") as temporary:
         temporary.write_text("y")
     assert [path.exists() for path in others.values()] == [False, True, True]
 

@@ -12,7 +12,7 @@ from beamsim.errors import ScenarioError
 from beamsim.orbits.branch import reached_end
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.plots.run import run_figures
-from beamsim.plots.style import amount, level_text, scale_for, shown_in, value_text
+from beamsim.plots.style import amount, level_text, scale_for, use_units, value_text
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 
@@ -30,7 +30,7 @@ def chosen(**units):
 
 
 def test_amounts_are_shown_in_the_units_chosen():
-    with shown_in(chosen(**CHOSEN)):
+    with use_units(chosen(**CHOSEN)):
         assert amount(0.0123, "m") == "1.23e+04 um"
         assert amount(851.8, "N") == "0.8518 kN"
         assert amount(2.0, "g") == amount(19.6133, "m/s^2") == "19.61 m/s^2"
@@ -57,15 +57,15 @@ def test_continuations_and_outcomes_use_them():
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
-    within = missing.but(context=Where(4.903325, "m/s^2", "level"))
+    within = missing.copy_with(context=Where(4.903325, "m/s^2", "level"))
     assert within.displayed(scale_for).text == "level 0.5 g: no stable motion from 1 to 2 g"
-    with shown_in(chosen(**CHOSEN)):
+    with use_units(chosen(**CHOSEN)):
         assert missing.displayed(scale_for).message == "no stable motion from 9.80665 to 19.6133 m/s^2"
     assert reached_end(65.5).in_unit(float, "Hz").displayed(scale_for).text.endswith("65.5 Hz")
 
 
 def test_g_is_gravity_in_an_acceleration_and_gram_in_a_mass():
-    with shown_in(chosen(acceleration="g", mass="g")):
+    with use_units(chosen(acceleration="g", mass="g")):
         assert amount(9.80665, "m/s^2") == "1 g"
         assert amount(0.0042, "kg") == "4.2 g"
 
@@ -99,7 +99,7 @@ def test_units_are_those_that_quantities_are_written_in():
     chosen_length = load_scenario(WRITTEN, {"units": {"length": "in"}}).units
     assert (chosen_length.length, chosen_length.acceleration) == ("in", "m/s^2")
     assert load_scenario(scenario.to_yaml()).units == scenario.units  # as result files hold it
-    with shown_in(scenario.display_scales):
+    with use_units(scenario.display_scales):
         assert amount(0.0123, "m") == "12.3 mm"
         assert amount(90.0, "s") == "1.5 min"
         assert amount(0.003, "s") == "3 ms"  # not in minutes
@@ -110,7 +110,7 @@ def test_units_are_those_that_quantities_are_written_in():
 def test_long_times_are_in_units_that_a_reader_uses():
     assert [amount(t, "s") for t in (599.0, 900.0, 5.4e4, 1e6)] == ["599 s", "15 min", "15 h", "11.57 days"]
     assert amount(101.5e9, "s") == "3216 years"
-    with shown_in(chosen(time="min")):
+    with use_units(chosen(time="min")):
         assert amount(5.4e4, "s") == "900 min"
         assert amount(101.5e9, "s") == "3216 years"
 

@@ -22,12 +22,12 @@ def test_json_schema_file_is_the_one_the_program_prints():
 
 def test_result_files_are_documented_as_they_are_declared():
     """Renew with `python -m beamsim.store.describe docs/result_files.md`."""
-    from beamsim.store.describe import MARK, renewed
+    from beamsim.store.describe import MARK, regenerate
 
     text = (ROOT / "docs/result_files.md").read_text(encoding="utf-8")
     assert MARK in text
-    assert renewed(text) == text
-    assert renewed(text.replace("| `time` | s |", "| `time` | h |")) == text
+    assert regenerate(text) == text
+    assert regenerate(text.replace("| `time` | s |", "| `time` | h |")) == text
 
 
 def test_cases_in_the_readme_load():

@@ -163,7 +163,7 @@ def test_an_axis_of_an_unknown_data_type_is_what_its_label_says(tmp_path, axis, 
 )
 def test_other_axes_are_refused_where_the_channel_is_used(tmp_path, fields, message):
     with pytest.raises(InputFileError, match=message):
-        channel(tmp_path, function(Y, **fields)).on_si_axis(None, "").checked()
+        channel(tmp_path, function(Y, **fields)).on_si_axis(None, "").check()
 
 
 H = (2.0 - 1.0j) * np.arange(1.0, 9.0)
@@ -242,7 +242,7 @@ def test_amplitude_spectra_are_peaks_whatever_the_file_has(tmp_path, number, fac
 def test_spectra_of_different_amplitudes_in_one_file_are_refused(tmp_path):
     signal = channel(tmp_path, amplitudes(2), amplitudes(3), function(Y, kind=12, **OVER_FREQUENCY))
     with pytest.raises(InputFileError, match="spectra of different amplitudes"):
-        signal.checked()
+        signal.check()
 
 
 CASE = {

@@ -14,7 +14,7 @@ from beamsim.plots.run import run_figures
 from beamsim.store.results import write_result
 
 PAGE = Path(__file__).parents[2] / "docs" / "from_yaml_to_picture.md"
-COMMAND = {"cli.app.run", "cli.command.analysed"}  # not executed by what follows
+COMMAND = {"cli.app.run", "cli.command.run_analysis"}  # not executed by what follows
 
 
 def named_functions():

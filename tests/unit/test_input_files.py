@@ -11,7 +11,7 @@ from shipped import config_path
 
 import beamsim
 from beamsim.analyses.studies.plan import plan_designs
-from beamsim.cli.html_report import sketched
+from beamsim.cli.html_report import sketch_of_result
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
@@ -66,7 +66,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
             build_system(load(file).scenario)
         assert "bodies.panel.mass.file = matrices/strip.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
-        sketch = sketched(load(file), None)  # from the result's own numbers
+        sketch = sketch_of_result(load(file), None)  # from the result's own numbers
         np.testing.assert_array_equal(sketch.stations.points, Stations.of_modes(result["modes"]).points)
         assert sketch.stops["corner"].gap == result["histories"]["snubber_gap"].sel(snubber="corner").item()
         shutil.copytree(kept, tmp_path / "matrices")

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from beamsim.errors import ScenarioError
-from beamsim.parallel import Computation, working
+from beamsim.parallel import Computation, worker_pool
 
 
 class Failing:
@@ -59,7 +59,7 @@ WAYS = [
 
 
 def results(folder, how, times=100, **who):
-    with working(Computation(Failing(folder, how, times), failed), 20, **who) as solved:
+    with worker_pool(Computation(Failing(folder, how, times), failed), 20, **who) as solved:
         found = list(solved(range(20)))
     recorded = [each for each in found if isinstance(each, tuple)]
     assert sorted(each for each in found if each not in recorded) == [

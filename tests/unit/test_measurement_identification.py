@@ -12,7 +12,7 @@ from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.signal import MeasuredSignal, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import ACCELERATION
-from beamsim.signals.harmonics import harmonics_of, period_multiple, settled_from
+from beamsim.signals.harmonics import harmonics_of, period_multiple, steady_part
 
 TIME = np.arange(4000) / 8000.0
 TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])
@@ -43,12 +43,12 @@ def test_the_noise_is_that_of_the_harmonics():
 def test_the_settled_part_of_a_history():
     t = np.arange(0, 20, 1e-3)
     steady = np.sin(2 * np.pi * 3 * t) + 0.3 * np.sin(2 * np.pi * 9 * t)
-    start, difference = settled_from(t, steady + 2 * np.exp(-t) * np.sin(2 * np.pi * 5.1 * t), 1 / 3)
+    start, difference = steady_part(t, steady + 2 * np.exp(-t) * np.sin(2 * np.pi * 5.1 * t), 1 / 3)
     assert 4.0 < start < 6.0  # 2 exp(-t) is 1 % of the motion at 5.6 s
     assert difference < 0.01
-    doubled, _ = settled_from(t, steady + 0.5 * np.sin(2 * np.pi * 1.5 * t), 1 / 3)
+    doubled, _ = steady_part(t, steady + 0.5 * np.sin(2 * np.pi * 1.5 * t), 1 / 3)
     assert doubled < 1.0
-    start, difference = settled_from(t, np.sin(2 * np.pi * 3 * t + t**2), 1 / 3)  # never settles
+    start, difference = steady_part(t, np.sin(2 * np.pi * 3 * t + t**2), 1 / 3)  # never settles
     assert start == pytest.approx(10.0, abs=0.5)
     assert difference > 0.1
 
@@ -61,7 +61,7 @@ def test_how_many_periods_a_motion_has(multiple, noise):
     x = harmonics + 0.3 * np.sin(2 * np.pi * 40.0 / multiple * TIME + 0.4) * (multiple > 1)
     x = x + noise * rng.standard_normal(TIME.size)
     assert period_multiple(MeasuredSignal("x", TIME, x), 40.0) == multiple
-    start, deviation = settled_from(TIME, x, 1 / 40.0)
+    start, deviation = steady_part(TIME, x, 1 / 40.0)
     assert (deviation < 0.01) == (noise == 0.0)
     assert (start < 0.03) == (noise == 0.0)
     long = np.tile(x[: 200 * 12], 5)

@@ -176,7 +176,7 @@ def test_a_mode_that_gradually_shares_its_energy_is_followed():
     assert far.complete
     assert "jumps" not in far.datasets.keys() | near.datasets.keys()
     assert 0.35 < far.branches[0]["share"].values[-1] < 0.45
-    (shared,) = far.outcome.all_of("energy_shared")
+    (shared,) = far.outcome.outcomes_with_code("energy_shared")
     assert shared.numbers["share"] == pytest.approx(far.branches[0]["share"].values[-1], rel=1e-12)
     assert "mode 1 holds 40% of the energy and mode 2 60%" in far.status
     at = np.log(near.branches[0]["energy"].values)
@@ -207,7 +207,7 @@ def test_tip_stops_on_both_sides_whatever_the_range():
         assert result.complete
         assert result.branches[0]["parameter"].values[-1] == pytest.approx(to, rel=1e-12)
         assert ("mode 1 holds" in result.status) == (result.branches[0]["share"].values[-1] < 0.5)
-    (part,) = near.outcome.all_of("ends_in_resonance")
+    (part,) = near.outcome.outcomes_with_code("ends_in_resonance")
     same = far.branches[0]["parameter"].values.searchsorted(part.place.value[0][0] * (1 + 1e-12))
     assert part.place.value[0][1] == pytest.approx(far.branches[0]["parameter"].values[same], rel=1e-12)
     at = np.log(far.branches[0]["parameter"].values[:same])

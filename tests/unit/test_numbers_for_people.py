@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamsim.cli.screens import Errors, rounded
+from beamsim.cli.screens import Errors, round_with_unit
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.plots.drawing import Chart, Curve
-from beamsim.plots.style import amount, extent, level_text, scale_for, shown_in, value_text
+from beamsim.plots.style import amount, extent, level_text, scale_for, use_units, value_text
 
 pytestmark = pytest.mark.quick
 
@@ -50,11 +50,11 @@ def test_every_way_to_print_a_number_chooses_the_prefix_of_the_rounded_one():
     assert level_text(999.98, "N") == "level 1 kN"
     assert value_text("work_j", 0.99998) == "1 J"
     assert value_text("works_j", [0.5, 0.99998]) == "0.5, 1 J"
-    assert rounded(0.9996, "J") == "1.00 J"
-    assert rounded(0.99996, "J", 5) == "999.96 mJ"
+    assert round_with_unit(0.9996, "J") == "1.00 J"
+    assert round_with_unit(0.99996, "J", 5) == "999.96 mJ"
     where = Outcome.of(OutcomeKind.STOPPED, "end", at=Where(0.9999999, "N")).displayed(scale_for)
     assert where.text == "stopped at 1 N"
-    with shown_in({"N": (1e-3, "kN")}):
+    with use_units({"N": (1e-3, "kN")}):
         assert amount(999.98, "N") == "1 kN"
         assert amount(99.998, "N") == "0.1 kN"
 

@@ -61,7 +61,7 @@ def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch):
 
     monkeypatch.setattr(VariationalFlow, "with_loads", broken)
     result = continuation(forced("linear"))
-    ends = result.outcome.all_of("orbit_not_finite")
+    ends = result.outcome.outcomes_with_code("orbit_not_finite")
     assert ends or "orbit_not_finite" in result["branches"]["outcome"].values
     assert 0.75 < ends[0].place.value <= 0.77
     assert not result.complete
@@ -89,5 +89,5 @@ def test_a_wrong_sum_of_harmonics_is_seen(monkeypatch):
     monkeypatch.setattr(harmonic_balance, "one_sided", sampled)
     result = by_balance("linear", 7)
     assert result.branches[0]["energy_error"].values.max() > 1e-6
-    assert result.outcome.all_of("orbit_energy_not_balanced")
+    assert result.outcome.outcomes_with_code("orbit_energy_not_balanced")
     assert exit_code(result.outcome) == 3

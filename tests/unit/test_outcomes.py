@@ -88,13 +88,13 @@ def test_both_directions():
     assert not two.complete
     assert not both_directions(STOPPED, REACHED).complete
     assert COMPLETE.statements == ()
-    assert REACHED.but(STOPPED).statements == ("reached the end at 3 Hz", STOPPED.text)
+    assert REACHED.copy_with(STOPPED).statements == ("reached the end at 3 Hz", STOPPED.text)
 
 
 @pytest.mark.parametrize("kind", [OutcomeKind.DOUBTFUL, OutcomeKind.UNTRUSTED, OutcomeKind.STOPPED])
 def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
     part = Outcome.of(kind, "code", "values change", context="the best design")
-    for whole in (COMPLETE.but(part), REACHED.but(part), COMPLETE.but(COMPLETE.but(part))):
+    for whole in (COMPLETE.copy_with(part), REACHED.copy_with(part), COMPLETE.copy_with(COMPLETE.copy_with(part))):
         assert not whole.complete
         assert "complete" not in whole.text
         assert not any("complete" in text for text in whole.statements)
@@ -103,22 +103,27 @@ def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
 
 def test_a_part_that_is_complete_is_not_called_so_beside_one_that_is_not():
     """Levels of a sweep, branches, cases: the reader of INCOMPLETE would read it of the whole."""
-    fine = COMPLETE.but(context=Where(1.0, "g", "level"))
-    for whole in (MISSING.but(fine), MISSING.but(REACHED), MISSING.but(COMPLETE), COMPLETE.but(MISSING, fine)):
+    fine = COMPLETE.copy_with(context=Where(1.0, "g", "level"))
+    for whole in (
+        MISSING.copy_with(fine),
+        MISSING.copy_with(REACHED),
+        MISSING.copy_with(COMPLETE),
+        COMPLETE.copy_with(MISSING, fine),
+    ):
         assert "complete" not in whole.text
         assert not any("complete" in text for text in whole.statements)
-    assert MISSING.but(REACHED).text == f"{MISSING.text}; reached the end at 3 Hz"
+    assert MISSING.copy_with(REACHED).text == f"{MISSING.text}; reached the end at 3 Hz"
     assert REACHED.of_part == "reached the end at 3 Hz"  # what is said of a branch
     assert COMPLETE.of_part == "complete"
-    assert COMPLETE.but(REACHED, fine).text == "complete; reached the end at 3 Hz"  # twin: all is
+    assert COMPLETE.copy_with(REACHED, fine).text == "complete; reached the end at 3 Hz"  # twin: all is
 
 
 def test_what_a_part_means_for_the_whole():
     doubt = Outcome.of(OutcomeKind.UNTRUSTED, "harmonics_neglected", "they are large")
-    assert not STOPPED.but(doubt).trusted
-    assert MISSING.but(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")).interrupted
-    assert not REACHED.but(STOPPED).complete
-    assert MISSING.all_of("step_too_small") == [STOPPED]
+    assert not STOPPED.copy_with(doubt).trusted
+    assert MISSING.copy_with(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")).interrupted
+    assert not REACHED.copy_with(STOPPED).complete
+    assert MISSING.outcomes_with_code("step_too_small") == [STOPPED]
 
 
 @pytest.mark.parametrize(
@@ -126,7 +131,7 @@ def test_what_a_part_means_for_the_whole():
     [
         COMPLETE,
         STOPPED,
-        MISSING.but(context=Where(9.81, "m/s^2", "level")),
+        MISSING.copy_with(context=Where(9.81, "m/s^2", "level")),
         Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", "2 of 3", done=np.int64(2), shares=np.array([[1.0, 2.0]])),
     ],
 )

@@ -11,7 +11,7 @@ from sampling import first_apart
 import beamsim
 from beamsim.analyses.run.layouts import SRS
 from beamsim.plots import run as plots
-from beamsim.plots.drawing import HERTZ, Chart, Curve, Picture, save_figures, thinned
+from beamsim.plots.drawing import HERTZ, Chart, Curve, Picture, save_figures, thin_out
 from beamsim.scenario import load_scenario
 
 EVERYTHING = {
@@ -94,19 +94,19 @@ def test_thinning_keeps_the_extremes():
     time = np.arange(1_000_003.0)
     x = np.zeros(time.size)
     x[123_457], x[777_777], x[-1] = 5.0, -7.0, 1.0
-    few_t, few_x = thinned(time, x, 40_000)
+    few_t, few_x = thin_out(time, x, 40_000)
     assert few_t.size < 50_000
     assert np.all(np.diff(few_t) >= 0)
     assert (few_x.max(), few_x.min(), few_x[-1]) == (5.0, -7.0, 1.0)
     assert few_t[few_x.argmax()] == 123_457
-    assert thinned(time[:100], x[:100], 40_000)[0].size == 100
+    assert thin_out(time[:100], x[:100], 40_000)[0].size == 100
 
 
 def test_thinning_keeps_holes_and_the_extremes_beside_them():
     time = np.arange(300_000.0)
     x = np.where((time > 1e5) & (time < 2e5), np.nan, np.cos(time))
     x[100_000] = 9.0
-    few_t, few_x = thinned(time, x, 4000)
+    few_t, few_x = thin_out(time, x, 4000)
     assert few_x[few_t == 100_000] == [9.0]
     assert np.isnan(few_x[(few_t > 100_200) & (few_t < 199_800)]).all()
     assert few_x.size < 4200

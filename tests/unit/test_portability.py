@@ -75,7 +75,7 @@ def test_a_file_that_is_being_read_is_replaced_a_little_later(refusals, succeeds
     target.write_text("old")
 
     def write():
-        with files.replacing(target) as temporary:
+        with files.replacement_file(target) as temporary:
             temporary.write_text("new")
 
     if succeeds:

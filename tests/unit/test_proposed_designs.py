@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.studies.designs import SolvedPoints
 from beamsim.analyses.studies.plan import plan_designs
-from beamsim.analyses.studies.proposals import gains, proposed
+from beamsim.analyses.studies.proposals import gains, propose_designs
 from beamsim.cli.studies import design_screen
 from beamsim.trust.studies import CaseSolver, design_study
 from tests.fabricated import solved_case
@@ -71,7 +71,7 @@ def test_proposals_lie_on_the_front_that_the_model_knows():
     behind = ((values[:, None, :] >= values).all(axis=2) & (values[:, None, :] > values).any(axis=2)).any(axis=1)
     front = np.flatnonzero(~behind)[np.argsort(values[~behind, 0])]
     known = SolvedPoints(points, values, np.zeros((60, 0)))
-    found = proposed(varied, known, front, 8, generator)
+    found = propose_designs(varied, known, front, 8, generator)
     assert len(np.unique(np.round(found, 4), axis=0)) == len(found) == 8
     assert gains(np.array(parabola(*found.T)).T, values[front]).min() > 0.0
     assert np.abs(np.sqrt(parabola(*found.T)).sum(axis=0) - 1.0).mean() < 0.05

@@ -14,7 +14,7 @@ from beamsim.kinds import KINDS
 from beamsim.plots.drawing import Chart, Curve, Guide, Picture
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.style import shown_in
+from beamsim.plots.style import use_units
 from beamsim.system.build import build_system
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def of_picture(curve, **more):
 
 
 def figures(result):
-    with shown_in(result.scenario.display_scales):
+    with use_units(result.scenario.display_scales):
         return resolve_name(KINDS[result.KIND].figures)(result)
 
 
@@ -76,7 +76,7 @@ def test_pictures_of_every_kept_result(name, tmp_path):
 def test_sketches(name):
     scenario = beamsim.load_scenario(config_path(name))
     system = build_system(scenario)
-    with shown_in(scenario.display_scales):
+    with use_units(scenario.display_scales):
         sketch = Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
         assert faults(model_figure(sketch)) == []
 

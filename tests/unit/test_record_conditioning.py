@@ -9,7 +9,7 @@ import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import read_signals
-from beamsim.measurements.conditioning import evenly_timed, high_passed, resampled, resolution, rounding_warnings
+from beamsim.measurements.conditioning import evenly_timed, high_passed, resample_signal, resolution, rounding_warnings
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 
@@ -122,7 +122,7 @@ def test_channels_that_are_compared_get_the_rate_of_rounded_stamps(tmp_path):
 def test_nothing_is_aliased_when_the_sampling_rate_is_lowered(old, new):
     t = np.arange(int(2 * old) + 1) / old
     slow = np.sin(2 * np.pi * 10 * t) + 0.5 * np.cos(2 * np.pi * 100 * t) + 3.0
-    low = resampled(signal(t, slow), new)
+    low = resample_signal(signal(t, slow), new)
     reached = (low.x.size - 1) / (low.x[-1] - low.x[0])
     assert reached == pytest.approx(new, rel=1e-3)
     expected = np.sin(2 * np.pi * 10 * low.x) + 0.5 * np.cos(2 * np.pi * 100 * low.x) + 3.0
@@ -131,7 +131,7 @@ def test_nothing_is_aliased_when_the_sampling_rate_is_lowered(old, new):
     assert "low-pass" in low.scaling[0]
     for f in (0.52 * new, 0.8 * new, 0.98 * new):
         if f < 0.5 * old:
-            fast = resampled(signal(t, 50.0 * np.sin(2 * np.pi * f * t)), new)
+            fast = resample_signal(signal(t, 50.0 * np.sin(2 * np.pi * f * t)), new)
             assert np.abs(fast.y[60:-60]).max() < 50.0 * 2e-5
             assert "takes away 100 %" in fast.warnings[0] or "takes away 99.9 %" in fast.warnings[0]
 
@@ -166,7 +166,7 @@ def test_a_displacement_begins_as_before_when_it_is_resampled(tmp_path):
 
 def test_a_higher_rate_is_interpolated():
     t = np.arange(1001) / 1000
-    high = resampled(signal(t, np.sin(2 * np.pi * 20 * t)), 2500.0)
+    high = resample_signal(signal(t, np.sin(2 * np.pi * 20 * t)), 2500.0)
     np.testing.assert_allclose(high.y, np.sin(2 * np.pi * 20 * high.x), atol=1e-5)
     assert high.scaling == ("interpolated from 1000 to 2500 Hz",)
 

@@ -13,7 +13,7 @@ import pytest
 from sampling import first_apart
 
 from beamsim.errors import NotWrittenError, ResultFileError
-from beamsim.files import Content, destination, protect, protecting, replacing
+from beamsim.files import Content, destination, protect, protected_files, replacement_file
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.store import results
 from beamsim.store.results import keep_result, load, write_result
@@ -40,7 +40,7 @@ def part(fabricated_run):
 
 def written(result, path, **options):
     """Write a result as a command of its own does."""
-    with protecting([]):
+    with protected_files([]):
         return write_result(result, path, **options)
 
 
@@ -65,7 +65,7 @@ def test_every_pair_of_contents(new, found, tmp_path):
 def test_a_complete_result_stays_where_a_partial_one_is_written(whole, part, tmp_path):
     path = written(whole, tmp_path / "case.h5")
     before = path.read_bytes()
-    with protecting([]):
+    with protected_files([]):
         assert write_result(part, path) == write_result(part, path) == tmp_path / "case_partial.h5"
         assert path.read_bytes() == before
         assert load(tmp_path / "case_partial.h5").outcome.cut_short
@@ -167,7 +167,7 @@ def test_only_attributes_of_the_older_file_are_read_and_only_once(whole, part, t
 
     monkeypatch.setattr(results, "opened", counting)
     monkeypatch.setattr(results, "read_items", None)
-    with protecting([]):
+    with protected_files([]):
         for _ in range(5):
             write_result(part, path, resumed=True)
     assert len(opened) == 1
@@ -177,7 +177,7 @@ def test_two_commands_on_one_file_lose_nothing(whole, part, tmp_path):
     """Each has a thread of its own, and so knows nothing of the other, like processes; they save by turns."""
     path = tmp_path / "case.h5"
     own = [dataclasses.replace(part, wall_time_s=float(k)) for k in (1, 2)]
-    scopes, threads = [protecting([]), protecting([])], [ThreadPoolExecutor(1), ThreadPoolExecutor(1)]
+    scopes, threads = [protected_files([]), protected_files([])], [ThreadPoolExecutor(1), ThreadPoolExecutor(1)]
 
     def save(k, result):
         return threads[k].submit(write_result, result, path).result()
@@ -278,12 +278,12 @@ def test_a_file_that_is_read_is_refused_by_every_name(tmp_path, monkeypatch):
     os.mkdir("folder")
     for new in Content:
         for name in ("a.h5", "hard.h5", "soft.h5", "folder/../a.h5", tmp_path / "a.h5"):
-            with protecting([]):
+            with protected_files([]):
                 protect(read)
                 with pytest.raises(ResultFileError, match="reads that file"):
                     destination(name, new)
-    with protecting([]):
+    with protected_files([]):
         protect(read)
-        with replacing("b.h5") as temporary:
+        with replacement_file("b.h5") as temporary:
             temporary.write_text("y")
     assert read.read_text() == "x"

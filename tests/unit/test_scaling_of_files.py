@@ -54,7 +54,7 @@ def test_missing_values_are_no_samples(tmp_path, attributes, missing):
     signal = hdf5(tmp_path, stored, units="m/s^2", **attributes)
     assert np.flatnonzero(np.isnan(signal.y)).tolist() == missing
     with pytest.raises(InputFileError, match=f"{len(missing)} values that are not finite, the first at sample"):
-        signal.checked()
+        signal.check()
 
 
 def test_values_that_netcdf_never_wrote_are_missing(tmp_path):
@@ -76,11 +76,11 @@ def test_values_that_netcdf_never_wrote_are_missing(tmp_path):
 )
 def test_scaling_that_is_not_understood_is_refused(tmp_path, values, attributes, message):
     with pytest.raises(InputFileError, match=message):
-        hdf5(tmp_path, values, **attributes).checked()
+        hdf5(tmp_path, values, **attributes).check()
 
 
 def test_a_sensitivity_of_values_in_their_unit_is_no_scaling(tmp_path):
-    signal = hdf5(tmp_path, Y, units="m/s^2", sensitivity=0.01).checked()
+    signal = hdf5(tmp_path, Y, units="m/s^2", sensitivity=0.01).check()
     np.testing.assert_array_equal(signal.y, Y)
     assert signal.scaling == ()
 
@@ -109,7 +109,7 @@ def test_two_axes_of_as_many_values_are_refused(tmp_path):
         file["time"], file["frequency"], file["acc"] = np.arange(20.0), np.arange(20.0), Y
     (signal,) = (each for each in read_file(tmp_path / "a.h5") if each.name == "acc")
     with pytest.raises(InputFileError, match="several axes of as many values as acc: frequency, time"):
-        signal.checked()
+        signal.check()
 
 
 def test_characters_and_cells_of_matlab_7_3_are_no_channels(tmp_path):
@@ -258,12 +258,12 @@ def test_numbers_of_another_machine_are_refused(tmp_path):
     path.write_bytes(path.read_bytes().replace(header, b"58b     1     1"))
     (signal,) = read_file(path)
     with pytest.raises(InputFileError, match="numbers in a format of another machine"):
-        signal.checked()
+        signal.check()
 
 
 def test_a_record_that_is_not_used_may_be_wrong(tmp_path):
     good, bad = channels(tmp_path, function(Y, name="good"), function(Y[:9], name="bad", count=20))
-    np.testing.assert_allclose(good.on_si_axis(None, "").checked().y, Y, rtol=1e-5)
+    np.testing.assert_allclose(good.on_si_axis(None, "").check().y, Y, rtol=1e-5)
     assert bad.fault is not None
     assert bad.fault[0].startswith("states 20 samples and has 9")
     assert TAG in (tmp_path / "a.uff").read_text()

@@ -132,7 +132,7 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
     again = load_scenario(scenario.to_yaml())
     assert again == scenario
     assert varied_parameters(again) == varied_parameters(scenario)
-    assert scenario.limits.given == {"peak_force": 50.0, "bending_stress": 80e6, "gap": 1e-3}
+    assert scenario.limits.values_by_name == {"peak_force": 50.0, "bending_stress": 80e6, "gap": 1e-3}
 
 
 def test_a_grid_of_ten_million_cases_is_refused_without_being_built():

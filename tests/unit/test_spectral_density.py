@@ -39,17 +39,17 @@ def given(**excitation):
 
 
 def test_the_area_is_that_of_an_independent_integration():
-    density = SpectralDensity.through(QUALIFICATION)
+    density = SpectralDensity.from_points(QUALIFICATION)
     pieces = [(20, 80), (80, 350 - 1e-9), (350 + 1e-9, 2000)]
     area = sum(quad(lambda f: float(density(np.array([f]))[0]), *ends, epsrel=1e-11)[0] for ends in pieces)
     assert density.rms**2 == pytest.approx(area, rel=1e-9)
-    pink = SpectralDensity.through([(10, 3.0), (1000, 0.03)])  # S f = 30, whose integral is a logarithm
+    pink = SpectralDensity.from_points([(10, 3.0), (1000, 0.03)])  # S f = 30, whose integral is a logarithm
     assert pink.rms**2 == pytest.approx(30 * np.log(100), rel=1e-12)
 
 
 @pytest.mark.parametrize("period", [0.031, 0.4, 1.0, 7.3])
 def test_lines_have_the_area_whatever_their_spacing(period):
-    density = SpectralDensity.through(QUALIFICATION)
+    density = SpectralDensity.from_points(QUALIFICATION)
     count = int(np.ceil(period * 40_000)) // 2 + 1
     amplitude = density.lines(period, count)
     assert 0.5 * amplitude @ amplitude == pytest.approx(density.rms**2, rel=1e-12)
@@ -60,7 +60,7 @@ def test_lines_have_the_area_whatever_their_spacing(period):
 
 
 def test_a_steep_density_loses_no_digits():
-    density = SpectralDensity.through([(20, 1.0), (2000, 1e-14)])  # S = (f / 20)^-7
+    density = SpectralDensity.from_points([(20, 1.0), (2000, 1e-14)])  # S = (f / 20)^-7
     edges = np.linspace(1990, 2000, 11)
     exact = 20**7 / 6 * (edges[:-1] ** -6.0 - edges[1:] ** -6.0)
     np.testing.assert_allclose(density.mean_squares(edges), exact, rtol=1e-9)

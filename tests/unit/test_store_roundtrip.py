@@ -7,7 +7,7 @@ import h5py
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.files import check_writable, replacing
+from beamsim.files import check_writable, replacement_file
 from beamsim.store.results import load, write_result
 
 pytestmark = pytest.mark.quick
@@ -78,7 +78,7 @@ def test_places_that_cannot_be_written(tmp_path, monkeypatch):
 
 def test_replacing_keeps_nothing_of_an_interrupted_block(tmp_path):
     def interrupted():
-        with replacing(tmp_path / "a.txt") as temporary:
+        with replacement_file(tmp_path / "a.txt") as temporary:
             temporary.write_text("half")
             raise KeyboardInterrupt
 

@@ -70,7 +70,7 @@ def test_windows_of_some_cycles_are_those_of_the_sweep():
 
 
 def test_held_profile():
-    profile = Profile.held([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
+    profile = Profile.from_steps([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
     omega = 2 * np.pi * np.array([2.0, 10.0, 40.0, 200.0])
     np.testing.assert_allclose(profile(omega / (2 * np.pi)), [0.01, 0.01, 0.5, 30.0] * omega ** [2, 2, 1, 0])
     line = Profile.interpolated([(10.0, 1.0, "acceleration"), (40.0, 8.0, "acceleration")])
@@ -85,7 +85,7 @@ def test_held_profile():
     quantity=st.sampled_from(["acceleration", "velocity", "displacement"]),
 )  # fmt: skip
 def test_a_notch_is_never_exceeded_and_nothing_else_changes(low, width, level, quantity):
-    profile = Profile.held([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
+    profile = Profile.from_steps([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
     high = low + width
     level = level / (2 * np.pi * 20) ** {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
     notched = profile.notched(low, high, level, quantity)

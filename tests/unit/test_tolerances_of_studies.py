@@ -42,7 +42,7 @@ def of_forces(forces, tolerances, limits="{peak_force: 30 N}", more="minimise: p
     outcomes = {}
     for k, force in enumerate(np.ravel(forces)):
         failed = Outcome.of(OutcomeKind.FAILED, "failed", "why")
-        found = solved_case(plan.scenario.limits.given, k, {FORCE: float(force)})
+        found = solved_case(plan.scenario.limits.values_by_name, k, {FORCE: float(force)})
         outcomes[k] = CaseOutcome(k, {}, failed) if np.isnan(force) else found
     return result_of(plan, outcomes)
 
@@ -94,7 +94,7 @@ def test_by_default_the_worst_realisation_judges():
     result = of_forces(FORCES, f"{{{FOUR}}}")
     np.testing.assert_allclose(margins_of(result), 30.0 / np.array([31.0, 24.0, 33.0]) - 1.0)
     assert result["cases"]["passing"].values.tolist() == [False, True, False]
-    assert result.judged(FORCE).tolist() == [31.0, 24.0, 33.0]
+    assert result.deciding_values(FORCE).tolist() == [31.0, 24.0, 33.0]
     np.testing.assert_allclose(result["cases"]["passing_share"].values, [0.8, 1.0, 0.6])
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 24.0)]
     assert result.summary["scatter"]["responses"][FORCE]["smallest"] == 20.0
@@ -108,14 +108,14 @@ def test_a_quantile_leaves_the_worst_realisations_out():
     result = of_forces(FORCES, f"{{quantile: 75 %, {FOUR}}}")
     np.testing.assert_allclose(margins_of(result), 30.0 / np.array([13.0, 23.0, 32.0]) - 1.0)
     assert result["cases"]["passing"].values.tolist() == [True, True, False]
-    assert result.judged(FORCE).tolist() == [13.0, 23.0, 32.0]
+    assert result.deciding_values(FORCE).tolist() == [13.0, 23.0, 32.0]
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(0, 13.0), (1, 23.0)]
 
 
 def test_of_a_response_that_shall_be_large_the_smallest_counts():
     result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N}", "maximise: peak_force, ")
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 20.0), (0, 10.0), (2, 5.0)]
-    assert result.judged(FORCE).tolist() == [10.0, 20.0, 5.0]
+    assert result.deciding_values(FORCE).tolist() == [10.0, 20.0, 5.0]
 
 
 @pytest.mark.parametrize(("goal", "of_known", "best"), [("minimise", [10, 8, 7], 2), ("maximise", [9, 8, 7], 0)])
@@ -124,11 +124,13 @@ def test_the_worst_place_of_those_that_a_case_has_judges_it(goal, of_known, best
     plan = plan_designs(scenario("null", more=f"{goal}: peak_force, "))
     forces = [{"up_0": 9.0, "down_0": 10.0}, {"up_0": 8.0}, {"down_0": 7.0}]
     outcomes = {
-        k: solved_case(plan.scenario.limits.given, k, {f"{curve}/{FORCE}": force for curve, force in of.items()})
+        k: solved_case(
+            plan.scenario.limits.values_by_name, k, {f"{curve}/{FORCE}": force for curve, force in of.items()}
+        )
         for k, of in enumerate(forces)
     }
     result = result_of(plan, outcomes)
-    assert result.judged(*result.responses).tolist() == of_known
+    assert result.deciding_values(*result.responses).tolist() == of_known
     assert {item["case"]: item["value"] for item in result.summary["best"]} == dict(enumerate(of_known))
     assert result.summary["best"][0]["case"] == best
     np.testing.assert_allclose(margins_of(result), 30.0 / np.array([10.0, 8.0, 7.0]) - 1.0)
@@ -165,7 +167,7 @@ def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
 def test_where_the_deciding_realisation_is_missing_in_every_case_nothing_is_known_of_the_limit():
     """It ended in an internal error, and the cases that were solved were lost with their result file."""
     plan = plan_designs(scenario(f"{{{FOUR}}}"))
-    given = plan.scenario.limits.given
+    given = plan.scenario.limits.values_by_name
     known = {k: solved_case(given, k, {FORCE: 10.0}) for k in range(len(plan.cases)) if k % 5 != 3}
     result = result_of(plan, known)
     margin = result.summary["margins"]["peak_force"]
@@ -179,7 +181,7 @@ def test_where_the_deciding_realisation_is_missing_in_every_case_nothing_is_know
 
 def test_a_case_known_in_part_is_compared_only_if_one_of_its_realisations_is():
     plan = plan_designs(scenario(f"{{{FOUR}}}"))
-    given = plan.scenario.limits.given
+    given = plan.scenario.limits.values_by_name
     known = {k: solved_case(given, k, {FORCE: 10.0}, compared=k == 5) for k in (0, 1, 5)}
     result = result_of(plan, known)
     assert result["cases"]["compared"].values.tolist() == [False, True, False]
@@ -195,7 +197,7 @@ def test_a_search_none_of_whose_designs_is_known_in_full_has_no_cases(tmp_path):
             f"[{{path: snubbers.tip.gap, from: 0 mm, to: 1 mm}}], tolerances: {{{FOUR}}}}}\n"
         )
     )
-    result = result_of(plan, {0: solved_case(plan.scenario.limits.given, 0, {FORCE: 10.0}, given=(0.0,))})
+    result = result_of(plan, {0: solved_case(plan.scenario.limits.values_by_name, 0, {FORCE: 10.0}, given=(0.0,))})
     assert (result.count, result.outcome.code) == (0, "cases_missing")
     assert result.summary["varied"] == {"snubbers.tip.gap": {"values": 0, "unit": "m"}}
     read = beamsim.load(write_result(result, tmp_path / "search.h5"))

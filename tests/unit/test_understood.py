@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.plots.style import shown_in
-from beamsim.plots.understood import understood
+from beamsim.plots.style import use_units
+from beamsim.plots.understood import interpretation
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -33,7 +33,7 @@ def questions(*overrides):
 
 def line(*overrides):
     scenario = load_scenario(CASE, overrides)
-    return understood(scenario, None, {})
+    return interpretation(scenario, None, {})
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ joints: [{kind: hinge, name: root, between: [{body: arm, position: 0}, base], ro
 def test_accelerations_are_shown_in_g_where_tests_are_written_in_it_beside_a_gravity():
     for level, shown in (("2 g", "2 g"), ("20 m/s^2", "20 m/s^2")):
         overrides = ["gravity=9.81 m/s^2", f"excitation.level={level}"]
-        with shown_in(load_scenario(CASE, overrides).display_scales):
+        with use_units(load_scenario(CASE, overrides).display_scales):
             assert line(*overrides).startswith(f"harmonic, {shown}, 65 Hz")
 
 
@@ -182,13 +182,13 @@ def test_accelerations_are_shown_in_g_where_tests_are_written_in_it_beside_a_gra
 def test_a_linear_sweep_is_told_in_the_unit_that_suits_its_rate(rate, said):
     """(f2^2 - f1^2) / (2 rate) cycles."""
     sweep = f"sweep={{kind: swept_sine, from: 10 Hz, to: 47 Hz, rate: {rate}}}"
-    assert said in understood(load_scenario(CASE, [sweep]), None, {}, "sweep")
+    assert said in interpretation(load_scenario(CASE, [sweep]), None, {}, "sweep")
 
 
 def test_a_run_that_ends_within_the_first_cycle_of_a_sweep_says_so():
     swept = "excitation={kind: swept_sine, applied_to: base, level: 1 g, from: 3 Hz, to: 100 Hz, rate: 4 oct/min}"
     scenario = load_scenario(CASE, [swept])
-    assert "4 oct/min, less than 1 cycle, at the base" in understood(scenario, None, {})
+    assert "4 oct/min, less than 1 cycle, at the base" in interpretation(scenario, None, {})
     assert any("ends within the first cycle of excitation, which begins at 3 Hz" in each for each in scenario.warnings)
     assert not any("first cycle" in each for each in load_scenario(CASE, [swept, "run.duration=0.4"]).warnings)
 

@@ -27,7 +27,9 @@ FEATURES = {  # functions, and a change of the case that needs them
     "output_channels": {"outputs": [{"name": "m", "kind": "bending_moment", "position": "10 mm"}]},
     "_start_on_supports": {"excitation": {**CASE["excitation"], "applied_to": {"support": "left"}}},
     "_influence_of_mountings": {"excitation": {**CASE["excitation"], "applied_to": {"snubber": "tip"}}},
-    "_held_shape": {"run": {"duration": "0.1 s", "start": {"released_force": {"position": "100 mm", "force": "-1 N"}}}},
+    "_release_shape": {
+        "run": {"duration": "0.1 s", "start": {"released_force": {"position": "100 mm", "force": "-1 N"}}}
+    },
     "_pulse": {"excitation": {"kind": "half_sine", "applied_to": "base", "level": "2 g", "duration": "5 ms"}},
     "_check_places": {"constant_forces": [{"line": "whole", "force_per_length": "1 N/m"}]},
 }  # fmt: skip

@@ -122,14 +122,14 @@ def test_a_long_motion_interrupted_anywhere_keeps_a_part_that_is_right(
 
 
 def test_blocks_end_on_request():
-    from beamsim.outcomes import Interrupted, asked_by, check_stop, never
+    from beamsim.outcomes import Interrupted, check_stop, never, stop_requests
 
     check_stop()  # nobody asks
-    with asked_by(lambda: True, at_once=True), pytest.raises(Interrupted):
+    with stop_requests(lambda: True, at_once=True), pytest.raises(Interrupted):
         check_stop()
     with (
-        asked_by(lambda: True, at_once=True),
-        asked_by(never, at_once=True),
+        stop_requests(lambda: True, at_once=True),
+        stop_requests(never, at_once=True),
         pytest.raises(Interrupted),
     ):  # of a block around
         check_stop()
@@ -181,22 +181,22 @@ def test_a_fit_with_too_few_evaluations(monkeypatch):
 def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
     from beamsim.outcomes import (
         Interrupted,
-        asked_by,
-        asked_to_stop,
         check_stop,
-        until_asked,
+        stop_requested,
+        stop_requests,
+        until_stop,
     )
 
-    assert not asked_to_stop()
-    with asked_by(lambda: True):
-        assert asked_to_stop()
+    assert not stop_requested()
+    with stop_requests(lambda: True):
+        assert stop_requested()
         check_stop()
-        assert list(until_asked("abc")) == ["a"]
+        assert list(until_stop("abc")) == ["a"]
         around = copy_context()
-        with asked_by(at_once=True), pytest.raises(Interrupted):
+        with stop_requests(at_once=True), pytest.raises(Interrupted):
             check_stop()
-    assert around.run(asked_to_stop)
-    assert not asked_to_stop()
+    assert around.run(stop_requested)
+    assert not stop_requested()
 
 
 def rosenbrock(at):
@@ -207,7 +207,7 @@ def rosenbrock(at):
 @pytest.mark.parametrize("most", [3, 8, 20])
 def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(most):
     from beamsim.analyses.identify.fit import Fit, Sought
-    from beamsim.outcomes import asked_by, check_stop
+    from beamsim.outcomes import check_stop, stop_requests
 
     evaluated = []
 
@@ -217,7 +217,7 @@ def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(
         return evaluated[-1]
 
     numbers = [Sought(name, ((name,),), (0.0,), (0.0, np.inf), np.nan, shift=1.0) for name in ("a", "b")]
-    with asked_by(lambda: len(evaluated) >= most):
+    with stop_requests(lambda: len(evaluated) >= most):
         part = Fit(numbers, measured).best(np.array([0.2, 0.9]))
     assert len(evaluated) == most
     assert not part.converged

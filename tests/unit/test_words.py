@@ -67,6 +67,29 @@ def test_no_definition_has_a_name_that_was_replaced():
     assert list(breaches(all_definitions(), replaced())) == []
 
 
+def functions_and_classes(tree):
+    """Names of all functions and classes of a module, without leading underscores."""
+    return {
+        node.name.lstrip("_")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+    }
+
+
+def test_no_function_has_a_name_that_says_nothing():
+    refused = yaml.safe_load(WORDS.read_text(encoding="utf-8"))["functions"]
+    found = {
+        f"{path.relative_to(ROOT).as_posix()}: {name} (such as {refused[name]})"
+        for path in (ROOT / "beamsim").rglob("*.py")
+        for name in functions_and_classes(ast.parse(path.read_text(encoding="utf-8"))) & refused.keys()
+    }
+    assert found == set()
+
+
+def test_a_method_with_a_refused_name_is_found():
+    assert functions_and_classes(ast.parse("class A:\n    def _asked(self): ...")) == {"A", "asked"}
+
+
 def test_the_places_of_replaced_names_exist():
     """A renamed file or class would take its entries out of force."""
     places = {place for _, place in all_definitions()} | {f"{place}" for _, place in all_definitions()}

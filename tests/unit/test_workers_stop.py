@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from beamsim.outcomes import asked_by
-from beamsim.parallel import Computation, processes, working
+from beamsim.outcomes import stop_requests
+from beamsim.parallel import Computation, processes, worker_pool
 
 
 class Noting:
@@ -39,8 +39,8 @@ def sleeping():
 def test_nothing_more_is_begun_once_the_caller_stops(count, tmp_path):
     told = threading.Event()
     with (
-        asked_by(told.is_set),
-        working(Computation(Noting(tmp_path), failed), 1000, workers=count) as solved,
+        stop_requests(told.is_set),
+        worker_pool(Computation(Noting(tmp_path), failed), 1000, workers=count) as solved,
     ):
         for number, _ in enumerate(solved(range(1000)), 1):
             if number == 2:
@@ -51,7 +51,7 @@ def test_nothing_more_is_begun_once_the_caller_stops(count, tmp_path):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_workers_give_everything_where_nothing_stops_them(count, tmp_path):
-    with working(Computation(Noting(tmp_path), failed), 50, workers=count) as solved:
+    with worker_pool(Computation(Noting(tmp_path), failed), 50, workers=count) as solved:
         assert sorted(solved(range(50))) == [number**2 for number in range(50)]
 
 
@@ -64,7 +64,7 @@ def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
     threading.Thread(target=interrupt).start()
     with (
         pytest.raises(KeyboardInterrupt),
-        working(Computation(Noting(tmp_path, long=1), failed), 3, workers=2) as solved,
+        worker_pool(Computation(Noting(tmp_path, long=1), failed), 3, workers=2) as solved,
     ):
         list(solved(range(3)))
 
@@ -72,5 +72,5 @@ def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
 def test_processes_are_ended():
     told = threading.Event()
     threading.Timer(1.0, told.set).start()
-    with processes(2) as workers, asked_by(told.is_set):
-        assert not list(workers.completed(Computation(sleeping, failed), [3600.0] * 10))
+    with processes(2) as workers, stop_requests(told.is_set):
+        assert not list(workers.iterate_results(Computation(sleeping, failed), [3600.0] * 10))

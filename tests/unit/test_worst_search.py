@@ -64,7 +64,7 @@ def test_the_worst_is_the_closed_form_at_its_corner():
     best = result.summary["best"]
     assert (best[0]["value"], best[0]["worst"]) == (pytest.approx(WORST, rel=1e-9), "searched")
     assert best[1]["worst"] == "sampled"
-    np.testing.assert_allclose(result.judged(FORCE)[1], WORST, rtol=1e-9)
+    np.testing.assert_allclose(result.deciding_values(FORCE)[1], WORST, rtol=1e-9)
     of = result.summary["scatter"]["responses"]
     assert (of[FORCE]["largest"], of[FORCE]["largest_is"]) == (pytest.approx(WORST, rel=1e-9), "searched")
     assert (of[FORCE]["smallest_is"], of["probes/mass/peak_displacement"]["largest_is"]) == ("sampled", "sampled")
@@ -86,7 +86,7 @@ def test_every_printed_worst_is_called_sampled_or_searched(tmp_path):
     further = again["further_realisations"]
     assert further["further_case"].values.tolist() == [1] * count
     assert further["value"].sel(response=FORCE).values.max() == pytest.approx(WORST, rel=1e-9)
-    np.testing.assert_array_equal(again.judged(FORCE), result.judged(FORCE))
+    np.testing.assert_array_equal(again.deciding_values(FORCE), result.deciding_values(FORCE))
 
 
 def test_a_design_whose_searched_worst_exceeds_a_limit_is_not_the_best():

@@ -35,11 +35,11 @@ from beamsim.outcomes import (
     OutcomeKind,
     Progress,
     Where,
-    asked_to_stop,
     first_with_others,
     interruption,
+    stop_requested,
 )
-from beamsim.parallel import Cluster, Computation, working
+from beamsim.parallel import Cluster, Computation, worker_pool
 from beamsim.responses.branches import (
     MeasuredBranch,
     growing_with_modes,
@@ -50,10 +50,10 @@ from beamsim.responses.branches import (
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
-from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
+from beamsim.results.result import check_reduction, dashpots_of, warnings_along
 from beamsim.results.values import peaks_in
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import count_text
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
 from beamsim.typing import TINY, Floats, of_kind
 
@@ -81,7 +81,7 @@ class _Motion:
         return self.kind != "periodic" or self.problem.orbit(self.point).stable
 
     @cached_property
-    def known(self) -> OrbitSection:
+    def section(self) -> OrbitSection:
         """Its states at phase zero."""
         flow, flow_map = self.problem.cycle(self.point)
         times = np.linspace(0.0, flow_map.duration, self.problem.multiple, endpoint=False)
@@ -95,9 +95,9 @@ class _Motion:
         """Whether a start has come to this motion."""
         if self.kind != "periodic" or end.kind != "periodic":
             return end.kind == self.kind
-        return self.known.holds(end, within)
+        return self.section.contains(end, within)
 
-    def is_as(self, other: _Motion) -> bool:
+    def is_same_motion(self, other: _Motion) -> bool:
         """Whether two periodic motions are one."""
         return self.is_of(Destination(other.problem.multiple, 0, other.point.u[:-1]), SAME)
 
@@ -140,7 +140,7 @@ def coexisting(
         example = "write `sweep: {kind: coexisting, at: [68 Hz], starts: {kind: phases, number: 100}}`"
         raise ScenarioError.at("sweep.kind", "is not coexisting", example)
     marches = Marches(scenario)
-    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(MOST_POINTS, MOST_SECONDS)
+    hz, rows, budget = marches.settings.frequencies, marches.drawn_states(), Budget(MOST_POINTS, MOST_SECONDS)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
     computation = Computation(partial(Marches, scenario), failed_case)
 
@@ -150,7 +150,7 @@ def coexisting(
         if progress is not None and outcome.index < len(starts):
             progress(SHARE_OF_STARTS * len(evaluate.outcomes) / len(starts))
 
-    solving = working(computation, sys.maxsize, workers=workers, scheduler=scheduler)
+    solving = worker_pool(computation, sys.maxsize, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
         with suppress(Ended):
             evaluate(starts)
@@ -160,11 +160,11 @@ def coexisting(
                 continue
             ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
-        if marches.settings.unstable and not asked_to_stop():
+        if marches.settings.unstable and not stop_requested():
             _add_unstable(marches, motions, budget)
         order = _in_order(motions)
         branches = [_measured(marches, motion) for _, motion in order]
-        result = _gathered(marches, order, branches, rows, ends)
+        result = _result_of_starts(marches, order, branches, rows, ends)
         result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
     ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
     result = replace(result, outcome=ended, wall_time_s=clock.perf_counter() - begin)
@@ -181,7 +181,7 @@ def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
         If there are none.
     """
     order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
-    if not order and asked_to_stop():
+    if not order and stop_requested():
         raise KeyboardInterrupt
     if not order:
         raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
@@ -198,7 +198,7 @@ def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) ->
             problem = ForcedOrbits(flow, "frequency", end.period)
             point = solve_at(problem, np.append(end.state, flow.omega), SETTINGS, flow.omega)
             found = None if point is None else _Motion(hz, problem, point)
-            motion = found and next((m for m in motions if m.is_as(found)), found)
+            motion = found and next((m for m in motions if m.is_same_motion(found)), found)
         elif motion is None and end.kind != "not settled":
             u = np.append(end.state, flow.omega)
             flow_map = flow.flow_map(end.state, MEASURED_CYCLES / hz)
@@ -228,7 +228,7 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
         for branch in branches:
             for _, point in with_points_at(branch, wanted)[1]:
                 motion = _Motion(hz, branch.problem, point)
-                of += [] if any(m.is_as(motion) for m in of) else [motion]
+                of += [] if any(m.is_same_motion(motion) for m in of) else [motion]
 
 
 class _Disturbance(NamedTuple):
@@ -254,7 +254,7 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[
     ]
     first, smallest = len(evaluate.rows), list[_Disturbance]()
     with suppress(Ended):
-        evaluate([(m.hz, k + 1, *m.known.states.ravel().tolist()) for _, m, k in asked])
+        evaluate([(m.hz, k + 1, *m.section.states.ravel().tolist()) for _, m, k in asked])
     for index, (number, m, k) in enumerate(asked, first):
         if index in evaluate.outcomes and not evaluate.outcomes[index].failed:
             each, found = marches.settings.disturbances[k], dict[str, Any](evaluate.outcomes[index].values)
@@ -290,7 +290,7 @@ class _MotionRow(NamedTuple):
     largest_multiplier: float
 
 
-def _gathered(
+def _result_of_starts(
     marches: Marches, order: _Order, branches: Sequence[MeasuredBranch], rows: Floats,
     ends: Mapping[float, Mapping[int, Destination]],
 ) -> CoexistingResult:  # fmt: skip
@@ -335,9 +335,9 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
     hz = result["starts"]["frequency_hz"].values
     motions, disturbances = result["motions"], result.datasets.get("disturbances")
     return {
-        "motions": [row | of for row, of in zip(_described(motions, "motion"), peaks, strict=True)],
+        "motions": [row | of for row, of in zip(_rows_as_dicts(motions, "motion"), peaks, strict=True)],
         "not_settled": dict(zip(map("{:g}".format, hz), result.not_settled.tolist(), strict=True)),
-        "disturbances": [] if disturbances is None else _described(disturbances, "disturbance"),
+        "disturbances": [] if disturbances is None else _rows_as_dicts(disturbances, "disturbance"),
         "starts": len(result["starts"]["start"].values),
         "energy_error": float(result["points"]["energy_error"].values.max()),
         **largest_values(marches.model, result["points"]),
@@ -345,7 +345,7 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
     }
 
 
-def _described(table: Dataset, dim: str) -> list[dict[str, Any]]:
+def _rows_as_dicts(table: Dataset, dim: str) -> list[dict[str, Any]]:
     """The rows of a table along a dimension, without their numbers along it."""
     return table.rows(dim, *(name for name in table if name != dim))
 
@@ -354,7 +354,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     """Complete but for what was left out, with the starts that have not settled and what is not to be trusted."""
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
     fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
-    remarks = [] if exceeded is None else [exceeded.but(remedy=fewer)]
+    remarks = [] if exceeded is None else [exceeded.copy_with(remedy=fewer)]
     modes = result["modes"]
     endless = modes["open_frequencies_hz"].values[modes["damping_ratios"].values == 0.0]
     if endless.size and (left.any() or not result["motions"]["period_cycles"].values.all()):
@@ -367,17 +367,17 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     elif left.any():
         at = Where(result["starts"]["frequency_hz"].values[left > 0], "Hz")
         remedy = "raise sweep.most_cycles or sweep.longest_period"
-        sentence = f"{counted(int(left.sum()), 'start')} did not settle"
+        sentence = f"{count_text(int(left.sum()), 'start')} did not settle"
         remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
     if failed:
         of = "1 start or disturbance" if len(failed) == 1 else f"{len(failed)} starts or disturbances"
         sentence = f"{of} could not be computed; the first: {failed[0].outcome.text}"
         remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
     outcome = first_with_others(remarks)
-    if asked_to_stop():
+    if stop_requested():
         waiting = int(np.sum(result["starts"]["cycles"].values == 0))
         outcome = interruption(f"with {waiting} starts left", *outcome.unless_complete)
-    return reduction_checked(balanced(outcome, result["points"]), marches.scenario, modes)
+    return check_reduction(balanced(outcome, result["points"]), marches.scenario, modes)
 
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio
@@ -410,7 +410,7 @@ class OrbitSection(NamedTuple):
     states: Floats
     weight: Floats  # (N,) that make the entries of a state comparable
 
-    def holds(self, end: Destination, within: float) -> bool:
+    def contains(self, end: Destination, within: float) -> bool:
         """Whether a start has come to this motion: within a distance, relative to the motion's size."""
         away = np.abs((self.states - end.state) * self.weight).max(axis=1).min()
         size = max(float(np.abs(self.states * self.weight).max()), TINY)
@@ -450,7 +450,7 @@ class Marches:
         """The flow at a frequency, Hz."""
         return self.flow.with_loads(2.0 * np.pi * hz)
 
-    def drawn(self) -> Floats:
+    def drawn_states(self) -> Floats:
         """(starts, coordinates) that are drawn, the same at every frequency."""
         starts = self.settings.starts
         low, high = np.array([ends for _, _, *ends in starts.ranges]).T
@@ -472,7 +472,7 @@ class Marches:
         else:
             end = self._from_row(flow, np.array(values, dtype=float))
             found = end._asdict() | {"state": end.state.tolist()}
-        outcome = interruption("before it was known") if asked_to_stop() else COMPLETE
+        outcome = interruption("before it was known") if stop_requested() else COMPLETE
         return CaseOutcome(case.number, found, outcome, clock.thread_time() - begin, given=case.values)
 
     def _from_row(self, flow: PeriodicFlow, row: Floats) -> Destination:
@@ -510,7 +510,7 @@ class Marches:
         """The state where a sweep ends whose frequency stays for a cycle each; the phase goes on between them."""
         last = flow.omega / (2.0 * np.pi)
         sign = 1.0 if last > hz else -1.0
-        while sign * (last - hz) > 0.0 and not asked_to_stop():
+        while sign * (last - hz) > 0.0 and not stop_requested():
             stepper, motion = stepper_on(flow.with_loads(2.0 * np.pi * hz), y)
             y = stepper.march_cycles(motion, 1)[0]
             change = sign * starts.rate.value / hz
@@ -560,7 +560,7 @@ class Marches:
             for t, z in states:
                 for size in (amplitude, -amplitude):
                     end = self.destination(flow, z + size * change, t, named=False)
-                    if not asked_to_stop() and not known.holds(end, NEAR * self.settings.steady_to):
+                    if not stop_requested() and not known.contains(end, NEAR * self.settings.steady_to):
                         yield size, t
 
         amplitudes = (disturbance.to * FINER ** np.arange(1.0 - LEVELS, 1.0)).tolist()
@@ -568,7 +568,7 @@ class Marches:
             ((low, first) for low, high in pairwise([0.0, *amplitudes]) for first in leaving(high)),
             (0.0, (np.nan, np.nan)),
         )
-        while abs(found[0]) - low > SHARP * abs(found[0]) and not asked_to_stop():
+        while abs(found[0]) - low > SHARP * abs(found[0]) and not stop_requested():
             middle = 0.5 * (low + abs(found[0]))
             first = next(leaving(middle), None)
             low, found = (middle, found) if first is None else (low, first)

@@ -26,18 +26,24 @@ from beamsim.analyses.compare.result import (
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.measurements.channels import channel_named, demand_amplitudes, holds_name, read_signals, unusable
-from beamsim.measurements.conditioning import conditioned, offset_warnings
+from beamsim.measurements.channels import (
+    channel_named,
+    contains_word,
+    demand_amplitudes,
+    measurement_error,
+    read_signals,
+)
+from beamsim.measurements.conditioning import condition, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.results.result import demand_result
-from beamsim.scenario.excitation import spoken
+from beamsim.scenario.excitation import quantity_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
 from beamsim.signals.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
-from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple, settled_from
+from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple, steady_part
 from beamsim.signals.records import Window, amplitude_db, sampled_records
 from beamsim.typing import TINY, Floats
 
@@ -87,7 +93,7 @@ def compare(
         warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(
-        comparisons=[_compared(channel) for channel in channels],
+        comparisons=[_channel_summary(channel) for channel in channels],
         margins=result.summary.get("margins"), doubtful=result.summary.get("doubtful"),
     )  # fmt: skip
 
@@ -131,13 +137,13 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
         last = float(run.x[-1] - run.x[0]) * (1 + WHOLE_PART)
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
-        raise unusable(what, "check the channel and its cable, or leave it out with --channel")
+        raise measurement_error(what, "check the channel and its cable, or leave it out with --channel")
     record = signal.last(last)
     try:
         multiple = max(period_multiple(each, excitation) for each in (run, record))
         predicted, measured = _harmonics(run, record, (excitation, multiple), count, warnings)
     except InputFileError as fault:
-        raise unusable(f"{signal.label} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{signal.label} {fault.message}", fault.remedy) from None
     spectra = [_spectrum(each, excitation) for each in (run, record)]
     has_phase = bool(np.isfinite(excitation)) and measured.has_phase
     phase, delay = 0.0, 0.0
@@ -147,7 +153,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
         delay = phase * multiple / (2 * np.pi * excitation)
     elif not signal.of_frequency:
         delay = _lag(run, record)
-    time_p, history_p, time_m, history_m = _aligned(run, record, delay, multiple / excitation)
+    time_p, history_p, time_m, history_m = _aligned_samples(run, record, delay, multiple / excitation)
     likeness = None
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
@@ -202,8 +208,8 @@ def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
         times = result["histories"]["time"].values
         rate = (times.size - 1) / float(times[-1] - times[0])
         yield (
-            f"{place} {spoken(quantity)}: {100.0 * share:.2g} % of the run's root mean square lies above half its "
-            f"output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
+            f"{place} {quantity_text(quantity)}: {100.0 * share:.2g} % of the run's root mean square lies above half "
+            f"its output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
             "run.sample_rate"
         )
 
@@ -242,7 +248,7 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
         return float(time[-round(share * (time.size - 1))])  # whole periods: one end of the two
     if not np.isfinite(excitation):
         return float(time[0])
-    start, deviation = settled_from(time, x, 1.0 / excitation)
+    start, deviation = steady_part(time, x, 1.0 / excitation)
     if deviation > SETTLED:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
@@ -287,7 +293,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
         mean = float(np.mean(steps))
         at = int(np.argmax(np.abs(steps - mean)))
         if abs(steps[at] - mean) > 1e-3 * mean:
-            raise unusable(
+            raise measurement_error(
                 f"{signal.label} is not evenly sampled (the step after sample {at + 1} is {steps[at]:.6g} s, the mean "
                 f"{mean:.6g} s)",
                 "resample it, or export it without gaps",
@@ -313,7 +319,7 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     return float(predicted.x[0] + (lags[best] + between) * step - measured.x[0])
 
 
-def _aligned(
+def _aligned_samples(
     predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, period: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """A few periods of both in the time of the prediction.
@@ -350,7 +356,7 @@ def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -
     return float(np.sqrt(np.mean(difference**2)) / size) if size > 0 else float("nan")
 
 
-def _compared(channel: ChannelComparison) -> dict[str, Any]:
+def _channel_summary(channel: ChannelComparison) -> dict[str, Any]:
     """Summary of one channel."""
     names = ("place", "quantity", "channel", "excitation_hz", "start_s", "delay_s", "rms_difference", "aliased_share")
     harmonics = {
@@ -427,13 +433,13 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
         signal = channel_named(signals, named, quantity, path, required=choice.channel is not None)
         signal = _amplitudes(signal, swept, path, choice.level)
         at, compared = _owner(signal, found, path, choice)
-        return [(at, compared, _prepared(in_si(signal, unit, found[at][compared], "--unit"), path, choice.preparation))]
+        return [(at, compared, _prepare(in_si(signal, unit, found[at][compared], "--unit"), path, choice.preparation))]
     usable = [each for each in signals if each.function in _functions(swept)]
     pairs = _by_name(usable or signals, found, path, choice)
     pairs = [(name, q, _amplitudes(each, swept, path, choice.level)) for name, q, each in pairs]
     try:
         in_units = [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
-        return [(name, q, _prepared(signal, path, choice.preparation)) for name, q, signal in in_units]
+        return [(name, q, _prepare(signal, path, choice.preparation)) for name, q, signal in in_units]
     except ScenarioError as error:
         several = list(dict.fromkeys(q for _, q, _ in pairs))
         if unit is None or len(several) == 1:
@@ -460,17 +466,17 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
     try:
         return signal.required(_functions(of_sweep), purpose).at_level(level, "--level")
     except InputFileError as fault:
-        raise unusable(f"{path} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 
 
-def _prepared(signal: MeasuredSignal, path: Path, preparation: RecordPreparation | None) -> MeasuredSignal:
+def _prepare(signal: MeasuredSignal, path: Path, preparation: RecordPreparation | None) -> MeasuredSignal:
     """A measured signal as it is compared."""
     if preparation is None:
         return signal
     try:
-        return conditioned(signal, preparation)
+        return condition(signal, preparation)
     except InputFileError as fault:
-        raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
+        raise measurement_error(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
 
 
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
@@ -552,7 +558,7 @@ def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str
     """The quantity, of those known with their dimensions, that a channel's name or unit says; else the first."""
     words = channel.lower().replace("_", " ")
     longest_first = sorted(known, key=len, reverse=True)
-    by_name = next((q for q in longest_first if spoken(q) in words), "")
+    by_name = next((q for q in longest_first if quantity_text(q) in words), "")
     for q, dimension in () if by_name or not unit else known.items():
         try:
             in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, dimension, "")
@@ -570,7 +576,7 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
     ScenarioError
         If there are several and the channel's name says none or more than one of them.
     """
-    named = [name for name in places if holds_name(signal.name, name)]
+    named = [name for name in places if contains_word(signal.name, name)]
     if len(named) == 1 or (not named and len(places) == 1):
         return (named or places)[0]
     what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
@@ -599,7 +605,7 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
     for name, unit in contacts.items():
         found.setdefault(name, {}).update([OF_CONTACTS[unit]])
     for name, (quantity, unit) in outputs.items():
-        dimension = Dimension(spoken(quantity), unit, f"1 {unit}", gravity=unit == "m/s^2")
+        dimension = Dimension(quantity_text(quantity), unit, f"1 {unit}", gravity=unit == "m/s^2")
         found.setdefault(name, {}).setdefault(quantity, dimension)
     return found
 

@@ -378,7 +378,7 @@ def _complex(rows: Mapping[str, Floats], side: str) -> Complexes:
     return np.asarray(rows[f"{side}_real"] + 1j * rows[f"{side}_imag"])
 
 
-def _about(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
+def _row_values(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
     """Values of a row; None of numbers that are not known."""
     values = table.rows("comparison", *names)[number]
     return {name: None if value != value and name in _OPTIONAL else value for name, value in values.items()}
@@ -389,7 +389,7 @@ _OPTIONAL = ("aliased_share", "begin_s", "bandwidth")  # not known where NaN
 
 def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparison:
     """A channel of a comparison with a run, from its rows."""
-    about = _about(datasets["channels"], number, [name for name in CHANNELS.variables if name != "comparison"])
+    about = _row_values(datasets["channels"], number, [name for name in CHANNELS.variables if name != "comparison"])
     of_record = {name: about.pop(name) for name in _OF_RECORD}
     harmonics, record = _rows_of(datasets["harmonics"], number), None
     computed, recorded = (_rows_of(datasets[f"{side}_histories"], number) for side in ("predicted", "measured"))
@@ -417,7 +417,7 @@ def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparis
 
 def _sweep_of(datasets: Mapping[str, Dataset], number: int) -> SweptComparison:
     """A channel of a comparison with a sweep, from its rows."""
-    about = _about(datasets["sweeps"], number, [name for name in SWEEPS.variables if name != "comparison"])
+    about = _row_values(datasets["sweeps"], number, [name for name in SWEEPS.variables if name != "comparison"])
     responses = _rows_of(datasets["sweep_responses"], number)
     peaks = datasets["sweep_peaks"].groups("comparison", range(number + 1))[number].records("peak", PeakPair)
     return SweptComparison(

@@ -26,7 +26,7 @@ from beamsim.analyses.compare.result import (
 )
 from beamsim.analyses.sweep.layouts import FOLLOWED
 from beamsim.analyses.sweep.result import CycleValues, SweepCurve, SweepResult
-from beamsim.measurements.channels import demand_amplitudes, unusable
+from beamsim.measurements.channels import demand_amplitudes, measurement_error
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
@@ -83,7 +83,7 @@ def compare_sweep(
     begin = perf_counter()
     demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a sweep")
     chosen = _curve(result, curve)
-    tracking = _settled(result, chosen, pairs, tracking or Tracking())
+    tracking = _with_record_starts(result, chosen, pairs, tracking or Tracking())
     warnings = [text for _, _, signal in pairs for text in (*_level_warnings(chosen, signal), *signal.warnings)]
     channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
     assurance = _assurance(channels)
@@ -94,7 +94,8 @@ def compare_sweep(
         warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(
-        sweeps=[_compared(channel) for channel in channels], fdac=None if assurance is None else assurance.summary(),
+        sweeps=[_channel_summary(channel) for channel in channels],
+        fdac=None if assurance is None else assurance.summary(),
         margins=result.summary.get("margins"), doubtful=result.summary.get("doubtful"),
     )  # fmt: skip
 
@@ -105,7 +106,7 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
         return result.curves[names[0]]
     if name not in result.curves:
         what = "--curve is missing, and the sweep has several curves" if name is None else f"--curve {name} is unknown"
-        raise unusable(what, f"choose one of {', '.join(names)}")
+        raise measurement_error(what, f"choose one of {', '.join(names)}")
     return result.curves[name]
 
 
@@ -125,7 +126,7 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
     loads = (FORCE.unit, MOMENT.unit, PRESSURE.unit)
     unit, computed = signal.level.dimension.unit, amplitude_unit(curve.quantity)
     if (unit in loads) != (computed in loads):
-        raise unusable(
+        raise measurement_error(
             f"{signal.label} was measured under an excitation in {unit}, and the sweep is computed under one in "
             f"{computed}",
             "compute the sweep with the excitation of the test",
@@ -140,20 +141,20 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
         )
 
 
-def _settled(
+def _with_record_starts(
     result: SweepResult, curve: SweepCurve, pairs: Sequence[tuple[str, str, MeasuredSignal]], tracking: Tracking
 ) -> Tracking:
     """The same with the beginning of the curve in the records, checked; as it is where there are no histories."""
     histories = [pair for pair in pairs if not pair[2].of_frequency]
     if not histories:
         if tracking != Tracking():
-            raise unusable(
+            raise measurement_error(
                 "--reference, --begin and --cycles belong to time histories, and the measurement is over frequency",
                 "leave them out",
             )
         return tracking
     if curve.kind != "swept_sine":
-        raise unusable(
+        raise measurement_error(
             f"{histories[0][2].label} is a time history, which is compared with a swept sine, and the sweep is "
             f"{curve.kind.replace('_', ' ')}",
             "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
@@ -163,7 +164,10 @@ def _settled(
     else:
         records = [
             Followed(
-                signal, _detected(curve, _computed(curve, place, quantity, signal.label), "fundamental", signal.label)
+                signal,
+                _detector_readings(
+                    curve, _computed_cycles(curve, place, quantity, signal.label), "fundamental", signal.label
+                ),
             )
             for place, quantity, signal in histories
         ]
@@ -172,13 +176,13 @@ def _settled(
     return replace(tracking, begin=begin)
 
 
-def _computed(curve: SweepCurve, place: str, quantity: str, where: str) -> CycleValues:
+def _computed_cycles(curve: SweepCurve, place: str, quantity: str, where: str) -> CycleValues:
     followed = "force" if quantity == "moment" else quantity
     if followed in FOLLOWED and place in curve.places(followed):
         return curve.channel(followed, place)
     outputs = curve.cycles.by_label("output_quantity")
     if place not in outputs or outputs[place].item() != quantity:
-        raise unusable(
+        raise measurement_error(
             f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
             "compare absolute_acceleration or displacement of a probe, force of a snubber, or an output",
         )
@@ -195,18 +199,18 @@ def _channel(
 ) -> SweptComparison:
     where = signal.label
     followed = not signal.of_frequency
-    computed = _computed(curve, place, quantity, where)
+    computed = _computed_cycles(curve, place, quantity, where)
     if detector is None:
         measured_phases = followed or signal.has_phase
         detector = "fundamental" if measured_phases and np.any(curve.orders == 1.0) else "peak"
     rising = np.argsort(curve.frequency_hz, kind="stable")
-    frequency, values = curve.frequency_hz[rising], _detected(curve, computed, detector, where)[rising]
+    frequency, values = curve.frequency_hz[rising], _detector_readings(curve, computed, detector, where)[rising]
     if followed:
         signal = _tracked(curve, signal, detector, tracking)
         frequency, values = filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
     if np.count_nonzero(inside) < FEWEST:
-        raise unusable(
+        raise measurement_error(
             f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
             f"{frequency[-1]:.4g} Hz, those of the sweep",
             f"at least {FEWEST} are needed",
@@ -243,7 +247,7 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
     of = track(curve, signal, begin)
     if detector != "fundamental":
         if tracking.cycles > 1:
-            raise unusable(
+            raise measurement_error(
                 f"--cycles {tracking.cycles} is the bandwidth of a tracking filter, and --detector is {detector}",
                 "leave one of them out",
             )
@@ -259,7 +263,7 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
 
 
-def _detected(curve: SweepCurve, computed: CycleValues, detector: Detector, where: str) -> Complexes:
+def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detector, where: str) -> Complexes:
     """(C,) what an instrument of that kind shows in each cycle."""
     if detector == "peak":
         return computed.peak.astype(complex)
@@ -267,7 +271,7 @@ def _detected(curve: SweepCurve, computed: CycleValues, detector: Detector, wher
         return computed.rms.astype(complex)
     first = np.flatnonzero(curve.orders == 1.0)
     if not first.size:
-        raise unusable(
+        raise measurement_error(
             f"{where} is compared with the fundamental, which the sweep did not track",
             "add 1 to sweep.orders, or use --detector peak",
         )
@@ -315,7 +319,7 @@ def _peak_pairs(curve: SweepCurve, predicted: tuple[Floats, Floats], recorded: t
     return pairs
 
 
-def _compared(channel: SweptComparison) -> dict[str, Any]:
+def _channel_summary(channel: SweptComparison) -> dict[str, Any]:
     """Summary of one channel."""
     names = ("place", "quantity", "channel", "curve", "detector", "begin_s", "bandwidth", "frac")
     peaks = [{**peak._asdict(), "frequency_difference": peak.frequency_difference, "difference_db": peak.difference_db}
@@ -386,7 +390,7 @@ def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: floa
     off = _off(curve, records, begin)
     if off > (EXCITATION_OFF if records[0].expected is None else RESPONSE_OFF):
         names = ", ".join(record.signal.name for record in records)
-        raise unusable(
+        raise measurement_error(
             f"{records[0].signal.source or names}: {names} does not follow the sweep that was computed: from "
             f"{begin:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
             "compute the sweep with the rate and range of the test; or say when it begins in the record (--begin), "
@@ -418,14 +422,14 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     edges = curve.time - curve.time[0] + begin
     inside = np.flatnonzero((edges[:-1] >= signal.x[0]) & (edges[1:] <= signal.x[-1]))
     if inside.size < 2:
-        raise unusable(
+        raise measurement_error(
             f"{where} holds {inside.size} cycles of the sweep, which begins at {begin:.4g} s of the record",
             "record the whole sweep, or correct --begin",
         )
     rate = (signal.x.size - 1) / (signal.x[-1] - signal.x[0])
     highest = float(curve.frequency_hz[inside].max())
     if rate < FEWEST_SAMPLES * highest:
-        raise unusable(
+        raise measurement_error(
             f"{where} is sampled at {rate:.5g} Hz, {rate / highest:.2g} times a cycle at {highest:.5g} Hz",
             f"use a record of {FEWEST_SAMPLES:g} samples a cycle or more",
         )

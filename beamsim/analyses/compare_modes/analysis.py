@@ -122,7 +122,7 @@ def compare_modes(
     if not isinstance(measured, ShapesAtPlaces):
         measured = read_shapes(measured, scenario)
     _check(measured)
-    frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
+    frequencies, shapes = _computed_modes(scenario, measured, closed=contacts == "closed")
     mac, auto = (np.nan_to_num(modal_assurance(shape, shapes)) for shape in (measured.shapes, shapes))
     paired = _paired(mac, measured.frequency_hz, frequencies)
     pairs = [
@@ -159,18 +159,18 @@ def compare_modes(
 
 def _check(measured: ShapesAtPlaces) -> None:
     if len(measured.places) < 2:
-        raise _wrong(measured.source, f"has {len(measured.places)} place", "shapes need two places at least")
+        raise _record_error(measured.source, f"has {len(measured.places)} place", "shapes need two places at least")
     norms = np.linalg.norm(measured.shapes, axis=0)
     if not np.all(np.isfinite(norms)) or np.any(norms == 0.0):
         k = int(np.flatnonzero(~(norms > 0.0) | ~np.isfinite(norms))[0])
-        raise _wrong(
+        raise _record_error(
             measured.source, f"has no motion in the mode at {measured.frequency_hz[k]:g} Hz", "leave the mode out"
         )
     if np.any(measured.frequency_hz <= 0.0):
-        raise _wrong(measured.source, "has a frequency that is not above zero", "give natural frequencies in Hz")
+        raise _record_error(measured.source, "has a frequency that is not above zero", "give natural frequencies in Hz")
 
 
-def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
+def _computed_modes(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
     """(n,) Hz and (p, n) shapes of computed modes at the places."""
     # 1.5: times the highest measured frequency, up to which computed modes are compared
     # 4: more than were measured
@@ -178,7 +178,7 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     sites = []
     for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
         for problem in place.problems(scenario, ("probes",)):
-            raise _wrong(measured.source, f"{label}: {problem.message}".strip(": "), problem.remedy)
+            raise _record_error(measured.source, f"{label}: {problem.message}".strip(": "), problem.remedy)
         sites.append(site_in(scenario, place))
     if scenario.reduction is None:
         scenario = scenario.model_copy(update={"reduction": Reduction(highest_frequency=highest)})
@@ -188,7 +188,7 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     try:
         shapes = model.shapes(sites)
     except ValueError as error:
-        raise _wrong(measured.source, f"names a place that the structure does not have: {error}", "") from None
+        raise _record_error(measured.source, f"names a place that the structure does not have: {error}", "") from None
     omega = model.omega[: model.basis.modes]
     if closed:
         contacts, count = build_system(scenario).dynamics.contacts, len(model.snubber_sites)
@@ -277,20 +277,20 @@ def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None 
             if suffix in TEXT:
                 return _read_csv(path, decimal)
     except InputFileError as fault:
-        raise _wrong(path, fault.message, fault.remedy) from None
-    raise _wrong(path, "has an unknown format", "use .csv or .uff")
+        raise _record_error(path, fault.message, fault.remedy) from None
+    raise _record_error(path, "has an unknown format", "use .csv or .uff")
 
 
 def _read_csv(path: Path, decimal: DecimalMark | None) -> ShapesAtPlaces:
     table = read_named_columns(path, decimal, texts=("body", "direction"))
     if not table.rows:
-        raise _wrong(path, "has no table", _LAYOUT)
+        raise _record_error(path, "has no table", _LAYOUT)
     first, heading = table.line, table.headings
     named = [split_heading(cell) for cell in heading]
     of_place = {name.lower(): k for k, (name, _) in enumerate(named) if name.lower() in _PLACE}
     modes = [k for k in range(len(heading)) if k not in of_place.values()]
     if not of_place or not modes:
-        raise _wrong(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
+        raise _record_error(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
     frequencies = [_frequency(path, first, k, heading[k]) for k in modes]
     places, labels, shapes = [], [], []
     for number, row in table.rows:
@@ -306,7 +306,7 @@ def _frequency(path: Path, line: int, column: int, text: str) -> float:
         return units.read_quantity(text, units.FREQUENCY)
     except units.UnitError as error:
         message = f"line {line}, column {column + 1} = {text} is neither a place nor a frequency: {error.message}"
-        raise _wrong(path, message, _LAYOUT) from None
+        raise _record_error(path, message, _LAYOUT) from None
 
 
 def _number(path: Path, line: int, column: int, text: str) -> complex:
@@ -315,7 +315,9 @@ def _number(path: Path, line: int, column: int, text: str) -> complex:
     except ValueError:
         value = complex("nan")
     if not np.isfinite(value):
-        raise _wrong(path, f"line {line}, column {column + 1} = {text} is not a number", "write 0.3, or 0.3+0.1j")
+        raise _record_error(
+            path, f"line {line}, column {column + 1} = {text} is not a number", "write 0.3, or 0.3+0.1j"
+        )
     return value
 
 
@@ -336,7 +338,7 @@ def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPla
         details = error.errors(include_url=False)[0]
         context = details.get("ctx", {})
         message = context.get("message", details["msg"])
-        raise _wrong(path, f"line {line}: the place {message}", str(context.get("remedy") or _LAYOUT)) from None
+        raise _record_error(path, f"line {line}: the place {message}", str(context.get("remedy") or _LAYOUT)) from None
 
 
 def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
@@ -344,7 +346,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     modes = _modes(path, sets)
     nodes = [int(node) for node in modes[0].fields["node_nums"]]
     if any([int(node) for node in mode.fields["node_nums"]] != nodes for mode in modes):
-        raise _wrong(path, "has modes at different nodes", "export all modes at the same nodes")
+        raise _record_error(path, "has modes at different nodes", "export all modes at the same nodes")
     frequencies = np.array([_uff_frequency(mode.fields) for mode in modes])
     motion = {direction: _motion(path, modes, direction, len(nodes)) for direction in _COMPONENTS}
     coordinates, owners = _coordinates(sets), _owners(sets, scenario)
@@ -353,7 +355,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     for k, node in enumerate(nodes):
         name = owners.get(node) if len(bodies) > 1 else next(iter(bodies))
         if name is None:
-            raise _wrong(
+            raise _record_error(
                 path, f"says of no body that node {node} is on it, and there are several",
                 f"give each a trace line (dataset 82) named {', '.join(bodies)}, or use CSV with a column body",
             )  # fmt: skip
@@ -368,14 +370,16 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
             elif node in coordinates:
                 places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node])}))
             else:
-                raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 or 2411 too, or use CSV")
+                raise _record_error(
+                    path, f"has no coordinates of node {node}", "export dataset 15 or 2411 too, or use CSV"
+                )
             labels.append(f"node {node} {direction}")
             rows.append(row)
     if not rows:
         moving = [direction for direction, values in motion.items() if values.any()]
         if not moving:
-            raise _wrong(path, "has shapes without any motion", "export them again")
-        raise _wrong(
+            raise _record_error(path, "has shapes without any motion", "export them again")
+        raise _record_error(
             path, f"has shapes that move in {' and '.join(moving)} alone, and bodies of this case deflect in z",
             "turn the axes of the measurement so that z is the direction of the deflection, or use CSV",
         )  # fmt: skip
@@ -397,9 +401,11 @@ def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
     ]
     if of_modes and not moving:
         first = of_modes[0]
-        raise _wrong(path, f"has modes of stresses, strains or forces alone ({first.place})", "export displacements")
+        raise _record_error(
+            path, f"has modes of stresses, strains or forces alone ({first.place})", "export displacements"
+        )
     if not moving:
-        raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
+        raise _record_error(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
     return moving
 
 
@@ -412,7 +418,7 @@ def _motion(path: Path, modes: Sequence[DataSet], direction: str, count: int) ->
     for mode in modes:
         values = np.asarray(mode.fields.get(_COMPONENTS[direction], np.zeros(count)), dtype=complex)
         if values.shape != (count,):
-            raise _wrong(path, f"has {count} nodes and {values.size} values ({mode.place})", "export it again")
+            raise _record_error(path, f"has {count} nodes and {values.size} values ({mode.place})", "export it again")
         largest = max(np.abs(mode.fields[key]).max(initial=0.0) for key in mode.fields if re.fullmatch("r[1-6]", key))
         values = np.where(np.abs(values) > 1e-6 * largest, values, 0.0)
         columns.append(values / (mode.units.per_metre or 1.0) if len(direction) == 1 else values)
@@ -453,5 +459,5 @@ def _uff_frequency(mode: Mapping[str, Any]) -> float:
     return float(abs(np.imag(mode["eig"])) / (2 * np.pi))
 
 
-def _wrong(source: Path | str, message: str, remedy: str) -> ScenarioError:
+def _record_error(source: Path | str, message: str, remedy: str) -> ScenarioError:
     return ScenarioError.at("", f"{source} {message}", remedy)

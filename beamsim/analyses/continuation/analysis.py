@@ -41,9 +41,9 @@ from beamsim.outcomes import (
     OutcomeKind,
     Progress,
     Where,
-    asked_to_stop,
     interruption,
     part_of,
+    stop_requested,
 )
 from beamsim.responses.branches import (
     MeasuredBranch,
@@ -55,7 +55,7 @@ from beamsim.responses.branches import (
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, cut, with_points_at
-from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
+from beamsim.results.result import check_reduction, dashpots_of, warnings_along
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine
 from beamsim.typing import Floats, not_none, of_kind
@@ -98,7 +98,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     points = datasets["points"]
     outcome = _outcome(model, points, remarks)
     overlay: list[OverlayCurve] | None = []
-    interrupted = asked_to_stop()
+    interrupted = stop_requested()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
     if settings.overlay is not None:
         part = part_of(grown, curves_share, 1.0)
@@ -106,7 +106,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         if overlay is None:
             missing.append("sweep.overlay")
     if interrupted or missing:
-        outcome = _cut_short(outcome, missing)
+        outcome = _with_missing(outcome, missing)
     result = ContinuationResult(
         scenario=scenario,
         outcome=outcome,
@@ -122,14 +122,14 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         **_summary(model, result, folds),
         without_limit=growing_with_modes(branches),
         method=settings.method.kind,
-        followed=[_followed(result, branch) for branch in result.branches],
-        overlay=_described(result.overlay),
+        followed=[_branch_summary(result, branch) for branch in result.branches],
+        overlay=_overlay_summary(result.overlay),
         dashpots=dashpots_of(result["modes"]),
         processor_time_s=processor_time() - processor,
     )
 
 
-def _cut_short(outcome: Outcome, missing: Sequence[str]) -> Outcome:
+def _with_missing(outcome: Outcome, missing: Sequence[str]) -> Outcome:
     """The outcome of what was interrupted, with what is missing."""
     parts = outcome.sub_outcomes if outcome.code == COMPLETE.code else (outcome,)
     return interruption(f"before {', '.join(missing)}" if missing else "", *parts)
@@ -151,7 +151,7 @@ def _follow_levels(
     folds: list[FollowedFolds] = []
     remarks: list[Outcome] = []
     for index, level in enumerate(levels):
-        if branches and asked_to_stop():
+        if branches and stop_requested():
             return branches, folds, remarks, levels[index:]
         budget = Budget(
             settings.most_points, settings.longest_time, settings.most_branch_points, settings.most_side_points,
@@ -189,8 +189,8 @@ def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) 
     if isinstance(settings.method, HarmonicBalance):
         remarks += _doubt(points, settings.method)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
-    outcome = worst.but(*(remark for remark in remarks if remark is not worst))
-    return reduction_checked(balanced(outcome, points), model.scenario, model.system.modes)
+    outcome = worst.copy_with(*(remark for remark in remarks if remark is not worst))
+    return check_reduction(balanced(outcome, points), model.scenario, model.system.modes)
 
 
 def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
@@ -245,12 +245,12 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
             OutcomeKind.INCOMPLETE, "not_covered", "no motion was followed", f.shown(why), at=ranges(gaps)
         )
         parts.append(uncovered)
-    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(SEARCH_FAILED)]
+    failed = [f.shown(part) for t in traced for part in t.outcome.outcomes_with_code(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.sub_outcomes for known in parts)]
     exceeded = budget.exceeded(incomplete=bool(gaps) or model.settings.side_branches == "required")
     if exceeded is not None:
         parts.append(exceeded)
-    parts += _left_out(model, traced)
+    parts += _omitted_outcomes(model, traced)
     stable = [
         (min(a, b), max(a, b)) if one.stable and other.stable else (a, a) if one.stable else (b, b)
         for branch in traced
@@ -259,10 +259,10 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     ]
     if bands := gaps_between([*stable, *gaps], min(first, last), max(first, last)):
         parts.append(Outcome.of(OutcomeKind.NOTED, NO_STABLE_MOTION, "no stable motion was found", at=ranges(bands)))
-    return [part.but(context=within) for part in parts]
+    return [part.copy_with(context=within) for part in parts]
 
 
-def _left_out(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
+def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
     """What was not followed or sought because of the method or a setting."""
     settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
@@ -323,7 +323,7 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
         ],
         "without_stable_motion": [
             {"band": list(band), "level": part.context.value if isinstance(part.context, Where) else level[0]}
-            for part in result.outcome.all_of(NO_STABLE_MOTION)
+            for part in result.outcome.outcomes_with_code(NO_STABLE_MOTION)
             if part.place is not None
             for band in part.place.value
         ],
@@ -349,7 +349,7 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
     return summary
 
 
-def _followed(result: ContinuationResult, branch: Dataset) -> dict[str, Any]:
+def _branch_summary(result: ContinuationResult, branch: Dataset) -> dict[str, Any]:
     """A branch, for the summary."""
     off = result.off_centre(branch)
     return {
@@ -446,10 +446,10 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
         name = next(name for name in names if name not in overlay)
         overlay[name] = overlaid(curve, name, source, stored.title)
     datasets = result.datasets | overlay_datasets(list(overlay.values()), result.level_unit or "1")
-    return replace(result, datasets=datasets, summary=result.summary | {"overlay": _described(overlay)})
+    return replace(result, datasets=datasets, summary=result.summary | {"overlay": _overlay_summary(overlay)})
 
 
-def _described(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
+def _overlay_summary(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
     """The curves over the branches, for the summary; None without any."""
     return {
         name: {

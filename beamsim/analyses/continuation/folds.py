@@ -227,7 +227,7 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
             continue
         for fold in (s for s in branch.special if s.kind in ("fold", "nonsmooth_fold")):
             if budget.spent() or any(
-                _passes_frequency(curve, fold.parameter, _present(model, level)) for curve in curves
+                _passes_frequency(curve, fold.parameter, _value_in_scenario(model, level)) for curve in curves
             ):
                 continue
             touching = fold if fold.kind == "nonsmooth_fold" else _grazing_at(branch, fold)
@@ -245,7 +245,7 @@ def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
     return None
 
 
-def _present(model: ResponseModel, level: float) -> float:
+def _value_in_scenario(model: ResponseModel, level: float) -> float:
     """The scenario's own value of the second parameter."""
     second = not_none(model.second)
     if second.kind == "level":
@@ -273,7 +273,7 @@ def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> boo
 def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FollowedFolds:
     """The curve through a fold or grazing, with the largest displacements of its motions."""
     second, fold, touching = not_none(model.second), corner.fold, corner.touching
-    halves = _halves(model, corner, _present(model, level), budget)
+    halves = _halves(model, corner, _value_in_scenario(model, level), budget)
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
     displacements = model.system.channels.of_keys(DISPLACEMENT)

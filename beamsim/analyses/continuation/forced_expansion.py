@@ -27,7 +27,7 @@ from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.responses.loads import periodic_forcing
-from beamsim.results.branch import each_of
+from beamsim.results.branch import rows_by_owner
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import Continuation, FrequencyPath
@@ -66,8 +66,8 @@ def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
     """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
     datasets = compare_forced_expansion(result.scenario)
     levels = datasets["multiple_scales"]
-    motions = each_of(levels, datasets["multiple_scales_points"], "comparison")
-    differences = each_of(levels, datasets["multiple_scales_factors"], "comparison")
+    motions = rows_by_owner(levels, datasets["multiple_scales_points"], "comparison")
+    differences = rows_by_owner(levels, datasets["multiple_scales_factors"], "comparison")
     levels_compared = [_summary(*of_level) for of_level in zip(motions, differences, strict=True)]
     summary = {**result.summary, "multiple_scales": levels_compared}
     return replace(result, datasets=result.datasets | datasets, summary=summary)

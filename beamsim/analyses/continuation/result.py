@@ -19,9 +19,9 @@ from beamsim.results.branch import (
     FOLD_POINTS,
     POINTS,
     SPECIAL_POINTS,
-    each_of,
     harmonics_of,
     is_symmetric,
+    rows_by_owner,
 )
 from beamsim.results.result import CONVERGENCE, MARGINS, OF_MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.results.values import DISPLACEMENT, VALUES
@@ -214,13 +214,13 @@ class ContinuationResult(Result):
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
         """The points of each branch, with its row of `branches` as variables without dimensions."""
-        return each_of(self["branches"], self["points"], "branch")
+        return rows_by_owner(self["branches"], self["points"], "branch")
 
     @cached_property
     def fold_curves(self) -> tuple[Dataset, ...]:
         """The points of each curve of folds, likewise."""
         known = "fold_curves" in self.datasets
-        return each_of(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
+        return rows_by_owner(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
 
     @property
     def parameter(self) -> str:

@@ -15,7 +15,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import Progress, Stop, asked_by, first_with_others, never
+from beamsim.outcomes import Progress, Stop, first_with_others, never, stop_requests
 from beamsim.scenario import Scenario, Source, scenario_of
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
@@ -55,7 +55,7 @@ def identify_stiffness(
         If the section is missing, or no parameters explain the measurements: with the reason and a remedy.
     """
     scenario = scenario_of(scenario, "identify-stiffness")
-    with scenario.locating(), asked_by(stop):
+    with scenario.locating(), stop_requests(stop):
         return _identify(scenario, measurements, progress)
 
 

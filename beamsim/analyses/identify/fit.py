@@ -20,7 +20,7 @@ from beamsim.analyses.identify.layouts import ENDS
 from beamsim.analyses.identify.result import ProfileLikelihood
 from beamsim.errors import ScenarioError
 from beamsim.labelled import Dataset, Layout
-from beamsim.outcomes import MOST_LISTED, Interrupted, Outcome, OutcomeKind, asked_by, asked_to_stop, first_of
+from beamsim.outcomes import MOST_LISTED, Interrupted, Outcome, OutcomeKind, first_of, stop_requested, stop_requests
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import SoughtParameter, bounds_of
@@ -262,7 +262,7 @@ class Fit:
             If it is asked to stop before anything was evaluated.
         """
         try:
-            with asked_by(at_once=True):
+            with stop_requests(at_once=True):
                 return self._searched(start, fixed, tolerance)
         except Interrupted:
             if self._least is None:
@@ -369,7 +369,7 @@ class Fit:
                     again = self.best(start, np.arange(start.size) == i, tolerance=1e-4)
                 except UnpredictableError:
                     continue
-                if asked_to_stop():
+                if stop_requested():
                     return ()
                 value.append(number.at(float(at))[0])
                 misfit.append(max(again.misfit - best.misfit, 0.0) / scale)

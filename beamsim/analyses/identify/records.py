@@ -31,7 +31,7 @@ from pydantic import ValidationError
 
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.layouts import ENDS, TESTS
-from beamsim.errors import InputFileError, rooted
+from beamsim.errors import InputFileError, prefix_problems
 from beamsim.files import reading
 from beamsim.flow.channels import channel_extrema, channel_values
 from beamsim.flow.exact import exact_flow
@@ -40,7 +40,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.labelled import Dataset
-from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
+from beamsim.measurements.conditioning import PERIODS_OF_FILTER, condition
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, split_heading
 from beamsim.measurements.tables import read_named_columns
@@ -228,7 +228,7 @@ class Transient(Test):
         part &= time <= duration - reach  # the run lasts as long as the record, which may have begun sooner
         preparation = RecordPreparation(remove=test.remove, high_pass=test.high_pass)
         values = np.asarray(signal.y, dtype=float)
-        prepared = conditioned(record := replace(signal, x=time[part], y=values[part]), preparation)
+        prepared = condition(record := replace(signal, x=time[part], y=values[part]), preparation)
         measured = prepared.y
         scatter = float(np.sqrt(np.median(np.diff(values, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
         largest = float(np.ptp(measured))
@@ -254,7 +254,7 @@ class Transient(Test):
 
     def prepared(self, values: Floats) -> Floats:
         """Values (n,) through the filter of the record: a linear operation, the same on measurement and motion."""
-        return np.asarray(conditioned(replace(self.record, y=values), self.preparation).y)
+        return np.asarray(condition(replace(self.record, y=values), self.preparation).y)
 
     def first(self, share: float) -> Self:
         """The first part of the record, not shorter than its filter."""
@@ -312,7 +312,7 @@ class Transient(Test):
         with ExitStack() as places:
             for key, section in {"excitation": "excitation", "start": "run.start"}.items():
                 if getattr(test, key) is not None:
-                    places.enter_context(rooted(section, f"{at}.{key}"))
+                    places.enter_context(prefix_problems(section, f"{at}.{key}"))
             system = build_system(case, shared, recovered=False)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")

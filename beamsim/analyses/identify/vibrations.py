@@ -62,22 +62,22 @@ from beamsim.outcomes import (
     Outcome,
     OutcomeKind,
     Progress,
-    asked_by,
-    asked_to_stop,
     check_stop,
-    finishing,
+    deferred_stop,
     first_of,
     first_with_others,
     interruption,
-    tell,
+    report_progress,
+    stop_requested,
+    stop_requests,
 )
 from beamsim.responses.loads import periodic_forcing
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
-from beamsim.scenario.base import counted, path_text
+from beamsim.scenario.base import count_text, path_text
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
-from beamsim.scenario.parameters import replaced
+from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.run import Reduction
 from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.system.build import build_system
@@ -178,7 +178,7 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     solutions, tried = _from_starts(fits, settings, progress)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
-    if len(fits) > 1 and not asked_to_stop():  # the noise of transients is what is left, but for a wrong model
+    if len(fits) > 1 and not stop_requested():  # the noise of transients is what is left, but for a wrong model
         vibrations.tests = _sharpened(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
@@ -205,7 +205,7 @@ def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifySt
     Findings.
     """
     fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
-    with finishing():
+    with deferred_stop():
         fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(vibrations.scenario, fit.numbers, penetration)
@@ -220,14 +220,14 @@ def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifySt
     scale, warnings = _scatter(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
-    with finishing():
+    with deferred_stop():
         records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
         doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.doubts(last)]
     warnings += [*remarks, *unknown.values(), *_yielding(vibrations.scenario, fit.numbers), *doubts]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
-    interrupted = f"after {search.tried} of {settings.starts} starts" if asked_to_stop() else ""
+    interrupted = f"after {search.tried} of {settings.starts} starts" if stop_requested() else ""
     more = {
         "misfit_before": search.misfit_before, "misfit": best.misfit, "degrees_of_freedom": freedom,
         "starts": search.tried, "starts_agreeing": search.agreeing, "responses": vibrations.responses[0],
@@ -363,7 +363,7 @@ class _Steady(Test):
         if repeats == self.multiple:
             return super().doubts(prediction)
         return [
-            f"{self.name}: the record repeats after {counted(self.multiple, 'period')} of the excitation, and the "
+            f"{self.name}: the record repeats after {count_text(self.multiple, 'period')} of the excitation, and the "
             f"predicted motion after {repeats}: several are possible, or the numbers are far off; begin nearer to the "
             "truth (gap, stiffness), or leave it out"
         ]
@@ -493,7 +493,7 @@ def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
         highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in steady)
         reduction = Reduction(highest_frequency=MODES_UP_TO * highest)
     prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
-    return prepared if len(steady) == len(tests) else replaced(prepared, scenario.whole_paths(prepared))
+    return prepared if len(steady) == len(tests) else replace_values(prepared, scenario.whole_paths(prepared))
 
 
 @dataclass
@@ -546,7 +546,7 @@ class _Vibrations:
             try:
                 predictions.append(test.predicted(test.case(scenario), near, self.shared))
             except UnpredictableError:
-                if asked_to_stop():  # and a branch that ends for that is none that fails
+                if stop_requested():  # and a branch that ends for that is none that fails
                     raise Interrupted from None
                 raise
             check_stop()
@@ -579,7 +579,7 @@ class _Vibrations:
         fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
         there = self.last, self.compared
         try:
-            with asked_by(at_once=True):
+            with stop_requests(at_once=True):
                 check_stop()
                 jacobian = fit.jacobian(x)
                 self.residuals(x)
@@ -643,8 +643,8 @@ def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress
             solutions.append(fits[-1].best(start))
         except UnpredictableError:
             continue
-        tell(progress, tried / (settings.starts + 1))
-        if asked_to_stop():
+        report_progress(progress, tried / (settings.starts + 1))
+        if stop_requested():
             break
     if not solutions:
         raise ScenarioError.at(
@@ -796,7 +796,7 @@ def steady_vibration(
         raise UnpredictableError(str(error)) from error
     if point is None:
         raise UnpredictableError(
-            f"no vibration that repeats after {counted(multiple, 'period')} of the excitation "
+            f"no vibration that repeats after {count_text(multiple, 'period')} of the excitation "
             f"({system.excitation_frequency_hz:g} Hz) was found"
         )
     base = () if system.base_acceleration is None else (system.base_acceleration,)

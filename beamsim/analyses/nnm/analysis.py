@@ -36,14 +36,14 @@ from beamsim.outcomes import (
     OutcomeKind,
     Progress,
     Where,
-    asked_to_stop,
     combined,
     interruption,
+    stop_requested,
 )
 from beamsim.responses.orbit_energies import balanced
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import SpecialRow
-from beamsim.results.result import forces_beyond_tables, reduction_checked
+from beamsim.results.result import check_reduction, forces_beyond_tables
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import FullPeriodMethod, NonlinearMode, RelaxedMinimisationMethod
@@ -112,7 +112,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     settings = _settings(scenario, compare)
     system = conservative_system(scenario)
     job = mode_path(system)
-    work = _followed(job, compare, progress)
+    work = _solve_path(job, compare, progress)
     followed = work.followed
     special, failed, given_up = special_points(job, followed)
     if given_up and not followed.backbone.outcome.interrupted:
@@ -129,7 +129,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     forces = {name: of.values for name, of in motion.by_label("force").items()}
     result = NormalModeResult(
         scenario=scenario,
-        outcome=reduction_checked(balanced(outcome, datasets["points"]), scenario, system.modes),
+        outcome=check_reduction(balanced(outcome, datasets["points"]), scenario, system.modes),
         datasets={"modes": system.modes} | datasets,
         warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [forces])),
         wall_time_s=clock.perf_counter() - begin,
@@ -139,7 +139,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         mode=job.mode + 1,
         linear_frequency_hz=float(followed.problem.omega[job.mode] / (2 * np.pi)),
         processor_time_s=work.processor_time_s,
-        requested_points=_requested(branches, work) or None,
+        requested_points=_requested_points(branches, work) or None,
         multiple_scales=None if work.expansion is None else expansion_summary(work.expansion),
         relaxed_minimisation=None if work.relaxed is None else relaxed_summary(work.relaxed),
         phase_resonance=None if resonance is None else phase_resonance_summary(resonance),
@@ -161,7 +161,7 @@ class _MethodResults:
 
     def continues(self, to: str) -> bool:
         """Whether the next step is to be taken; if a stop was requested, the step is recorded as left out."""
-        if asked_to_stop():
+        if stop_requested():
             self.left_out.append(to)
             return False
         return True
@@ -190,7 +190,7 @@ def _settings(scenario: Scenario, compare: Collection[str]) -> NonlinearMode:
     return settings
 
 
-def _followed(job: ModePath, compare: Collection[str], progress: Progress) -> _MethodResults:
+def _solve_path(job: ModePath, compare: Collection[str], progress: Progress) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
     system, solver = job.system, job.settings.method
     begin = processor_time()
@@ -243,13 +243,15 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
                 remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
             outcome = (
-                outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.sub_outcomes else ()))
+                outcome.copy_with(part)
+                if not outcome.complete
+                else part.copy_with(*((outcome,) if outcome.sub_outcomes else ()))
             )
     backbone = replace(branches[0], outcome=outcome)
     return replace(followed, backbone=backbone, tongues=tuple(branches[1:])), requested
 
 
-def _requested(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dict[str, Any]]:
+def _requested_points(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dict[str, Any]]:
     """The points that were asked for, as plain values."""
     rows = []
     followed = (work.followed.backbone, *work.followed.tongues)
@@ -306,7 +308,7 @@ def _branches(job: ModePath, work: _MethodResults) -> list[ModeBranch]:
     if full is not None:
         pairs = zip(full.backbone.points, work.followed.backbone.points, strict=False)
         differences = np.array([difference(full.backbone.problem, *pair) for pair in pairs])
-    backbone, *others = (full or work.followed).every
+    backbone, *others = (full or work.followed).all_branches
     return [mode_branch(job, brake, backbone, differences), *(mode_branch(job, brake, other) for other in others)]
 
 
@@ -314,7 +316,7 @@ def _special(job: ModePath, work: _MethodResults, special: Sequence[SpecialRow])
     """The special points of the backbone, and where non-brake orbits leave it."""
     brake, full = work.followed.problem, work.full_period
     breakings = (
-        SpecialRow("symmetry_breaking", job.shown(at.parameter), 1.0 / brake.split(at.u)[1])
+        SpecialRow("symmetry_breaking", job.in_report_unit(at.parameter), 1.0 / brake.split(at.u)[1])
         for at in (() if full is None else full.breakings)
     )
     return [*special, *breakings]
@@ -324,8 +326,8 @@ def _jumps(job: ModePath, followed: ModeBranches) -> dict[str, Dataset]:
     """The dataset of the gaps in the backbone by its name; none without any."""
     jumps = followed.jumps
     columns = {
-        "start": [job.shown(jump.start) for jump in jumps],
-        "end": [job.shown(jump.end) for jump in jumps],
+        "start": [job.in_report_unit(jump.start) for jump in jumps],
+        "end": [job.in_report_unit(jump.end) for jump in jumps],
         "mode": [jump.mode + 1 for jump in jumps],
     }
     return {"jumps": JUMPS.table(jumps, [{"unit": UNITS[job.parameter]}] * len(jumps), **columns)} if jumps else {}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.nnm.layouts import MULTIPLE_SCALES, RELAXED_MINIMISATION
-from beamsim.analyses.nnm.paths import ModeBranches, ModePath, flexible_mode, held_energy, spring_family
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath, energy_of_factors, flexible_mode, spring_family
 from beamsim.errors import locating
 from beamsim.flow.compiled import processor_time
 from beamsim.labelled import Dataset
@@ -21,7 +21,7 @@ from beamsim.orbits.expansions.free import HARMONICS, ModeAtEnergy, ModeExpansio
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, interruption, tell, until_asked
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, interruption, report_progress, until_stop
 from beamsim.results.branch import endings
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
@@ -181,7 +181,7 @@ def expansion_path(
     if np.any(structure.dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
     index, family = flexible_mode(structure, mode), spring_family(structure)
-    sign, held = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0, held_energy(structure, energy)
+    sign, held = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0, energy_of_factors(structure, energy)
     of_mode = ModeAtEnergy(family, index, held, sign, _harmonics(family.omega, index))
 
     def expand(factor: float, order: int, uniform: bool = False) -> ModeExpansion:
@@ -189,7 +189,7 @@ def expansion_path(
             return of_mode.expand(factor, order, uniform=uniform)
 
     linear = expand(0.0, 0)
-    chosen = _into_reach(linear.reach, largest) if factors is None else np.asarray(factors, dtype=float)
+    chosen = _factors_into_reach(linear.reach, largest) if factors is None else np.asarray(factors, dtype=float)
     frequency, shape, uniform = _at_factors(expand, chosen, structure.dynamics.size)
     return ExpansionPath(
         mode=mode,
@@ -247,7 +247,7 @@ def _at_factors(expand: Callable[..., ModeExpansion], factors: Floats, n: int) -
 HALVES = 7  # factors within the reach of an expansion
 
 
-def _into_reach(reach: float, largest: float | None) -> Floats:
+def _factors_into_reach(reach: float, largest: float | None) -> Floats:
     """Factors by halves down into the reach of an expansion, and on from there."""
     first = min(1.0, reach / SAFELY) if largest is None else largest
     above = 0
@@ -375,12 +375,12 @@ def compare_relaxed(
     shooting_passages = orbits.family.passages
     shooting_time_s += processor_time() - begin
     steps: list[RelaxedStep] = []
-    for step in until_asked(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations)):
+    for step in until_stop(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations)):
         steps.append(step)
-        tell(progress, len(steps) / settings.steps)
+        report_progress(progress, len(steps) / settings.steps)
         if not step.reached:
             break
-    apart, fates, jumped = _compared_with_exact(orbits, steps, exact)
+    apart, fates, jumped = _errors_against_exact(orbits, steps, exact)
     shapes, frequency = np.array([s.shape for s in steps]), np.array([1.0 / s.period for s in steps])
     known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact[: len(steps)]])
     return RelaxedComparison(
@@ -425,7 +425,7 @@ def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMet
     return COMPLETE if len(steps) == settings.steps else interruption("during relaxed minimisation", at=last)
 
 
-def _compared_with_exact(
+def _errors_against_exact(
     orbits: BrakeOrbits, steps: Sequence[RelaxedStep], exact: Sequence[BranchPoint | None]
 ) -> tuple[Floats, list[str], Bools]:
     """How steps of relaxed minimisation lie to exact motions.

@@ -22,7 +22,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached
 from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import correct_on_other_branch
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, asked_to_stop, tell, until_asked
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, report_progress, stop_requested, until_stop
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -143,7 +143,7 @@ def non_brake_branch(
     if start is not None:
         branch = Branch(orbits, start, *reach, settings)
         before, fastest = np.zeros(n), 0.0
-        for point in until_asked(branch):
+        for point in until_stop(branch):
             flow_map, flow = point.data.flow_map, point.data.flow
             time, _ = slowest_instant(flow, flow_map, n)
             # velocities then, over sqrt(2 E)
@@ -204,8 +204,8 @@ def over_full_period(
             )  # fmt: skip
             break
         reached.append(new)
-        tell(report, len(reached) / len(points))
-        if asked_to_stop():
+        report_progress(report, len(reached) / len(points))
+        if stop_requested():
             outcome = INTERRUPTED
             break
         last = [*last[-1:], new] if brake_point.parameter not in gaps else []
@@ -262,7 +262,7 @@ def follow_full_period(
     if not backbone.points:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
     breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
-    for a, b in until_asked(_steps(branches) if settings.branches and not asked_to_stop() else ()):
+    for a, b in until_stop(_steps(branches) if settings.branches and not stop_requested() else ()):
         origin = symmetry_breaking(BranchStep(branches.problem, a, b))
         if origin is not None and not any(_same_orbit(branches.problem, origin, known) for known in breakings):
             breakings.append(origin)
@@ -270,9 +270,9 @@ def follow_full_period(
     non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
     for origin in breakings:
-        if len(non_brake) == settings.branches or any(_arrives(branch, origin) for branch in non_brake):
+        if len(non_brake) == settings.branches or any(_ends_at_origin(branch, origin) for branch in non_brake):
             continue
-        if asked_to_stop():
+        if stop_requested():
             break
         branch = non_brake_branch(branches.problem, origin, reach, steps)
         if branch.points:
@@ -307,7 +307,7 @@ def _same_orbit(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -
     return any(float(np.linalg.norm((u[: orbits.n] - q) / scale)) < SAME for q in ends)
 
 
-def _arrives(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
+def _ends_at_origin(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
     """Whether a branch that has been followed ends where another begins: it would be the same one backwards."""
     if branch.outcome.code != BACK_TO_BRAKE_ORBITS.code:
         return False

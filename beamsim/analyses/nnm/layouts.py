@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from beamsim.labelled import Layout, Variable
-from beamsim.results.branch import FLAGS, OF_BRANCHES, OF_MOTIONS, ended
+from beamsim.results.branch import FLAGS, OF_BRANCHES, OF_MOTIONS, outcome_variables
 
 _BRANCH, _POINT, _PROBE, _STATION = ("branch",), ("point",), ("probe",), ("station",)
 _OF_STATIONS = {"station": Variable(_STATION, "1", "number of the station, as in modes", int)}
@@ -104,7 +104,7 @@ PHASE_RESONANCE = Layout(
             (), "1", "whether the level is proportional to the amplitude at a constant frequency", bool,
             flags=("no", "yes"),
         ),
-        **ended(()),
+        **outcome_variables(()),
         "level": Variable(_LEVEL, "{level_unit}", "level of the excitation"),
         "predicted_frequency_hz": Variable(_LEVEL, "Hz", "frequency of the motion predicted"),
         "predicted_energy": Variable(_LEVEL, "J", "its energy"),
@@ -253,7 +253,7 @@ RELAXED_MINIMISATION = Layout(
         "factor": Variable(_FACTOR, "1", "stiffness factor"),
         "steps": Variable((), "1", "steps asked for", int),
         "tolerance": Variable((), "1", "tolerance of the functional"),
-        **ended(()),
+        **outcome_variables(()),
         "shooting_passages": Variable(
             (), "1", "motions computed for the backbone, its tongues and the same factors", int
         ),

@@ -17,7 +17,7 @@ from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
-from beamsim.outcomes import asked_to_stop
+from beamsim.outcomes import stop_requested
 from beamsim.responses.orbit_energies import energy_error
 from beamsim.results.branch import (
     SpecialRow,
@@ -114,7 +114,7 @@ def mode_branch(
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
     return ModeBranch(
         branch,
-        parameter=np.array([job.shown(p.parameter) for p in branch.points]),
+        parameter=np.array([job.in_report_unit(p.parameter) for p in branch.points]),
         frequency_hz=np.array([orbit.frequency_hz for orbit in orbits]),
         energy=np.array([orbit.energy for orbit in orbits]),
         share=np.array([share[job.mode] for share in shares]),
@@ -195,11 +195,11 @@ def special_points(job: ModePath, branches: ModeBranches) -> tuple[tuple[Special
     for a, b in pairwise(branches.backbone.points):
         if a.parameter in branches.gaps:
             continue
-        if asked_to_stop():
+        if stop_requested():
             return tuple(special), failed, True
         for located in special_points_on(BranchStep(orbits, a, b, settings), failed):
             period = orbits.split(located.point.u)[1]
-            special.append(special_row(located, job.shown(located.parameter), 1.0 / period, names))
+            special.append(special_row(located, job.in_report_unit(located.parameter), 1.0 / period, names))
     return tuple(special), failed, False
 
 
@@ -238,7 +238,7 @@ def orbit_motion(
     states = flow.states_at(whole, time)
     q, v, delta = states[:, :n], states[:, n : 2 * n], flow.penetration_of(states, time)[0]
     shapes = [probe.shape for probe in system.probes]
-    over, last = followed(flow, start, period, PERIODS)
+    over, last = march_periods(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
     record = over.reshape(PERIODS * RATE, -1)[:, :n]
@@ -277,7 +277,7 @@ def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str
     }
 
 
-def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:
+def march_periods(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:
     """A motion followed from period to period, without being put back on what it began on.
 
     Parameters

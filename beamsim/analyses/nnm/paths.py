@@ -17,7 +17,7 @@ from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, tell, until_asked
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, report_progress, until_stop
 from beamsim.scenario.sweep import NonlinearMode
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
@@ -47,7 +47,7 @@ class ModeBranches:
     breakings: tuple[BranchPoint, ...] = ()  # brake orbits from which these leave, along the backbone and its tongues
 
     @property
-    def every(self) -> tuple[OrbitBranch, ...]:
+    def all_branches(self) -> tuple[OrbitBranch, ...]:
         """The backbone first."""
         return (self.backbone, *self.tongues, *self.non_brake)
 
@@ -108,13 +108,13 @@ class ModePath:
                 where = f"= {self.mode + 1} gives no motion to start from"
                 raise ScenarioError.at("nnm.mode", where, "ask for another")
             if self.first != 0.0:
-                linear = self._led_to(by_factor, linear, self.first)
+                linear = self._first_motion(by_factor, linear, self.first)
             return self._backbone(by_factor, linear, self.last, progress)
         orbits, start = self._small()
         if self.parameter == "frequency":
             return self._in_frequency(orbits, start, progress)
         if abs(start.parameter - self.to_unknown(self.first)) > 1e-12:
-            start = self._led_to(orbits, start, self.to_unknown(self.first), " J")
+            start = self._first_motion(orbits, start, self.to_unknown(self.first), " J")
         return self._backbone(orbits, start, self.to_unknown(self.last), progress)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
@@ -131,7 +131,7 @@ class ModePath:
                     return orbits, point
             value -= np.log(10.0)
         for share in START_SHARES:
-            grown = self._grown(orbits, share * (self.first if self.parameter == "energy" else self.energy))
+            grown = self._grow_springs(orbits, share * (self.first if self.parameter == "energy" else self.energy))
             if grown is not None:
                 return orbits, grown
         raise ScenarioError.at(
@@ -140,7 +140,7 @@ class ModePath:
             "give a lower energy, or a gap or preload that leaves small motions linear",
         )
 
-    def _grown(self, orbits: BrakeOrbits, energy: float) -> BranchPoint | None:
+    def _grow_springs(self, orbits: BrakeOrbits, energy: float) -> BranchPoint | None:
         """The motion of an energy, its springs grown from nothing: where even small motions are not linear.
 
         So it is with some gaps zero and others not.
@@ -160,12 +160,12 @@ class ModePath:
             return None
         return point
 
-    def _led_to(self, orbits: BrakeOrbits, start: BranchPoint, first: float, unit: str = "") -> BranchPoint:
+    def _first_motion(self, orbits: BrakeOrbits, start: BranchPoint, first: float, unit: str = "") -> BranchPoint:
         """The motion where the path begins, followed from a nearly linear one."""
         lead_in = Backbone(orbits, start, first, self.mode, points=1)
         reached = list(lead_in)[-1]
         if lead_in.outcome.code != REACHED_END:
-            asked, possible = (f"{self.shown(x):.4g}{unit}" for x in (first, reached.parameter))
+            asked, possible = (f"{self.in_report_unit(x):.4g}{unit}" for x in (first, reached.parameter))
             problem = f"= {asked} was not reached: {self.ended(lead_in.outcome, reached)}"
             raise ScenarioError.at("nnm.continue_in.from", problem, f"begin at {possible} or below")
         return reached
@@ -197,7 +197,7 @@ class ModePath:
         branch = Branch(by_frequency, begin, low, high, Settings(most_points=3000))
         points: list[BranchPoint] = []
         unbounded = False
-        for point in until_asked(_reporting(branch, begin.parameter, last, progress)):
+        for point in until_stop(_reporting(branch, begin.parameter, last, progress)):
             points.append(point)
             if not 1.0 / MOST_ENERGY < point.data.energy / begin.data.energy < MOST_ENERGY:
                 unbounded = True
@@ -214,10 +214,10 @@ class ModePath:
 
     def _backbone(self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Progress) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
-        points = list(until_asked(_reporting(backbone, start.parameter, last, progress)))
+        points = list(until_stop(_reporting(backbone, start.parameter, last, progress)))
         outcome = self.ended(backbone.outcome, points[-1])
         if outcome.code == MODE_LOST:
-            outcome = outcome.but(remedy=_BESIDE[self.parameter])
+            outcome = outcome.copy_with(remedy=_BESIDE[self.parameter])
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
@@ -228,7 +228,7 @@ class ModePath:
             return float(np.log(value))
         return 2 * np.pi * value if self.parameter == "frequency" else value
 
-    def shown(self, value: float) -> float:
+    def in_report_unit(self, value: float) -> float:
         """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""
         if self.parameter == "energy":
             return float(np.exp(value))
@@ -237,8 +237,8 @@ class ModePath:
     def ended(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
         """How a path ended, at its last point if it is given; with the parameter in the unit of reports."""
         if last is not None and outcome.code == INTERRUPTED.code:
-            outcome = outcome.but(place=Where(last.parameter))
-        return outcome.in_unit(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
+            outcome = outcome.copy_with(place=Where(last.parameter))
+        return outcome.in_unit(self.in_report_unit, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
 
 
 def _at_frequency(
@@ -258,7 +258,7 @@ def _at_frequency(
 
 def _reporting(points: Iterable[BranchPoint], first: float, last: float, progress: Progress) -> Iterable[BranchPoint]:
     for point in points:
-        tell(progress, (point.parameter - first) / (last - first))
+        report_progress(progress, (point.parameter - first) / (last - first))
         yield point
 
 
@@ -284,7 +284,7 @@ def flexible_mode(system: StructuralSystem, mode: int) -> int:
     return mode - 1
 
 
-def held_energy(system: StructuralSystem, energy: float | None) -> float:
+def energy_of_factors(system: StructuralSystem, energy: float | None) -> float:
     """The energy at which the stiffness factor changes; 1 J where the motion does not depend on it.
 
     Raises
@@ -357,7 +357,7 @@ def mode_path(system: StructuralSystem) -> ModePath:
             f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
             "use stiffness_factor, or give a gap",
         )
-    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else SMALL_J
+    energy = energy_of_factors(system, settings.energy) if parameter.kind == "stiffness_factor" else SMALL_J
     family = spring_family(system)
     basis = None
     if family.equilibrium is not None and parameter.kind != "stiffness_factor":

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.nnm.layouts import HELD, HELD_SPECTRA, PHASE_RESONANCE, PREDICTED_LEVELS, RESONANCE_CURVES
-from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
+from beamsim.analyses.nnm.orbits import RATE, line_frequencies, march_periods
 from beamsim.analyses.nnm.paths import motions_scale
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -37,10 +37,10 @@ from beamsim.outcomes import (
     OutcomeKind,
     Progress,
     Where,
-    asked_to_stop,
     first_with_others,
     interruption,
-    tell,
+    report_progress,
+    stop_requested,
 )
 from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
@@ -149,7 +149,7 @@ class HeldMode:
             "curve_status": ["" if motion.curve is None else motion.curve.outcome.of_part for motion in motions],
         }  # fmt: skip
         if held:
-            values |= _held_values([motion.held for motion in motions])
+            values |= _values_by_level([motion.held for motion in motions])
         of_levels = [{"level_unit": self.unit}] * len(motions)
         datasets = {
             "phase_resonance": PHASE_RESONANCE.table(motions, of_levels, **probes, **values),
@@ -181,7 +181,7 @@ def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
     return [0 if of is None else getattr(of, name).size for of in of_levels]
 
 
-def _held_values(motions: Sequence[HeldMotion | None]) -> dict[str, Any]:
+def _values_by_level(motions: Sequence[HeldMotion | None]) -> dict[str, Any]:
     """What is known of held motions level by level; NaN where there is none."""
     known = next(each for each in motions if each is not None)
     values: dict[str, Any] = {}
@@ -364,20 +364,20 @@ def hold_mode(
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
     shared = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
-    predicted = _predicted(shared, levels)
+    predicted = _predict_levels(shared, levels)
     compared = int(np.argmax(predicted.amplitude.max(axis=1)))
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
         motion = shared.at(level, lambda m: m.level)
         if motion is None:
-            raise ScenarioError(_beyond(shared, predicted, level, at))
+            raise ScenarioError(_unreached_level(shared, predicted, level, at))
         motions.append(_resonance(shared, motion, level, compared, section.span, section.periods))
-        tell(progress, (index + 1) / len(levels))
-        if asked_to_stop():
+        report_progress(progress, (index + 1) / len(levels))
+        if stop_requested():
             break
     return HeldMode(
-        outcome=_balanced(_ended(motions, len(levels), unit), motions, unit),
+        outcome=_check_balance(_levels_outcome(motions, len(levels), unit), motions, unit),
         quantity=str(excitation.quantity),
         unit=unit,
         probes=[probe.name for probe in damped.probes],
@@ -388,7 +388,7 @@ def hold_mode(
     )
 
 
-def _ended(motions: Sequence[ResonantMotion], levels: int, unit: str) -> Outcome:
+def _levels_outcome(motions: Sequence[ResonantMotion], levels: int, unit: str) -> Outcome:
     """How it ended: before the last level, or with levels without a motion at phase resonance."""
     if len(motions) < levels:
         return interruption(f"after {len(motions)} of {levels} levels of nnm.phase_resonance")
@@ -403,7 +403,7 @@ def _ended(motions: Sequence[ResonantMotion], levels: int, unit: str) -> Outcome
     )  # fmt: skip
 
 
-def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) -> Outcome:
+def _check_balance(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) -> Outcome:
     """The outcome, which is not to be trusted where motions at phase resonance, or those about it, lose their
     balance."""
     parts = [] if outcome.complete else [outcome]
@@ -417,7 +417,7 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
     return first_with_others(parts) if parts else outcome
 
 
-def _predicted(shared: _Levels, levels: list[float]) -> PredictedLevels:
+def _predict_levels(shared: _Levels, levels: list[float]) -> PredictedLevels:
     """Levels along the backbone."""
     if shared.motions_scale:
         motion = shared.motion(shared.points[-1])
@@ -435,7 +435,7 @@ def _predicted(shared: _Levels, levels: list[float]) -> PredictedLevels:
     )
 
 
-def _beyond(shared: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
+def _unreached_level(shared: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
     """Why a level is not met, and the energy that it would need: extrapolated as a power of the level."""
     unit, e, levels = shared.unit, predicted.energy, predicted.level
     above = level > levels.max()
@@ -458,7 +458,7 @@ def _resonance(
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
     problem = shared.problem(level, motion.force.omega)
     point = _exact_motion(shared, problem, motion, level)
-    left_alone = _left_alone(shared, problem, motion, periods)
+    left_alone = _settle(shared, problem, motion, periods)
     predicted: dict[str, Any] = {
         "level": level,
         "predicted_frequency_hz": motion.frequency_hz,
@@ -555,7 +555,7 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
     )
 
 
-def _left_alone(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
+def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     flow = problem.flow.with_loads(motion.force.omega, motion.level)
     system = shared.damped.dynamics
@@ -566,7 +566,7 @@ def _left_alone(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion,
     start = np.zeros(flow.size)
     start[: 2 * n] = mode[0]
     try:
-        states, last = followed(flow, start, T, periods)
+        states, last = march_periods(flow, start, T, periods)
     except ArithmeticError:
         return None
     departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size

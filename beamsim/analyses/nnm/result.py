@@ -21,7 +21,7 @@ from beamsim.analyses.nnm.layouts import (
     RESONANCE_CURVES,
 )
 from beamsim.labelled import Dataset
-from beamsim.results.branch import SPECIAL_POINTS, each_of
+from beamsim.results.branch import SPECIAL_POINTS, rows_by_owner
 from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.summaries import Entry, Flag, Number, Plain, Text, list_of, record
 from beamsim.system.structural import MODES
@@ -96,7 +96,7 @@ class NormalModeResult(Result):
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
         """The points of each branch, with its row of `branches` as variables without dimensions; the backbone first."""
-        return each_of(self["branches"], self["points"], "branch")
+        return rows_by_owner(self["branches"], self["points"], "branch")
 
     @property
     def parameter(self) -> str:

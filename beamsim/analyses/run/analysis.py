@@ -47,16 +47,16 @@ from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import reached
 from beamsim.responses.jumps import WithoutLimit, jumps_of_motion, keys_of, without_limit
 from beamsim.results.result import (
+    check_reduction,
     compressed_beyond_tables,
     dashpots_of,
     deflection_warnings,
     line_warnings,
-    reduction_checked,
 )
 from beamsim.results.values import DISPLACEMENT, FORCE, NO_EXTREMES, PENETRATION, STRESS, largest, largest_pulls
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic, MatchedInput
-from beamsim.scenario.parameters import replaced
+from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.run import OrbitStart, Reduction, Run, StressLife
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
@@ -89,7 +89,7 @@ def motion_of(
     ----------
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
-    progress, stop : as of `solved`.
+    progress, stop : as of `solve_run`.
     needed : which extremes are searched for; time stepping finds all.
 
     Returns
@@ -106,7 +106,7 @@ def motion_of(
     return exact_motion_of(system, settings, times, progress, stop, needed)
 
 
-def solved(
+def solve_run(
     scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds,
     entries: Collection[str] | None = None,
 ) -> Solution:  # fmt: skip
@@ -137,7 +137,7 @@ def solved(
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    scenario, system = _built(scenario, shared)
+    scenario, system = _build(scenario, shared)
     everything, needed = entries is None, EVERYTHING if entries is None else Needed.of(scenario, entries)
     settings, times = not_none(scenario.run), output_times(scenario)
     if everything or needed.statistics:
@@ -150,7 +150,7 @@ def solved(
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
     values, spectra = values_of_motion(motion), None
     if everything or needed.root_mean_squares:
-        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion, values), spectra)
+        spectra = evaluation.compute("the spectra", lambda: spectra_of(motion, values), spectra)
     datasets |= {} if spectra is None else {"spectra": spectra}
     datasets |= bodies_of_run(motion, evaluation) if everything else {}
     if everything and motion.contact is not None:
@@ -159,7 +159,7 @@ def solved(
         datasets["inputs"] = INPUTS.table(system.inputs, [{"unit": each.unit} for each in system.inputs])
     result = RunResult(
         scenario=scenario,
-        outcome=reduction_checked(motion.outcome, scenario, system.modes),
+        outcome=check_reduction(motion.outcome, scenario, system.modes),
         datasets={**datasets, "events": motion.events, "modes": system.modes},
     )
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
@@ -167,9 +167,9 @@ def solved(
     summary = summary_of_run(motion, values, spectra, needed, evaluation)
     if everything and sampled is not None:
         compute, unknown = partial(aliased_in_histories, motion, sampled), dict[str, float]()
-        summary["aliased_in_histories"] = evaluation.computed("aliasing", compute, unknown, minor=True) or None
+        summary["aliased_in_histories"] = evaluation.compute("aliasing", compute, unknown, minor=True) or None
     if system.jumping_forces:
-        found = evaluation.computed("jumps", partial(_without_limit, motion, values), list[WithoutLimit](), minor=True)
+        found = evaluation.compute("jumps", partial(_without_limit, motion, values), list[WithoutLimit](), minor=True)
         warnings += [each.warning for each in found]
         summary["without_limit"] = [".".join(key) for each in found for key in keys_of(each.channel)] or None
     fields, notes = _asked_for(result, motion, summary, needed, evaluation)
@@ -180,8 +180,8 @@ def solved(
     return Solution(motion, replace(result, wall_time_s=clock.perf_counter() - begin))
 
 
-def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
-    """A scenario with what its start resolves to, and its system; see `solved`."""
+def _build(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+    """A scenario with what its start resolves to, and its system; see `solve_run`."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     if isinstance(scenario.run.start, OrbitStart):
@@ -239,7 +239,7 @@ def _asked_for(
         fields |= _random(result, motion, values, evaluation, datasets)
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
-        datasets |= evaluation.computed("statistics of impacts", impacts.result, dict[str, Dataset]())
+        datasets |= evaluation.compute("statistics of impacts", impacts.result, dict[str, Dataset]())
     if settings.fatigue is not None and motion.stresses is not None:
         notes += _fatigue(motion, settings.fatigue, motion.stresses, evaluation, datasets)
     if settings.srs is not None:
@@ -263,7 +263,7 @@ def _random(
     """Add the statistics of the response to a random input to the datasets; the outcome with them."""
     from beamsim.analyses.run.random_response import largest_known, random_response
 
-    random = evaluation.computed("densities and statistics", lambda: random_response(result, motion, values), None)
+    random = evaluation.compute("densities and statistics", lambda: random_response(result, motion, values), None)
     if random is None:
         return {}
     datasets["random"] = random
@@ -280,7 +280,7 @@ def _fatigue(
     """Add the damage of stress to the datasets; warnings of it."""
     end, extremes = motion.marched.end, motion.extremes[STRESS]
     compute = partial(fatigue_of, motion.system, stresses, end, extremes)
-    damage = evaluation.computed("the damage of stress", compute, None)
+    damage = evaluation.compute("the damage of stress", compute, None)
     if damage is None:
         return []
     datasets["fatigue"] = damage
@@ -294,7 +294,7 @@ def _shock_response(
     """Add shock response spectra to the datasets where they are needed; notes on samples that are too coarse."""
     if needed.has("srs_over_limit"):
         compute = partial(shock_response, motion.system, motion.known)
-        srs = evaluation.computed("shock response spectra", compute, None)
+        srs = evaluation.compute("shock response spectra", compute, None)
         datasets |= {} if srs is None else {"srs": srs}
     return _coarse_samples(motion, settings) + _coarse_records(motion.system.inputs, settings)
 
@@ -305,7 +305,7 @@ def _sensitivities(motion: RunMotion, evaluation: Evaluation, datasets: dict[str
 
     unknown: tuple[Dataset | None, list[str]] = None, []
     compute = partial(sensitivities_of, motion.system.scenario, motion)
-    found, notes = evaluation.computed("sensitivities", compute, unknown)
+    found, notes = evaluation.compute("sensitivities", compute, unknown)
     datasets |= {} if found is None else {"sensitivities": found}
     return notes
 
@@ -451,7 +451,7 @@ def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool =
         named = [located for located in scenario.listed("snubbers") if located.item.name == orbit.snubber]
         if not named:
             _reject(f"follows the {orbit.parameter} of {orbit.snubber}, which is no snubber of this scenario", "add it")
-        scenario = replaced(scenario, {(*named[0].path, orbit.parameter): orbit.value})
+        scenario = replace_values(scenario, {(*named[0].path, orbit.parameter): orbit.value})
     elif orbit.parameter == "position":
         _reject(
             "follows a position, in coordinates that change with it", "start from a continuation in another parameter"
@@ -472,10 +472,10 @@ def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, 
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
     scenario = _at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-    return scenario, _started(build_system(at_rest, shared), orbit, start.factor)
+    return scenario, _start_from_orbit(build_system(at_rest, shared), orbit, start.factor)
 
 
-def _started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:
+def _start_from_orbit(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:
     """The system with the state of the point times a factor; modes may have the other sign.
 
     Raises

@@ -90,7 +90,7 @@ class Contenders(NamedTuple):
     times: Floats  # (k,) s
     slopes: Floats  # (k, P)
 
-    def decided(self, p: int, tolerance: float) -> Competition:
+    def competition(self, p: int, tolerance: float) -> Competition:
         """How the value changes with a number within its tolerance."""
         sign = self.sign
         return compete(sign * self.values, sign * self.slopes[:, p], tolerance, self.scale).times(sign)
@@ -110,7 +110,7 @@ class LocalExtremes:
         """The values of channels, and the largest of all places of those that a limit takes there."""
         found = list[Contest]()
         for value in chosen:
-            at = [(channel, first) for channel, first in self.channels.located if value.takes(channel)]
+            at = [(channel, first) for channel, first in self.channels.located if value.is_extreme_of(channel)]
             groups = {value.name: at} if at and (value.single or (value in limited and len(at) > 1)) else {}
             for channel, first in () if value.single else at:
                 groups.setdefault(f"{value.section}/{channel.name}/{value.name}", []).append((channel, first))
@@ -146,10 +146,10 @@ class LocalExtremes:
     def _turns(self, row: int) -> Turns:
         """The local extremes of a channel, each searched once."""
         if row not in self._known:
-            self._known[row] = self._searched(row)
+            self._known[row] = self._find_turns(row)
         return self._known[row]
 
-    def _searched(self, row: int) -> Turns:
+    def _find_turns(self, row: int) -> Turns:
         """The local extremes of a channel."""
         motion = self.motion
 
@@ -172,7 +172,7 @@ class LocalExtremes:
         end = np.isin(np.arange(value.size), (0, value.size - 1))
         return Turns(peaks, value, high, low, end)
 
-    def still(self, contests: Iterable[Contest]) -> list[str]:
+    def constant_channel_warnings(self, contests: Iterable[Contest]) -> list[str]:
         """A warning of values whose channel is constant, so that any number may make them larger, either way."""
         low, _, high, _ = self.extremes
         flat = high - low <= STILL * np.maximum(np.abs(low), np.abs(high))

@@ -178,11 +178,11 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
     values: dict[str, Any] = {"body": names, **columns_of_cycles(counted, "body")}
     of_all = {name: [row.get(name, np.nan) for row in rows] for name in (*rows[0], "damage_low", "damage_high")}
     unknown = ("across", "component", "damage_low", "damage_high")
-    values |= {name: None if name in unknown and not any(map(known, of)) else of for name, of in of_all.items()}
+    values |= {name: None if name in unknown and not any(map(has_value, of)) else of for name, of in of_all.items()}
     return FATIGUE.dataset(values)
 
 
-def known(value: float | str | None) -> bool:
+def has_value(value: float | str | None) -> bool:
     """Whether there is a value."""
     return value is not None and value == value  # NaN is not
 

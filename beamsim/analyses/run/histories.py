@@ -99,7 +99,7 @@ def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
     }
 
 
-def _known(values: Sequence[float | None]) -> Floats | None:
+def _numbers_or_none(values: Sequence[float | None]) -> Floats | None:
     """(k,) numbers, NaN where there is none; None where there are none at all."""
     if all(value is None for value in values):
         return None
@@ -114,7 +114,7 @@ def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[st
         "probe": [probe.name for probe in probes],
         "probe_body": [bodies[probe.name] for probe in probes] if bodies else None,
         "position": [probe.position for probe in probes],
-        "across": _known([probe.across for probe in probes]),
+        "across": _numbers_or_none([probe.across for probe in probes]),
         "displacement": displacement,
         "absolute_displacement": displacement + system.base_influence[:, None] * base,
         "velocity": histories.of(("probes", "velocity")).T,
@@ -129,14 +129,14 @@ def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     bodies = system.scenario.bodies_of_places["snubbers"] if len(system.scenario.all_bodies) > 1 else {}
     described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
     yields = any(law.yields for law in system.dynamics.contacts.laws[: len(snubbers)])
-    crushed = _crushed(motion) if yields else {}
+    crushed = _residual_crush(motion) if yields else {}
     return {
         "snubber": [snubber.name for snubber in snubbers],
         "snubber_body": [bodies[snubber.name] for snubber in snubbers] if bodies else None,
         **{f"snubber_{name}": [getattr(snubber, name) for snubber in snubbers] for name in described},
-        "snubber_across": _known([snubber.across for snubber in snubbers]),
-        "snubber_table_misfit": _known([snubber.table_misfit for snubber in snubbers]),
-        "snubber_residual_crush": _known([crushed.get(j) for j in range(len(snubbers))]),
+        "snubber_across": _numbers_or_none([snubber.across for snubber in snubbers]),
+        "snubber_table_misfit": _numbers_or_none([snubber.table_misfit for snubber in snubbers]),
+        "snubber_residual_crush": _numbers_or_none([crushed.get(j) for j in range(len(snubbers))]),
         "snubber_closed": histories.touching[:, : len(snubbers)].T,
         **{
             f"snubber_{quantity}": histories.of(("snubbers", quantity)).T
@@ -145,7 +145,7 @@ def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     }
 
 
-def _crushed(motion: RunMotion) -> dict[int, float]:
+def _residual_crush(motion: RunMotion) -> dict[int, float]:
     """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
     contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
     yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
@@ -170,7 +170,7 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
         return unknown
     random = scenario.excitation.stationary and motion.outcome.complete
     counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
-    return evaluation.computed("sliding", lambda: sliding_values(system, counted, contacts, random=random), unknown)
+    return evaluation.compute("sliding", lambda: sliding_values(system, counted, contacts, random=random), unknown)
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict
             of.get("sliding_share", 1.0 - float(motion.contact_share[j])) for of, j in zip(sliding, number, strict=True)
         ],
         "friction_slides": None if None in slides else slides,
-        **{f"friction_{name}": _known([of.get(name) for of in sliding]) for name in _SLIDING_UNITS},
+        **{f"friction_{name}": _numbers_or_none([of.get(name) for of in sliding]) for name in _SLIDING_UNITS},
         "friction_displacement": histories.of(("friction", "extension")).T,
         "friction_force": histories.of(("friction", "force")).T,
         "friction_stuck": histories.touching[:, number].T,
@@ -285,7 +285,7 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
         for body in (body for body in system.bodies if body.body in system.stress.bodies):
             stresses[body.body] = peaks[whose == body.body].reshape(body.moments, -1).max(axis=0)
     if motion.plates is not None:
-        von_mises = evaluation.computed("the von Mises stress of plates", motion.plates.result, von_mises)
+        von_mises = evaluation.compute("the von Mises stress of plates", motion.plates.result, von_mises)
     bodies = [body for body in system.bodies if body.axis.continuous]
     if not bodies:
         return {}

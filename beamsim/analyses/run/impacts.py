@@ -76,10 +76,12 @@ class ImpactObserver(ChunkObserver):
             If a part of the motion is not evaluated.
         """
         self.finish()
-        return _counted(self._system, self._of_chunks, self._end)
+        return _impact_datasets(self._system, self._of_chunks, self._end)
 
 
-def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float) -> dict[str, Dataset]:
+def _impact_datasets(
+    system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float
+) -> dict[str, Dataset]:
     """Impacts of contacts by chunk and snubber, up to the end of the motion, s, and their statistics."""
     run = not_none(system.scenario.run)
     settings, begin, stationary = not_none(run.impacts), run.from_, system.scenario.excitation.stationary

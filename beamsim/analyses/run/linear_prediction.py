@@ -336,7 +336,7 @@ def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
         return {}
     names = [snubber.name for snubber in system.snubbers]
 
-    def withstood(name: str, law: ContactLaw, rest: float) -> float:
+    def deviations_to_contact(name: str, law: ContactLaw, rest: float) -> float:
         """Standard deviations."""
         of_borders = [(b.distance, at_rest[name, "force" if b.of_force else "penetration"]) for b in law.borders(rest)]
         return min(distance / deviation if deviation > 0 else math.inf for distance, deviation in of_borders)
@@ -350,5 +350,5 @@ def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
         ]
 
     each = zip(names, contacts.laws, penetration.tolist(), strict=True)
-    changes = [{"sigmas": withstood(name, law, rest)} for name, law, rest in each]
+    changes = [{"sigmas": deviations_to_contact(name, law, rest)} for name, law, rest in each]
     return _by_snubber(system, "sigmas", changes, needed(shut), None if shut is at_rest else needed(at_rest))

@@ -26,7 +26,7 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Interrupted, Outcome, Progress, Stop, asked_by, check_stop, never, part_of
+from beamsim.outcomes import Interrupted, Outcome, Progress, Stop, check_stop, never, part_of, stop_requests
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
 from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, reached, samples_until
 from beamsim.results.values import (
@@ -43,7 +43,7 @@ from beamsim.results.values import (
     extreme_times,
     merge_extremes,
     parse_limit,
-    searched,
+    searched_channels,
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
@@ -118,7 +118,7 @@ class Needed:
         entries : of the summary.
         """
         settings, stationary = not_none(scenario.run), scenario.excitation.stationary
-        limits = {} if scenario.limits is None else scenario.limits.given
+        limits = {} if scenario.limits is None else scenario.limits.values_by_name
         over_curves = {"srs_over_limit", "psd_over_limit"}  # which only limits have
         needed = (frozenset(entries) - over_curves) | {parse_limit(name)[0].entry for name in limits}
         if settings.fatigue is not None:
@@ -136,11 +136,13 @@ class Needed:
         """Whether one of some entries of the summary is needed."""
         return self.entries is None or not self.entries.isdisjoint(entries)
 
-    def searched(self, channels: ChannelSet) -> ChannelSet:
+    def searched_channels(self, channels: ChannelSet) -> ChannelSet:
         """The channels whose extremes some entries take; warnings need those of probes and snubbers in any case."""
         entries = not_none(self.entries) | ({STRESS_ENTRIES[0]} if self.has(*STRESS_ENTRIES) else set())
         values = [value for value in VALUES if value.section in ALWAYS_THERE or value.entry in entries]
-        return channels.select(lambda each: each.key == PENETRATION or any(value.takes(each) for value in values))
+        return channels.select(
+            lambda each: each.key == PENETRATION or any(value.is_extreme_of(each) for value in values)
+        )
 
 
 EVERYTHING = Needed()
@@ -159,7 +161,7 @@ class Evaluation:
     stop: Stop
     left_out: list[str] = field(default_factory=list)  # what is missing
 
-    def computed(self, what: str, compute: Callable[[], Value], instead: Value, minor: bool = False) -> Value:
+    def compute(self, what: str, compute: Callable[[], Value], instead: Value, minor: bool = False) -> Value:
         """The result of a step; ``instead`` if it is left out.
 
         Parameters
@@ -168,7 +170,7 @@ class Evaluation:
         compute, instead : the result.
         minor : whether it is noted only where nothing before it is left out.
         """
-        with suppress(Interrupted), asked_by(self.stop, at_once=True):
+        with suppress(Interrupted), stop_requests(self.stop, at_once=True):
             if not self.left_out:
                 check_stop()
                 return compute()
@@ -412,8 +414,8 @@ def _evaluated(
     """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
     for chunk in march.chunks():
         try:
-            with asked_by(overdue, at_once=True, progress=progress):
-                part, found = chunk, values.computed(chunk)
+            with stop_requests(overdue, at_once=True, progress=progress):
+                part, found = chunk, values.compute(chunk)
         except Interrupted:
             part, found = values.computed_of_beginning(chunk)
             march.end_with(part)
@@ -463,7 +465,7 @@ class _LatestPart:
 
     def fields(self, march: MotionInChunks, settings: Run) -> dict[str, Any]:
         """What of the result of a march and its settings depends on the part."""
-        return {"compared_s": self.compared_s, "warnings": (_forgotten(march, settings, self),)}
+        return {"compared_s": self.compared_s, "warnings": (_memory_note(march, settings, self),)}
 
     @property
     def trajectory(self) -> Trajectory:
@@ -485,7 +487,7 @@ def _longer(
     )
 
 
-def _forgotten(march: MotionInChunks, settings: Run, latest: _LatestPart) -> str:
+def _memory_note(march: MotionInChunks, settings: Run, latest: _LatestPart) -> str:
     """What becomes of a motion that does not fit into the memory, and of its last part there are spectra."""
     kept = f"the motion is kept {march.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if march.outcome.interrupted:
@@ -538,7 +540,9 @@ class ChunkValues:
         self.extreme_states, self._extreme_times = np.zeros((2, flow.size)), np.full(2, np.nan)
         self.contact: LargestContact | None = None
         self.low_passed: LowPassed | None = None
-        channels = searched(system.channels) if needed.entries is None else needed.searched(system.channels)
+        channels = (
+            searched_channels(system.channels) if needed.entries is None else needed.searched_channels(system.channels)
+        )
         if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
@@ -546,7 +550,7 @@ class ChunkValues:
         self._largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
         self._channels = channels
 
-    def computed(self, chunk: Trajectory) -> Computed:
+    def compute(self, chunk: Trajectory) -> Computed:
         """The values of the next chunk, which is not included yet: that takes no time, and is not interrupted."""
         energies, low = energies_of_segments(chunk), None
         found = self._channels.split(np.array(channel_extrema(chunk, self._channels, self._largest_alone)[:4]))
@@ -561,7 +565,7 @@ class ChunkValues:
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
             part = chunk.select(slice(0, segments))
-            found = self.computed(part)
+            found = self.compute(part)
             if segments >= chunk.time.size or processor_time() - begin > KEPT_S:
                 return part, found
             segments *= 2
@@ -614,4 +618,4 @@ def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
     """The outcome, with the key of the scenario that limits the events."""
     if outcome.code != EVENT_LIMIT:
         return outcome
-    return outcome.but(remedy=f"raise {limit}, or check for a chattering contact")
+    return outcome.copy_with(remedy=f"raise {limit}, or check for a chattering contact")

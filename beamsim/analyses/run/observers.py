@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Stop, asked_by, check_stop
+from beamsim.outcomes import Interrupted, Stop, check_stop, stop_requests
 
 
 class ChunkObserver(ABC):
@@ -28,7 +28,7 @@ class ChunkObserver(ABC):
     def add(self, chunk: Trajectory) -> None:
         """Take the next chunk."""
         try:
-            with asked_by(self._stop, at_once=True):
+            with stop_requests(self._stop, at_once=True):
                 self.finish()
         except Interrupted:
             self._interrupted = True

@@ -54,7 +54,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
-from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, judged, largest, margin_of, parse_limit
+from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, largest, margin_of, parse_limit, with_verdicts
 from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
@@ -202,7 +202,7 @@ class StationaryRecord:
             if expected[EXPECTED[1]] <= limit < expected[EXPECTED[2]]:
                 expected["decided_after_s"] = self._end * deciding_share(measured, freedom, samples, limit)
             if self._outlasts:
-                reached = _reached(self._found, signal._asdict())
+                reached = _largest_in_run(self._found, signal._asdict())
                 expected |= {each: max(expected[each], reached) for each in EXPECTED}
         return expected
 
@@ -243,7 +243,7 @@ def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
     _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     shaken = system.base_acceleration is not None
     history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)
-    quantity = str(shown.takes[0])
+    quantity = str(shown.level_quantities[0])
     return StationarySignal("excitation", "input", quantity, amplitude_unit(quantity), history)
 
 
@@ -266,7 +266,7 @@ def _responses(result: RunResult, motion: RunMotion) -> Iterator[StationarySigna
     for name, output in histories.by_label("output_value").items():
         quantity = histories["output_quantity"].sel(output=name).item()
         yield StationarySignal("outputs", name, quantity, output.unit, output.values)
-    limits = {} if result.scenario.limits is None else result.scenario.limits.given
+    limits = {} if result.scenario.limits is None else result.scenario.limits.values_by_name
     if any(parse_limit(name)[0].key == OPENING for name in limits) and motion.histories is not None:
         for snubber, opening in zip(motion.system.snubbers, motion.histories.of(OPENING).T, strict=False):
             yield StationarySignal(OPENING[0], snubber.name, OPENING[1], snubber.gap_unit, opening)
@@ -394,7 +394,7 @@ class Compression(NamedTuple):
 
     def energy(self, force: float) -> float:
         """J, at a peak of the force, N; see the module."""
-        return self._stored(self.law.static_penetration(force))
+        return self._stored_energy(self.law.static_penetration(force))
 
     def largest(self, energy: float) -> float:
         """Force, N, at the peak that has an energy, J; that where the energy is least for a smaller one."""
@@ -403,13 +403,13 @@ class Compression(NamedTuple):
         # from the larger of the two on it grows with the penetration, as no law becomes weaker
         low = max(self.penetration, self.law.static_penetration(self.force) if self.force > 0.0 else 0.0)
         high, step = low, abs(self.penetration)
-        while self._stored(high) < energy:
+        while self._stored_energy(high) < energy:
             high, step = high + step, 2.0 * step
         if high > low:
-            high = brentq(lambda penetration: self._stored(penetration) - energy, low, high)
+            high = brentq(lambda penetration: self._stored_energy(penetration) - energy, low, high)
         return float(self.law.static_force(np.array(high)))
 
-    def _stored(self, penetration: float) -> float:
+    def _stored_energy(self, penetration: float) -> float:
         moved = penetration - self.penetration
         springs = self.law.static_springs
         pressed = (0.5 * s.stiffness * max(s.direction * penetration - s.offset, 0.0) ** 2 for s in springs)
@@ -468,14 +468,14 @@ def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[s
     if np.ptp(bounded) <= SAME_PEAK * bounded[1]:  # the limit of a force that gives way
         return dict.fromkeys(EXPECTED, float(bounded[1]))
     if compression is None:
-        found = mean + np.sqrt(_extrapolated((peaks - mean) ** 2, samples / x.size))
+        found = mean + np.sqrt(_extrapolate((peaks - mean) ** 2, samples / x.size))
         return dict(zip(EXPECTED, found.tolist(), strict=True))
     energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
     if not np.isfinite(energies).all():  # more than the law gives
         return {UNKNOWN: "most of it is the force of a dashpot"}
     return {
         name: compression.largest(energy)
-        for name, energy in zip(EXPECTED, _extrapolated(energies, samples / x.size).tolist(), strict=True)
+        for name, energy in zip(EXPECTED, _extrapolate(energies, samples / x.size).tolist(), strict=True)
     }
 
 
@@ -517,11 +517,11 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
 
 def _limit_on_peak(scenario: Scenario, signal: Mapping[str, Any]) -> float:
     """The lowest limit on the peaks of a signal, SI; nan without any."""
-    limits = {} if scenario.limits is None else scenario.limits.given
+    limits = {} if scenario.limits is None else scenario.limits.values_by_name
     return min((limit for name, limit in limits.items() if _on_peak(name, signal)), default=math.nan)
 
 
-def _reached(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
+def _largest_in_run(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
     """The largest magnitude of a signal in the run, between samples, too; 0 of the input, which is known anyway."""
     for name, value in LIMITED.items():
         if _on_peak(name, signal) and value.entry in found:
@@ -566,7 +566,7 @@ def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | Non
             found[name] = item | max(known, key=itemgetter("value"))
         else:  # the largest value of the test is not known
             found[name] = item | {"statistic": REACHED, "highest": math.inf}
-    return judged(found)
+    return with_verdicts(found)
 
 
 def _known(value: float | None) -> bool:
@@ -644,7 +644,7 @@ def _beyond_record(
             if peaks.size == 0:
                 continue
             low = mean + direction * float(np.median(peaks))
-            high = mean + direction * float(_extrapolated(peaks**2, samples / x.size)[2]) ** 0.5
+            high = mean + direction * float(_extrapolate(peaks**2, samples / x.size)[2]) ** 0.5
             phases = [law.phases[law.resting_phase(at)] for at in np.linspace(low, high, 33).tolist()]
             stiffness = [phase.stiffness for phase in phases]
             if np.ptp(stiffness) > OTHER_STIFFNESS * np.abs(stiffness).max():
@@ -661,7 +661,7 @@ def _segment_peaks(x: Floats, freedom: float) -> Floats:
     return np.array([part.max() for part in np.array_split(x, count)] if count >= FEWEST_SEGMENTS else [])
 
 
-def _extrapolated(energies: Floats, longer: float) -> Floats:
+def _extrapolate(energies: Floats, longer: float) -> Floats:
     """(3,) median and interval of the largest energy of a test from those of segments (N,) of a record.
 
     Parameters
@@ -683,7 +683,7 @@ def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
     segments : of the test.
     skewness : of the record, the ratio of its third to its second L-moment.
     """
-    of_draws, pivots = _drawn(count, segments)
+    of_draws, pivots = _drawn_records(count, segments)
     alike, tail = DRAWS // 10, 0.5 * (1.0 - CONFIDENCE)
     first = int(np.clip(np.searchsorted(of_draws, skewness) - alike // 2, 0, DRAWS - alike))
     return np.asarray(np.quantile(pivots[first : first + alike], [0.5, tail, 1.0 - tail]))
@@ -710,7 +710,7 @@ def _moments(x: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 @cache
-def _drawn(count: int, segments: float) -> tuple[Floats, Floats]:
+def _drawn_records(count: int, segments: float) -> tuple[Floats, Floats]:
     """(DRAWS,) ratio of the third to the second L-moment of drawn records, rising, and the largest value of a test less
     the mean of the record, over the second."""
     generator = np.random.default_rng(0)

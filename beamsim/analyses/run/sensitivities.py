@@ -36,7 +36,7 @@ from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative,
 from beamsim.labelled import Dataset
 from beamsim.outcomes import first_of
 from beamsim.results.competition import NEGLIGIBLE, Competition
-from beamsim.results.values import ACCELERATION, VALUES, Value, parse_limit, searched
+from beamsim.results.values import ACCELERATION, VALUES, Value, parse_limit, searched_channels
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter
@@ -122,9 +122,11 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
     along = LocalExtremes(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
-    pairs = [_varied(plain, system, along, chosen, number) for number in numbers]
+    pairs = [_variation_of_number(plain, system, along, chosen, number) for number in numbers]
     varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
-    everywhere = [of for of, place in map(parse_limit, scenario.limits.given if scenario.limits else ()) if not place]
+    everywhere = [
+        of for of, place in map(parse_limit, scenario.limits.values_by_name if scenario.limits else ()) if not place
+    ]
     contests, misses = along.contests(chosen, everywhere), along.misses()
     ends, order = along.ends(), lambda peak: (peak.segment, peak.time, peak.later)
     peaks = sorted({*misses, *ends, *(peak for of in contests for peak in of.peaks)}, key=order)
@@ -135,13 +137,13 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     near = [(miss.time, along.distance(miss), by[miss]) for miss in misses]
     beyond = [*along.entering(ends, [peaks.index(end) for end in ends], varied, found)]
     every = [*(of.contenders(by) for of in contests), *_shares(system, trajectory, log, found)]
-    rows, warnings = list[Derivative](), along.still(contests)
+    rows, warnings = list[Derivative](), along.constant_channel_warnings(contests)
     noted = list[tuple[VariedParameter, Contenders, Competition]]()
     for p, number in enumerate(numbers):
-        holds = min(_reaches(found, log, near, beyond, p))
-        decided = [of.decided(p, _tolerance(number)) for of in every]
+        holds = min(_reaches_of_number(found, log, near, beyond, p))
+        decided = [of.competition(p, _tolerance(number)) for of in every]
         rows += [_derivative(number, of, each, holds.change) for of, each in zip(every, decided, strict=True)]
-        warnings += _doubts(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
+        warnings += _derivative_limits(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
         noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.noted]
     warnings += _competing(noted)
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
@@ -216,7 +218,7 @@ def _per(unit: str, other: str) -> str:
     return unit if other == "1" else f"{unit}/({other})" if set(other) & set("/ ") else f"{unit}/{other}"
 
 
-def _reaches(
+def _reaches_of_number(
     found: MotionDerivative, log: Log, missed: Iterable[Near], beyond: Iterable[Near], p: int
 ) -> Iterator[Reach]:
     """Changes of a number with which contacts begin or end that the motion does not have, or do not any more.
@@ -239,7 +241,7 @@ def _reaches(
         yield from (Reach(distance / abs(float(slope[p])), time, what) for time, distance, slope in nears if slope[p])
 
 
-def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
+def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
     """What limits the derivatives by a number.
 
     Parameters
@@ -267,10 +269,10 @@ def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: 
 
 def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
     """The channels of values; energies have none."""
-    return searched(system.channels, chosen).select(lambda channel: not channel.squared)
+    return searched_channels(system.channels, chosen).select(lambda channel: not channel.squared)
 
 
-def _varied(
+def _variation_of_number(
     scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
 ) -> tuple[Varied, Varied]:
     """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
@@ -283,7 +285,9 @@ def _varied(
     """
     shared = system.model.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
-    step /= max(1.0, _turned(own.flow, _neighbouring_flow(scenario, own.flow, number, step, shared)[1]) / STEP)
+    step /= max(
+        1.0, _rotation_between(own.flow, _neighbouring_flow(scenario, own.flow, number, step, shared)[1]) / STEP
+    )
     rows = {own: along.channels.linear}
     starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
     for side in SIDES:
@@ -331,7 +335,7 @@ def _neighbouring_flow(
     return built, other
 
 
-def _turned(flow: ExactFlow, other: ExactFlow) -> float:
+def _rotation_between(flow: ExactFlow, other: ExactFlow) -> float:
     """rad, by how much inputs of two flows turn against one another where a piece of them begins: far at a late one."""
     own, changed = flow.sources, other.sources
     faster, later = np.abs(changed.exponent - own.exponent), np.abs(changed.start - own.start)

@@ -56,7 +56,7 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
     else:
         times, fastest = motion.time, np.zeros(motion.time.size - 1)
         responses = CubicSpline(times, motion.of(ACCELERATION))
-    for count, (name, signals) in enumerate(_driven(system)):
+    for count, (name, signals) in enumerate(_driven_inputs(system)):
         end = max(_end(signal, float(times[-1])) for _, signal in signals)
         until, summed = np.append(times[times < end], end), partial(_summed, signals)
         names.insert(count, name)
@@ -87,7 +87,7 @@ def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
     return np.asarray(sum(factor * signal(at) for factor, signal in signals))[:, None]
 
 
-def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
+def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
     """What the excitation moves along a line, the base first: name and quantity, and accelerations with their factors.
 
     A support moves with the base and against it.

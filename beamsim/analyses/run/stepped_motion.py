@@ -13,7 +13,7 @@ from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeSteppi
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
 from beamsim.responses.histories import Histories, LowPassed
 from beamsim.responses.stepped_channels import SteppedChannels
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched_channels
 from beamsim.scenario.run import Run
 from beamsim.signals.filters import PANELS_A_PERIOD
 from beamsim.system.equations import Key
@@ -121,7 +121,7 @@ class SteppedOutputs:
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
         self.flow = flow
-        self.searched = SteppedChannels(system, flow, searched(system.channels))
+        self.searched = SteppedChannels(system, flow, searched_channels(system.channels))
         self.dense = StepExtremes()
         self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
         self.low = None if low_pass is None else LowPassed(low_pass, times, len(system.probes))

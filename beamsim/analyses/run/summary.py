@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.fatigue import known
+from beamsim.analyses.run.fatigue import has_value
 from beamsim.analyses.run.histories import friction_summary
 from beamsim.analyses.run.layouts import OF_SNUBBERS, RANDOM
 from beamsim.analyses.run.linear_prediction import gapping_of_motion, gapping_of_random
@@ -154,18 +154,18 @@ def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
     """By snubber the numbers of its impacts, and their intervals."""
     summary = {}
     for name in statistics.labels("snubber"):
-        called = _called(statistics, name)
+        called = _entry_namer(statistics, name)
         of_snubber = statistics.sel(snubber=name)
         summary[name] = {called(entry): of_snubber[entry].item() for entry in OF_SNUBBERS}
     if "interval" in statistics:
         for name, rows in statistics.groups("interval_snubber").items():
             if of := rows.rows("interval"):
-                called = _called(statistics, name)
+                called = _entry_namer(statistics, name)
                 summary[name]["intervals"] = {called(row["figure"]): [row["low"], row["high"]] for row in of}
     return summary
 
 
-def _called(statistics: Dataset, snubber: str) -> Callable[[str], str]:
+def _entry_namer(statistics: Dataset, snubber: str) -> Callable[[str], str]:
     """What entries are called for a snubber: a stop of a hinge has moments."""
     return hinge_key if statistics["peak_force_n"].sel(snubber=snubber).unit == "N m" else str
 
@@ -175,7 +175,7 @@ def impact_total(statistics: Dataset) -> dict[str, float]:
     total = {name: sum(statistics[name].values.tolist()) for name in ("number", "rate_hz", "energy_lost_j")}
     alike: dict[Callable[[str], str], list[Dataset]] = {}
     for name in statistics.labels("snubber"):
-        alike.setdefault(_called(statistics, name), []).append(statistics.sel(snubber=name))
+        alike.setdefault(_entry_namer(statistics, name), []).append(statistics.sel(snubber=name))
     for called, of_unit in alike.items():
         total[called("peak_force_n")] = max(of["peak_force_n"].item() for of in of_unit)
         total[called("impulse_n_s")] = sum(of["impulse_n_s"].item() for of in of_unit)
@@ -188,7 +188,7 @@ def random_summary(random: Dataset) -> dict[str, dict[str, Any]]:
             "expected_peak", "expected_peak_low", "expected_peak_high", "expected_peak_unknown")  # fmt: skip
     return {
         row["signal"]: {
-            key: row[key] for key in keys if key in row and (known(row[key]) or not RANDOM.variables[key].optional)
+            key: row[key] for key in keys if key in row and (has_value(row[key]) or not RANDOM.variables[key].optional)
         }
         for row in random.rows("signal")
     }
@@ -201,7 +201,7 @@ def linear_summary(random: Dataset) -> dict[str, dict[str, float]]:
             "standard_deviation": row["standard_deviation"], "open": row["linear_open"], "closed": row["linear_closed"]
         }
         for row in random.rows("signal")
-        if known(row.get("linear_open")) and known(row.get("linear_closed"))
+        if has_value(row.get("linear_open")) and has_value(row.get("linear_closed"))
     }  # fmt: skip
 
 
@@ -216,7 +216,7 @@ def psd_over_limit(random: Dataset) -> dict[str, tuple[float, float]]:
 def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
     """By body the numbers of its damage that are known."""
     return {
-        row["body"]: {name: value for name, value in row.items() if name != "body" and known(value)}
+        row["body"]: {name: value for name, value in row.items() if name != "body" and has_value(value)}
         for row in fatigue.rows("body")
     }
 
@@ -329,7 +329,7 @@ def summary_of_run(
     predicted = needed.has("gapping_ratio") and system.snubbers
     if predicted:
         nothing, what = dict[str, dict[str, Any]](), "the level that changes contact"
-        of_snubbers = evaluation.computed(what, lambda: gapping_of_run(motion, summary), nothing, minor=True)
+        of_snubbers = evaluation.compute(what, lambda: gapping_of_run(motion, summary), nothing, minor=True)
         if of_snubbers:
             summary["gapping"] = of_snubbers
         if system.sine is not None:
@@ -380,7 +380,7 @@ def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
     if isinstance(excitation, RandomInput):
         return gapping_of_random(motion.system)
     settings = not_none(scenario.run)
-    moved = settings.start != "static_equilibrium" or scenario.just_mounted
+    moved = settings.start != "static_equilibrium" or scenario.starts_unrelaxed
     if moved or excitation.kind == "none" or motion.trajectory is None:
         return {}
     level = float(excitation.level) if isinstance(excitation, Shock) else None

@@ -100,8 +100,8 @@ def _sampled(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
     one = len(points) == 1
     region = np.zeros(len(failures.weights), dtype=int) if one else of.regions.nearest(failures.points.u)
     regions, count = _Regions(points, region, failures), len(scatter.numbers)
-    shifts = np.array([regions.slopes(scatter.shifted(points, k, STEP)) / STEP for k in range(count)]).T
-    widths = np.array([regions.slopes(scatter.widened(points, k, STEP)) / STEP for k in range(count)]).T
+    shifts = np.array([regions.slopes(scatter.shift_changes(points, k, STEP)) / STEP for k in range(count)]).T
+    widths = np.array([regions.slopes(scatter.width_changes(points, k, STEP)) / STEP for k in range(count)]).T
     by_mean, covariance = regions.weights @ shifts, regions.covariance(shifts)
     spread = 1.96 * np.sqrt(np.diag(covariance))
     draws = np.random.default_rng(0).multivariate_normal(by_mean, covariance, DRAWS, method="eigh")
@@ -109,7 +109,7 @@ def _sampled(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
     doubles = np.full((3, count, len(SIDES)), math.nan)
     for k in range(count):
         for j, sign in enumerate(SIDES.values()):
-            doubles[:, k, j] = _doubling_of(regions, lambda by, k=k: scatter.shifted(points, k, by), sign)  # type: ignore[misc]
+            doubles[:, k, j] = _doubling_of(regions, lambda by, k=k: scatter.shift_changes(points, k, by), sign)  # type: ignore[misc]
     return {
         "importance": np.array([_shares(by_mean[None])[0], *ends]),
         "by_mean": np.array([by_mean, by_mean - spread, by_mean + spread]),
@@ -165,12 +165,12 @@ def _beyond_a_plane(scatter: Scatter, point: Floats, of: Estimator) -> dict[str,
         return math.exp(norm.logsf(index + float(normal @ moves[0])) - norm.logsf(index))
 
     hazard = math.exp(norm.logpdf(index) - norm.logsf(index))
-    by_mean = np.array([-normal @ scatter.shifted(at, k, STEP)[0] for k in range(count)]) / STEP * hazard
-    by_width = np.array([-normal @ scatter.widened(at, k, STEP)[0] for k in range(count)]) / STEP * hazard
+    by_mean = np.array([-normal @ scatter.shift_changes(at, k, STEP)[0] for k in range(count)]) / STEP * hazard
+    by_width = np.array([-normal @ scatter.width_changes(at, k, STEP)[0] for k in range(count)]) / STEP * hazard
     doubles = np.full((3, count, len(SIDES)), math.nan)
     for k in range(count):
         for j, sign in enumerate(SIDES.values()):
-            doubles[0, k, j] = _doubling(lambda by, k=k: ratio(scatter.shifted(at, k, by)), sign)  # type: ignore[misc]
+            doubles[0, k, j] = _doubling(lambda by, k=k: ratio(scatter.shift_changes(at, k, by)), sign)  # type: ignore[misc]
     none = np.full(count, math.nan)
     return {
         "importance": np.array([_shares(by_mean[None])[0], none, none]), "by_mean": np.array([by_mean, none, none]),

@@ -28,7 +28,7 @@ WORSE = 10.0  # of a difference between designs, as which what is not known coun
 BETTER = "it still found better ones"
 
 
-def unsettled(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most_cases") -> Outcome:
+def unfinished_search(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most_cases") -> Outcome:
     """The outcome of a search that ended before it was done.
 
     Parameters
@@ -41,7 +41,7 @@ def unsettled(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most
     return Outcome.of(OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {more}", tried=tried)
 
 
-def descended(
+def local_search(
     merit: Callable[[Floats], float], beyond: Callable[[Floats], Floats], start: Floats, room: int,
     radii: tuple[float, float],
 ) -> tuple[Floats, bool]:  # fmt: skip
@@ -105,10 +105,10 @@ class Designs:
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and excess of the limits (n,) of points (n, parameters) of the unit cube."""
-        values, beyond = self.signed(cube)
+        values, beyond = self.objectives_and_excesses(cube)
         return values, beyond.max(axis=0, initial=0.0)
 
-    def signed(self, cube: Floats) -> tuple[Floats, Floats]:
+    def objectives_and_excesses(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and by which share each limit is exceeded (limits, n), negative if met."""
         rows = list(zip(*distributed(self.plan.study.varied, cube), strict=True))
         self.points |= {row: point for row, point in zip(rows, cube, strict=True) if row not in self.known}
@@ -138,7 +138,7 @@ class Designs:
         return float(values[0, 0]), beyond[:, 0]
 
     @property
-    def every(self) -> SolvedPoints:
+    def all_designs(self) -> SolvedPoints:
         """All designs that are solved, in the order in which they were tried."""
         if self._every is None:
             columns = [(self.points[row], *of) for row, of in self.known.items()]
@@ -146,7 +146,7 @@ class Designs:
         return self._every
 
     @property
-    def tried(self) -> int:
+    def design_count(self) -> int:
         """Number of designs that were asked for."""
         return len(self.evaluate.rows)
 
@@ -158,8 +158,8 @@ class Designs:
 
     def best_apart(self, taken: Sequence[Floats], goal: int = 0) -> Floats | None:
         """The best point by an objective that meets every limit and lies apart from others; None without one."""
-        points, values, _ = self.every
-        kept = np.flatnonzero((self.every.excess == 0.0) & np.isfinite(values[:, goal]))
+        points, values, _ = self.all_designs
+        kept = np.flatnonzero((self.all_designs.excess == 0.0) & np.isfinite(values[:, goal]))
         ranked = points[kept[np.argsort(values[kept, goal], kind="stable")]]
         return next((p for p in ranked if all(np.max(np.abs(p - other)) >= APART for other in taken)), None)
 

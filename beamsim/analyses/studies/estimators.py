@@ -100,7 +100,7 @@ class Estimator:
         """The samples beyond the limit that the estimate is made of."""
         of, shares = self._batches, self._shares(len(self._batches))
         if not of:
-            return Failures(self.origin.some([]), np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))
+            return Failures(self.origin.select([]), np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))
         starts = np.cumsum([0, *(batch.groups.max(initial=-1) + 1 for batch in of)])
         points = sampling.Points(
             np.vstack([batch.points.u for batch in of]), np.concatenate([batch.points.blends for batch in of])
@@ -121,7 +121,7 @@ class Estimator:
         """
         beyond = values <= 0.0
         own = np.arange(len(values)) if groups is None else groups
-        self._batches.append(Failures(points.some(beyond), values[beyond], weights[beyond], own[beyond]))
+        self._batches.append(Failures(points.select(beyond), values[beyond], weights[beyond], own[beyond]))
         return beyond
 
     def note(self, estimate: sampling.Estimate) -> bool:
@@ -158,10 +158,10 @@ class Estimator:
         """The design point: the nearest one, or with random processes that which is nearest to the limit."""
         failures = self.failures
         if self.origin.blends[0][0][0]:
-            self.critical = failures.points.some([int(np.argmax(failures.values))])
+            self.critical = failures.points.select([int(np.argmax(failures.values))])
             return
         nearest = np.argsort(np.linalg.norm(failures.points.u, axis=1), kind="stable")
-        self.critical = failures.points.some(nearest[:1])
+        self.critical = failures.points.select(nearest[:1])
         self.critical = sampling.points_at(sampling.nearest_point(self, self.critical.u[0])[0][None])
 
 
@@ -171,7 +171,7 @@ def monte_carlo(of: Estimator, *known: tuple[sampling.Points, Floats]) -> None:
     for points, values in known:
         terms.append(of.keep(points, values, np.full(len(values), 1.0 / len(values))).astype(float))
     while not terms or not of.note(sampling.average(terms)):
-        points = sampling.drawn(of.generator, of.samples, of.origin)
+        points = sampling.draw(of.generator, of.samples, of.origin)
         terms.append(of.keep(points, of(points), np.full(of.samples, 1.0 / of.samples)).astype(float))
 
 
@@ -211,7 +211,7 @@ def subset(of: Estimator) -> None:
     of.regions.look(np.vstack([failures.points.u, of.explore(of.estimate.probability)]))
     seen = np.bincount(of.regions.nearest(failures.points.u), failures.weights, len(of.regions.found))
     missed = (seen == 0.0) & (of.regions.expected() > MISSED * of.estimate.probability)
-    of.critical = of.regions.critical()
+    of.critical = of.regions.nearest_point()
     if missed.any():
         count = f"{int(missed.sum())} of {len(seen)} regions"
         sentence = f"the levels miss {count} that a sample at increased scatter finds"
@@ -242,10 +242,10 @@ def importance_sampling(of: Estimator) -> None:
         of.check = Outcome.of(OutcomeKind.UNTRUSTED, "not_checked", "the estimate is not checked", remedy=MORE)
     else:
         of.check = _one_value()
-    of.critical = of.regions.critical()
+    of.critical = of.regions.nearest_point()
     while not (_sampled(of, inside) and (not known or _agrees(of, checks))):  # as often as there are new regions
         of.restart()
-    of.critical = of.regions.critical()
+    of.critical = of.regions.nearest_point()
     return None
 
 
@@ -276,11 +276,11 @@ def _sampled(of: Estimator, u: Floats) -> bool:
         weight = np.exp(norm.logpdf(drawn).sum(axis=1) - np.ravel(density.computeLogPDF(drawn)))
         points = sampling.points_at(drawn)
         beyond = of.keep(points, of(points), weight / count)
-        means.append(_weighted(weight * beyond))
+        means.append(_weighted_mean(weight * beyond))
         failures = of.failures
         u, weights = failures.points.u, failures.weights
-        sure = of.note(_combined(means, of._shares(len(means))))
-        stray = weight[beyond] @ ~of.regions.beyond(drawn[beyond])
+        sure = of.note(_combine(means, of._shares(len(means))))
+        stray = weight[beyond] @ ~of.regions.contains(drawn[beyond])
         new = of.regions.look(drawn[beyond])
         if new and stray > NEW * (weight @ beyond) and of.restarts < MOST_RESTARTS:
             return False
@@ -288,13 +288,13 @@ def _sampled(of: Estimator, u: Floats) -> bool:
             return True
 
 
-def _weighted(terms: Floats) -> sampling.Estimate:
+def _weighted_mean(terms: Floats) -> sampling.Estimate:
     """The mean of weighted samples, whose variance counts a sample as heavy as the heaviest that was not drawn."""
     mean, variation = sampling.average([terms])
     return sampling.Estimate(mean, math.hypot(variation, terms.max() / mean / terms.size) if mean > 0.0 else variation)
 
 
-def _combined(means: list[sampling.Estimate], shares: Floats) -> sampling.Estimate:
+def _combine(means: list[sampling.Estimate], shares: Floats) -> sampling.Estimate:
     """The sum of independent estimates with these shares."""
     probabilities = np.array([mean.probability for mean in means])
     spreads = np.array([m.probability * m.variation if m.probability > 0.0 else 0.0 for m in means])
@@ -304,7 +304,9 @@ def _combined(means: list[sampling.Estimate], shares: Floats) -> sampling.Estima
 
 def _agrees(of: Estimator, checks: list[sampling.Estimate]) -> bool:
     """Compare with subset simulations, more of them where they differ; false if these find a new region."""
-    while (apart := _apart(of.estimate, sampling.mean_of(checks))) > AGREES and len(checks) < MOST_CHECKS:
+    while (apart := _difference_in_deviations(of.estimate, sampling.mean_of(checks))) > AGREES and len(
+        checks
+    ) < MOST_CHECKS:
         estimate, level = of.estimate, of.level()
         if level.edge > 0.0:
             break
@@ -321,7 +323,7 @@ def _agrees(of: Estimator, checks: list[sampling.Estimate]) -> bool:
     return True
 
 
-def _apart(one: sampling.Estimate, other: sampling.Estimate) -> float:
+def _difference_in_deviations(one: sampling.Estimate, other: sampling.Estimate) -> float:
     """How far two estimates differ, in standard deviations of the logarithm."""
     spread = math.sqrt(math.log1p(one.variation**2) + math.log1p(other.variation**2))
     return abs(math.log(one.probability / other.probability)) / spread

@@ -16,11 +16,11 @@ from beamsim.analyses.studies.designs import (
     WORSE,
     Designs,
     SolvedPoints,
-    descended,
-    unsettled,
+    local_search,
+    unfinished_search,
 )
 from beamsim.analyses.studies.objectives import objectives
-from beamsim.analyses.studies.proposals import proposed, ranges_of
+from beamsim.analyses.studies.proposals import propose_designs, ranges_of
 from beamsim.analyses.studies.table import WIDE, efficient, shares_between
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
@@ -62,8 +62,8 @@ def front(designs: Designs, settings: Optimise) -> Outcome:
         search.choose_among_equals(goal, round(LOCATING * most))
     search.search_gaps()
     search.propose(most)
-    left_out = search.left_out()
-    return COMPLETE if not left_out or designs.exhausted else unsettled(designs.tried, left_out)
+    left_out = search.front_doubts()
+    return COMPLETE if not left_out or designs.exhausted else unfinished_search(designs.design_count, left_out)
 
 
 class _Gap(NamedTuple):
@@ -102,17 +102,17 @@ class _FrontSearch:
     @property
     def room(self) -> int:
         """Number of cases that are left."""
-        return self.most - self.designs.tried
+        return self.most - self.designs.design_count
 
     @property
-    def fewest(self) -> int:
+    def least_cases(self) -> int:
         """Cases without which a local search has no direction: two for each number in a range, and some."""
         return 2 * int(self.designs.free.sum()) + 3
 
     @property
     def front(self) -> _Front:
         """The front of all designs."""
-        known = self.designs.every
+        known = self.designs.all_designs
         if self._last is None or self._last[0] != len(known.points):
             self._last = len(known.points), _front_of(known)
         return self._last[1]
@@ -138,18 +138,20 @@ class _FrontSearch:
 
     def approach(self, goal: int, room: int) -> None:
         """Search for the least value of an objective from the best designs that lie apart."""
-        last, taken = self.designs.tried + room, list[Floats]()
+        last, taken = self.designs.design_count + room, list[Floats]()
         for _ in range(STARTS):
-            start, left = self.designs.best_apart(taken, goal), min(last - self.designs.tried, self.room)
-            if start is None or left < self.fewest:
+            start, left = self.designs.best_apart(taken, goal), min(last - self.designs.design_count, self.room)
+            if start is None or left < self.least_cases:
                 break
             taken += [start, self._descend(start, goal, left)[0]]
 
     def propose(self, last: int) -> None:
         """Try what a model of the known designs proposes, a batch at a time, up to a number of designs."""
         varied = self.designs.plan.study.varied
-        while (room := min(last, self.most) - self.designs.tried) > 0:
-            found = proposed(varied, self.designs.every, self.front.numbers, min(BATCH, room), self.generator)
+        while (room := min(last, self.most) - self.designs.design_count) > 0:
+            found = propose_designs(
+                varied, self.designs.all_designs, self.front.numbers, min(BATCH, room), self.generator
+            )
             if not len(found):
                 return
             self.designs(found)
@@ -163,7 +165,7 @@ class _FrontSearch:
 
         start, free = self.designs.best_apart([], goal), self.designs.free
         room = min(room, self.room) - int(free.sum())  # the method may take as many more
-        if start is None or not free.any() or room < self.fewest:
+        if start is None or not free.any() or room < self.least_cases:
             return
 
         def merit(numbers: Floats) -> float:
@@ -179,7 +181,7 @@ class _FrontSearch:
 
     def choose_among_equals(self, goal: int, room: int) -> None:
         """Where several designs are the best in an objective, as without contact, search for the best in the other."""
-        known, front = self.designs.every, self.front
+        known, front = self.designs.all_designs, self.front
         meeting = np.flatnonzero((known.excess == 0.0) & np.isfinite(known.values).all(axis=1))
         if not meeting.size:
             return
@@ -191,19 +193,19 @@ class _FrontSearch:
 
     def search_gaps(self) -> None:
         """Search in the wide gaps of the front for a design in the middle, from both sides."""
-        while self.room >= self.fewest and (gap := self._widest()):
+        while self.room >= self.least_cases and (gap := self._widest()):
             values, other = self.front.values, 1 - gap.goal
             low = np.flatnonzero(values[:, other] <= gap.ceiling)
             nearest = low[np.argmin(values[low, gap.goal])]
             above = values[values[:, other] > gap.ceiling, other].min()
             self.searched.append((gap.goal, float(values[nearest, other]), float(above)))
             room = min(self.room, FOR_A_PART * (1 + int(self.designs.free.sum())))
-            start = self.designs.every.points[self.front.numbers[nearest]]
+            start = self.designs.all_designs.points[self.front.numbers[nearest]]
             self._descend(start, gap.goal, room, ceiling=gap.ceiling, radius=NEAR)
 
-    def left_out(self) -> list[str]:
+    def front_doubts(self) -> list[str]:
         """Why a front is in doubt, each as a clause: what the last quarter of the designs improved, and gaps."""
-        known = self.designs.every
+        known = self.designs.all_designs
         before = _front_of(SolvedPoints(*(each[: int((1.0 - LAST_QUARTER) * len(each))] for each in known)))
         if not len(before.values):
             return ["the first designs that meet every limit were found late"]
@@ -251,17 +253,17 @@ class _FrontSearch:
             Whether it settled there.
         """
         free, ranges, other = self.designs.free, self.front.ranges, 1 - goal
-        if not free.any() or room < self.fewest:
+        if not free.any() or room < self.least_cases:
             return start, not free.any()
 
-        solved, last = list[Floats](), self.designs.tried + room
+        solved, last = list[Floats](), self.designs.design_count + room
 
         def known(numbers: Floats) -> tuple[Floats, Floats]:
-            if solved and self.designs.tried >= last:  # the method may ask for some more: they count as bad ones
-                values, excess = self.designs.signed(solved[0][None])
+            if solved and self.designs.design_count >= last:  # the method may ask for some more: they count as bad ones
+                values, excess = self.designs.objectives_and_excesses(solved[0][None])
                 return np.full_like(values[:, 0], np.inf), np.full_like(excess[:, 0], np.inf)
             solved.append(self.designs.placed(start, np.clip(numbers, 0.0, 1.0)))
-            values, excess = self.designs.signed(solved[-1][None])
+            values, excess = self.designs.objectives_and_excesses(solved[-1][None])
             return values[:, 0], excess[:, 0]
 
         base = known(start[free])[0]
@@ -274,6 +276,6 @@ class _FrontSearch:
             above = [(values[other] - ceiling) / ranges[other]] if np.isfinite(ceiling) else []
             return np.asarray(np.minimum(np.append(excess + ON_A_LIMIT, above), WORSE))
 
-        numbers, settled = descended(merit, beyond, start[free], room, (radius, RESOLUTION))
+        numbers, settled = local_search(merit, beyond, start[free], room, (radius, RESOLUTION))
         end = self.designs.placed(start, numbers)  # a design that was solved, but for round-off
         return min(solved, key=lambda point: float(np.abs(point - end).max())), settled

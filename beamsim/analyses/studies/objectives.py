@@ -105,7 +105,7 @@ def worst_of(columns: Sequence[Floats], *, large_is_good: bool) -> Floats:
     return np.asarray(np.take_along_axis(values, badness.argmax(axis=0)[None], axis=0)[0])
 
 
-def deciding(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
+def deciding_realisations(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
     """The realisation of each case by which it is judged.
 
     Parameters
@@ -126,9 +126,9 @@ def deciding(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
     return np.where(unknown.any(axis=1), unknown.argmax(axis=1), order[:, place])
 
 
-def judged(values: Floats, quantile: float, *, large_is_good: bool) -> Floats:
-    """(cases,) values by which cases are judged, those of `deciding`."""
-    return of_realisation(values, deciding(values, quantile, large_is_good=large_is_good))
+def deciding_values(values: Floats, quantile: float, *, large_is_good: bool) -> Floats:
+    """(cases,) values by which cases are judged, those of `deciding_realisations`."""
+    return of_realisation(values, deciding_realisations(values, quantile, large_is_good=large_is_good))
 
 
 def of_realisation(column: Floats, realisation: Ints) -> Floats:

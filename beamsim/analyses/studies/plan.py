@@ -20,8 +20,8 @@ from beamsim.cases import Case
 from beamsim.errors import Problem, ScenarioError
 from beamsim.results.values import BY_NAME, parameter_label
 from beamsim.scenario import Scenario, Source, scenario_of
-from beamsim.scenario.base import Path, plain, suggestion
-from beamsim.scenario.parameters import replaced, value_at, with_values
+from beamsim.scenario.base import Path, as_plain_data, suggestion
+from beamsim.scenario.parameters import replace_values, value_at, with_values
 from beamsim.scenario.studies import (
     Correlation,
     LatinHypercube,
@@ -157,7 +157,7 @@ def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], value
     """The scenario with these values of varied parameters, the choices of catalogues before the numbers."""
     given = dict[Path, Value]()
     for parameter, value in zip(varied, values, strict=True):
-        scenario = replaced(scenario, parameter.choices.get(str(value), {}))
+        scenario = replace_values(scenario, parameter.choices.get(str(value), {}))
         given |= dict.fromkeys(parameter.places, value)
     return with_values(scenario, given)
 
@@ -170,7 +170,7 @@ def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
     called, varied = f"design {case['case'] + 1}" if "case" in case else "design point", varied_parameters(scenario)
     title = f"{scenario.title}, {called}".removeprefix(", ")
     alone = scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
-    alone = replaced(alone, scenario.whole_paths(alone))  # it has no folder that they could be relative to
+    alone = replace_values(alone, scenario.whole_paths(alone))  # it has no folder that they could be relative to
     alone = with_random_amplitudes(alone, varied)
     return with_parameters(alone, varied, case["parameters"].values()).rechecked()
 
@@ -255,8 +255,8 @@ def plan_designs(scenario: Source) -> StudyPlan:
     names = tuple(name for _, name in needed)
     given = vary.responses or (names if isinstance(vary, Optimise) else ())
     if isinstance(vary, Reliability) and scenario.limits is not None:
-        given = (*given, *(limited_response(name).rpartition("/")[2] for name in scenario.limits.given))
-    asked = _asked(scenario, given, f"{vary.section}.responses", names)
+        given = (*given, *(limited_response(name).rpartition("/")[2] for name in scenario.limits.values_by_name))
+    asked = _requested_responses(scenario, given, f"{vary.section}.responses", names)
     return _plan(scenario, vary.kind, varied, columns, asked, Realisations.of(scenario))
 
 
@@ -286,7 +286,9 @@ def plan_draws(
     varied = drawn_parameters(scenario, _listed(draws))
     columns = [list(parameter.values) for parameter in varied]
     responses = (responses,) if isinstance(responses, str) else responses
-    return _plan(scenario, "draws", varied, columns, _asked(scenario, responses, "responses"), Realisations())
+    return _plan(
+        scenario, "draws", varied, columns, _requested_responses(scenario, responses, "responses"), Realisations()
+    )
 
 
 def _listed(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, list[Any]]:
@@ -351,7 +353,7 @@ def _check_response(scenario: Scenario, name: str, where: str) -> None:
             raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))
 
 
-def _asked(
+def _requested_responses(
     scenario: Scenario, responses: Sequence[str], where: str, objectives: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
     """The responses asked for, the objectives, and those that limits are compared with; empty for all."""
@@ -359,7 +361,7 @@ def _asked(
         _check_response(scenario, name, f"{where}[{k}]")
     if not responses:
         return ()
-    limits = () if scenario.limits is None else scenario.limits.given
+    limits = () if scenario.limits is None else scenario.limits.values_by_name
     return tuple(
         dict.fromkeys((*responses, *objectives, *(limited_response(name).rpartition("/")[2] for name in limits)))
     )
@@ -391,12 +393,12 @@ def _plan(
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
     case = _case(scenario, varied)
     analysis = analysis_of(scenario)
-    search = plain(scenario.vary if kind == "reliability" else scenario.optimise)
+    search = as_plain_data(scenario.vary if kind == "reliability" else scenario.optimise)
     fingerprint = fingerprint_of(
-        scenario, analysis, kind, search, plain(case), places, columns, asked, realisations.as_data()
+        scenario, analysis, kind, search, as_plain_data(case), places, columns, asked, realisations.as_data()
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
-    study = Study(analysis, replaced(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
+    study = Study(analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
     points = tuple(map(len, columns)) if kind == "grid" else ()
     return StudyPlan(scenario, kind, points, study, (), most).of(rows)
@@ -528,10 +530,10 @@ def latin_hypercube(
     from scipy.stats.qmc import LatinHypercube
 
     cube = LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples)
-    return distributed(varied, _correlated([p.path for p in varied], cube, correlations) if correlations else cube)
+    return distributed(varied, _correlate([p.path for p in varied], cube, correlations) if correlations else cube)
 
 
-def _correlated(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
+def _correlate(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
     """The columns of a sample put into orders that have the rank correlations of a Gaussian copula.
 
     Source: R. L. Iman and W. J. Conover, Communications in Statistics B 11 (1982) 311-334. A rank correlation r of

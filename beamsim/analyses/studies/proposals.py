@@ -33,7 +33,7 @@ CHOICE = 0.5  # of a range, times the square root of two: distance between desig
 DIGITS = 4  # of the coordinates, in which a proposal differs from what is known
 
 
-def proposed(
+def propose_designs(
     varied: Sequence[VariedParameter], known: SolvedPoints, front: Ints, count: int, generator: np.random.Generator
 ) -> Floats:
     """New designs that improve a front by the model of all known ones; without a front those nearest to the limits.
@@ -61,7 +61,7 @@ def proposed(
     nearest = np.argsort(np.linalg.norm(np.maximum(objectives, 0.0), axis=1) + beyond.max(axis=1, initial=0.0))
     places = np.sort(nearest[:MOST_MODELLED])
     places = np.union1d(places, np.searchsorted(usable, parents))
-    candidates = _new(varied, _about(varied, known.points[parents], generator), known.points)
+    candidates = _new(varied, _designs_near(varied, known.points[parents], generator), known.points)
     modelled = known.points[usable[places]], np.hstack([objectives, beyond])[places]
     predicted = _interpolated(varied, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
@@ -141,7 +141,7 @@ def _new(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) 
     return candidates[np.sort(first[first >= len(points)]) - len(points)]
 
 
-def _about(varied: Sequence[VariedParameter], front: Floats, generator: np.random.Generator) -> Floats:
+def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: np.random.Generator) -> Floats:
     """(n, parameters) random designs: about those of a front, on lines through neighbours, other choices, anywhere."""
     listed: Bools = np.array([bool(p.values) for p in varied])
     made = list[Floats]()

@@ -61,7 +61,7 @@ class Regions:
         self.found: list[Region] = []
         self._state, self._generator = state, generator
 
-    def beyond(self, u: Floats) -> Bools:
+    def contains(self, u: Floats) -> Bools:
         """(n,) whether points beyond the limit belong to known regions."""
         if not self.found:
             return np.zeros(len(u), dtype=bool)
@@ -81,20 +81,20 @@ class Regions:
         """Locate the regions of points beyond the limit (n, d); whether a new one that matters was found."""
         new, in_vain, most = False, 0, max(MOST_REGIONS, 2 * u.shape[1] + MORE_THAN_FACES)
         left = u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]
-        while len(left := left[~self.beyond(left)]) and len(self.found) < most and in_vain < IN_VAIN:
+        while len(left := left[~self.contains(left)]) and len(self.found) < most and in_vain < IN_VAIN:
             near = self._nearer(left[0])
             left = left[1:]
             in_vain += 1
             region = self._by_gradients(near)
-            if region is None or not self._apart(region):
+            if region is None or not self._is_separate(region):
                 # gradients lead to the limit that is nearest to being exceeded, which is not that of the sample
                 region = Region(self._nearer(near, STEPS_ALONE), False)
-            if self._apart(region):
+            if self._is_separate(region):
                 self.found.append(region)
                 new, in_vain = new or self.matters()[-1], 0
         return new
 
-    def _apart(self, region: Region) -> bool:
+    def _is_separate(self, region: Region) -> bool:
         return all(np.linalg.norm(region.point - other.point) > APART for other in self.found)
 
     def _nearer(self, start: Floats, steps: int = STEPS) -> Floats:
@@ -129,7 +129,7 @@ class Regions:
         expected = self.expected()
         return np.asarray(expected >= NEGLIGIBLE * expected.max())
 
-    def critical(self) -> Points | None:
+    def nearest_point(self) -> Points | None:
         """The nearest point of all regions; none where no region is known."""
         if not self.found:
             return None

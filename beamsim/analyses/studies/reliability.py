@@ -20,7 +20,7 @@ from beamsim.analyses.studies.scatter import Scatter
 from beamsim.analyses.studies.table import costs
 from beamsim.cases import Ended, Evaluator, probability
 from beamsim.labelled import Dataset
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, report_progress
 from beamsim.scenario.excitation import MatchedInput, RandomInput
 from beamsim.scenario.studies import Reliability, VariedParameter, inputs_with_seed
 from beamsim.typing import Floats, of_kind
@@ -58,7 +58,7 @@ class Exceedance:
         self.target = vary.coefficient_of_variation or (0.3 if method == "subset" else 0.1)
         self.estimator = Estimator(
             self, sampling.points_at(np.zeros((1, len(vary.parameters))), np.zeros((1, len(inputs)), dtype=int)),
-            method=method, samples=vary.samples, target=self.target, seed=vary.seed, report=self._tell,
+            method=method, samples=vary.samples, target=self.target, seed=vary.seed, report=self._report_progress,
         )  # fmt: skip
 
     def __call__(self, points: sampling.Points) -> Floats:
@@ -73,13 +73,13 @@ class Exceedance:
         blended = [[_seed_of(item, k, of) for k, item in enumerate(self.inputs)] for of in points.blends]
         return [(*x, *of) for x, of in zip(self.scatter.values(points.u).tolist(), blended, strict=True)]
 
-    def _tell(self, known: Round) -> None:
+    def _report_progress(self, known: Round) -> None:
         """Report the fraction that is done."""
         needed = (self.target / known.variation) ** 2 if known.variation > 0.0 else 0.0  # 0 where it is unknown
-        tell(self._progress, min(1.0, max(needed, known.histories / self.vary.most_cases)))
+        report_progress(self._progress, min(1.0, max(needed, known.histories / self.vary.most_cases)))
 
 
-def asked(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
+def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
     """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
     histories = Exceedance(plan, evaluate, progress)
     with suppress(Ended):
@@ -87,7 +87,7 @@ def asked(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Ex
     return histories
 
 
-def concluded(result: StudyResult, histories: Exceedance) -> StudyResult:
+def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
     """The result of the cases with the probability, how sure it is, and what it depends on."""
     from scipy.special import ndtri
 
@@ -120,7 +120,7 @@ def concluded(result: StudyResult, histories: Exceedance) -> StudyResult:
     if of.rounds:
         datasets["rounds"] = ROUNDS.table(of.rounds)
     found = replace(result, datasets=datasets, warnings=warnings)
-    return replace(found, summary=result.summary | {"reliability": entry}).ended(_ended(of))
+    return replace(found, summary=result.summary | {"reliability": entry}).with_outcome(_estimate_outcome(of))
 
 
 def _shares_of_regions(of: Estimator) -> dict[int, float]:
@@ -145,7 +145,7 @@ def _regions(histories: Exceedance, regions: dict[int, float], numbers: Sequence
     return REGIONS.dataset(values, {"number": [{"unit": number.unit} for number in numbers]})
 
 
-def _ended(of: Estimator) -> Outcome:
+def _estimate_outcome(of: Estimator) -> Outcome:
     """How sure the estimate is."""
     failures, variation = of.failures, of.estimate.variation
     weight = float(failures.weights.sum())

@@ -43,7 +43,7 @@ def begins_response(name: str) -> bool:
 
 def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
     """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
-    limits = {} if scenario.limits is None else scenario.limits.given
+    limits = {} if scenario.limits is None else scenario.limits.values_by_name
     quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
     quantities |= {parse_limit(name)[0].name for name in limits}
     if not scenario.excitation.stationary:  # whose responses have no root mean square

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.studies.layouts import CASES, FURTHER, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
-from beamsim.analyses.studies.objectives import judged, objectives, worst_of
+from beamsim.analyses.studies.objectives import deciding_values, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
 from beamsim.analyses.studies.responses import means
 from beamsim.analyses.studies.worst import OBJECTIVE
@@ -135,7 +135,7 @@ class StudyResult(Result):
     SUMMARY = _SUMMARY
     DATASETS = (CASES, REALISATIONS, FURTHER, SOBOL, RUNS, RANDOM_NUMBERS, REGIONS, ROUNDS)
 
-    def ended(self, outcome: Outcome) -> Self:
+    def with_outcome(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
         summary = self.summary | ({"status": outcome.text} if "status" in self.summary else {})
         return replace(self, outcome=outcome, summary=summary)
@@ -159,7 +159,7 @@ class StudyResult(Result):
     @property
     def finished(self) -> bool:
         """Whether nothing is left to be computed."""
-        return not (self.outcome.interrupted or self.outcome.all_of("cases_missing"))
+        return not (self.outcome.interrupted or self.outcome.outcomes_with_code("cases_missing"))
 
     @property
     def kind(self) -> str:
@@ -223,7 +223,7 @@ class StudyResult(Result):
             columns |= {f"{name}_{mode}": column for mode, column in enumerate(response.values.T, 1)}
         return columns
 
-    def judged(self, *names: str) -> Floats:
+    def deciding_values(self, *names: str) -> Floats:
         """(cases,) the value by which each case is judged: the worst of those that are known.
 
         Parameters
@@ -237,7 +237,7 @@ class StudyResult(Result):
         if "realisations" not in self.datasets:
             return worst_of([values[name].values for name in names], large_is_good=asked)
         realised, quantile = self["realisations"].by_label("value"), self.summary["tolerances"]["quantile"]
-        found = judged(
+        found = deciding_values(
             worst_of([realised[name].values for name in names], large_is_good=asked), quantile, large_is_good=asked
         )
         if "further_realisations" in self.datasets:

@@ -39,7 +39,7 @@ class Points(NamedTuple):
     u: Floats  # (n, d)
     blends: NDArray[np.object_]  # (n,) of `Blend`
 
-    def some(self, which: Any) -> Points:
+    def select(self, which: Any) -> Points:
         """Those with these numbers, or where it is true."""
         return Points(self.u[which], self.blends[which])
 
@@ -66,7 +66,7 @@ def points_at(u: Floats, seeds: Ints | None = None) -> Points:
     return Points(u, np.fromiter(blends, dtype=object, count=len(u)))
 
 
-def drawn(generator: np.random.Generator, count: int, like: Points) -> Points:
+def draw(generator: np.random.Generator, count: int, like: Points) -> Points:
     """Independent samples of as many variables as points have, with realisations of as many processes."""
     processes = len(like.blends[0][0][0])
     seeds = generator.integers(2**31, size=(count, processes))
@@ -119,7 +119,7 @@ def subset_levels(
     ------
     SubsetLevel
     """
-    points, chains, width = drawn(generator, count, origin), max(1, round(count * KEPT)), 0.6
+    points, chains, width = draw(generator, count, origin), max(1, round(count * KEPT)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
     before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before
     ancestors = np.arange(values.size)
@@ -135,7 +135,7 @@ def subset_levels(
         if parents.size:  # what two levels have in common, by the chains that descend from each chain
             variance += max(0.0, _relative_variance(np.bincount(parents, hits, minlength=families)) - own - before)
         estimate = Estimate(probability, math.sqrt(variance))
-        yield SubsetLevel(estimate, points.some(inside), values[inside], ancestors[inside], edge)
+        yield SubsetLevel(estimate, points.select(inside), values[inside], ancestors[inside], edge)
         if edge == 0.0 or inside.mean() > 0.5:
             return
         first = order[: int(inside.sum())]
@@ -144,7 +144,7 @@ def subset_levels(
         else:  # some that were left behind have that value, too
             first = np.append(first, generator.choice(first, chains - first.size))
         before, parents, families = own, first // steps, hits.size
-        points, values, width = _chains(state, generator, points.some(first), values[first], bound, width)
+        points, values, width = _chains(state, generator, points.select(first), values[first], bound, width)
         steps = values.size // chains
         ancestors = np.repeat(ancestors[first], steps)
 
@@ -161,7 +161,7 @@ def _chains(
     count = values.size
     along, of = [points], [values]
     for step in range(1, round(1.0 / KEPT)):
-        stays, new = math.sqrt(1.0 - width**2), drawn(generator, count, points)
+        stays, new = math.sqrt(1.0 - width**2), draw(generator, count, points)
         blends = [
             (*((seeds, stays * share) for seeds, share in old), *((seeds, width * share) for seeds, share in added))
             for old, added in zip(points.blends, new.blends, strict=True)
@@ -176,7 +176,7 @@ def _chains(
         width = min(1.0, max(0.05, width * math.exp((float(goes.mean()) - ACCEPTANCE) / math.sqrt(step))))
     order = np.arange(len(of) * count).reshape(-1, count).T.ravel()
     each = Points(np.concatenate([p.u for p in along]), np.concatenate([p.blends for p in along]))
-    return each.some(order), np.concatenate(of)[order], width
+    return each.select(order), np.concatenate(of)[order], width
 
 
 def library() -> Any:

@@ -45,7 +45,7 @@ class Scatter:
         """(n, d) standard normal variables of values."""
         return np.asarray(np.linalg.solve(self.mixing, np.asarray(self._standard(x)).T).T)
 
-    def shifted(self, u: Floats, number: int, by: float) -> Floats:
+    def shift_changes(self, u: Floats, number: int, by: float) -> Floats:
         """(n, d) by how much the variables (n, d) of values change when the distribution of a number is shifted.
 
         ``by`` is in its standard deviations.
@@ -54,7 +54,7 @@ class Scatter:
         x[:, number] -= by * self.deviations[number]
         return self.standard(x) - u
 
-    def widened(self, u: Floats, number: int, by: float) -> Floats:
+    def width_changes(self, u: Floats, number: int, by: float) -> Floats:
         """(n, d) the same when the distribution becomes wider about its mean, ``by`` in logarithms."""
         x = self.values(u).copy()
         x[:, number] -= by * (x[:, number] - self.means[number])

@@ -17,8 +17,8 @@ from beamsim.analyses.studies.designs import (
     RESOLUTION,
     WORSE,
     Designs,
-    descended,
-    unsettled,
+    local_search,
+    unfinished_search,
 )
 from beamsim.analyses.studies.fronts import front
 from beamsim.analyses.studies.objectives import objectives
@@ -63,9 +63,9 @@ def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
     designs = Designs(plan, evaluate)
     if len(objectives(plan.scenario)) > 1:
         return front(designs, settings)
-    most = settings.most_cases - (round(WITHIN_TOLERANCES * settings.most_cases) if worst.asked else 0)
+    most = settings.most_cases - (round(WITHIN_TOLERANCES * settings.most_cases) if worst.judges_by_worst else 0)
     ended = _best(designs, settings.model_copy(update={"most_cases": most}), plan.scenario.limits is not None)
-    return (_improve_worst(designs, worst, settings.most_cases) if worst.asked else None) or ended
+    return (_improve_worst(designs, worst, settings.most_cases) if worst.judges_by_worst else None) or ended
 
 
 def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
@@ -95,7 +95,7 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     free = designs.free
     settled, least, taken = bool(found.success) or designs.exhausted, np.inf, list[Floats]()
     for _ in range(STARTS if free.any() else 0):
-        start, room = designs.best_apart(taken), settings.most_cases - designs.tried
+        start, room = designs.best_apart(taken), settings.most_cases - designs.design_count
         if start is None or room < 1:
             break
 
@@ -112,7 +112,7 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
         taken += [start, designs.placed(start, local.x)]
         if local.fun < least:
             least, settled = local.fun, bool(local.success)
-    return COMPLETE if settled else unsettled(designs.tried)
+    return COMPLETE if settled else unfinished_search(designs.design_count)
 
 
 def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome | None:
@@ -134,7 +134,12 @@ def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome |
     for k in range(ROUNDS):
         before = len(worst.critical)
         case = worst.explore()
-        if case is None or not designs.free.any() or designs.tried >= most or (k and len(worst.critical) == before):
+        if (
+            case is None
+            or not designs.free.any()
+            or designs.design_count >= most
+            or (k and len(worst.critical) == before)
+        ):
             break
         start = designs.points[worst.evaluate.rows[case]]
         ended = _descend_worst(designs, worst, start, most, NEAR if k else APART)
@@ -161,13 +166,13 @@ def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: in
         nonlocal ended_by
         point = designs.placed(start, np.clip(numbers, 0.0, 1.0))
         if (key := tuple(point.tolist())) not in tried:
-            if designs.tried >= most or not worst.affords(worst.critical):
-                ended_by = "most_cases" if designs.tried >= most else "worst_cases of its tolerances"
+            if designs.design_count >= most or not worst.affords(worst.critical):
+                ended_by = "most_cases" if designs.design_count >= most else "worst_cases of its tolerances"
                 return np.inf, np.full_like(base[1], np.inf)
-            tried[key] = designs.signed_with(point, worst.where_others_are_worst)
+            tried[key] = designs.signed_with(point, worst.realisations_worst_for_others)
         return tried[key]
 
-    base = tried[tuple(start.tolist())] = designs.signed_with(start, worst.where_others_are_worst)
+    base = tried[tuple(start.tolist())] = designs.signed_with(start, worst.realisations_worst_for_others)
     scale = abs(base[0]) if np.isfinite(base[0]) and base[0] else 1.0
 
     def merit(numbers: Floats) -> float:
@@ -176,10 +181,10 @@ def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: in
     def beyond(numbers: Floats) -> Floats:
         return np.asarray(np.minimum(known(numbers)[1] + ON_A_LIMIT, WORSE))
 
-    _, settled = descended(merit, beyond, start[free], most - designs.tried + 1, (radius, CLOSER))
+    _, settled = local_search(merit, beyond, start[free], most - designs.design_count + 1, (radius, CLOSER))
     over = [(value, float(of.max(initial=0.0))) for value, of in tried.values()]
     least = min(value if excess <= 0.0 else np.inf for value, excess in over)
     before = min(value if excess <= SETTLED else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
     if (settled and not ended_by) or abs(before - least) <= SETTLED * abs(least) < np.inf:
         return COMPLETE
-    return unsettled(designs.tried, more=ended_by or "most_cases")
+    return unfinished_search(designs.design_count, more=ended_by or "most_cases")

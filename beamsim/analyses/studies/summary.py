@@ -72,8 +72,8 @@ def result_of(
     datasets = {"cases": _cases(table)}
     if table.count > 1:
         datasets["realisations"] = _realisations(table)
-    if table.further:
-        datasets["further_realisations"] = _further(table)
+    if table.further_realisations:
+        datasets["further_realisations"] = _further_dataset(table)
     if indices:
         orders = next(iter(indices.values()))
         values = {order: np.stack([of[order] for of in indices.values()]) for order in orders}
@@ -89,10 +89,10 @@ def result_of(
         wall_time_s=wall_time_s,
     ).with_summary(
         cases=table.shape[0],
-        varied={parameter.path: _varied(parameter.values, parameter.unit) for parameter in plan.parameters},
+        varied={parameter.path: _range_of_values(parameter.values, parameter.unit) for parameter in plan.parameters},
         solved=int(table.solved.sum()),
         failed=len(table.failures),
-        not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest),
+        not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest_outcomes),
         compared=int(table.compared.sum()),
         responses=_extremes(table),
         **_about_best(table, searches),
@@ -120,9 +120,9 @@ def _cases(table: StudyTable) -> Dataset:
         "fingerprint": plan.fingerprint,
         "case": 1 + np.arange(cases),
         "solved": table.solved,
-        "outcome": ["" if of is None else of.outcome.text for of in table.gravest],
+        "outcome": ["" if of is None else of.outcome.text for of in table.gravest_outcomes],
         "failure": [table.failures[k].outcome.text if k in table.failures else "" for k in range(cases)],
-        "warnings": ["" if of is None else "\n".join(of.warnings) for of in table.gravest],
+        "warnings": ["" if of is None else "\n".join(of.warnings) for of in table.gravest_outcomes],
         "compared": table.compared,
         "parameter": [parameter.path for parameter in columns],
         "parameter_points": plan.points or None,
@@ -177,9 +177,9 @@ def _realisations(table: StudyTable) -> Dataset:
     return REALISATIONS.dataset(values, words)
 
 
-def _further(table: StudyTable) -> Dataset:
+def _further_dataset(table: StudyTable) -> Dataset:
     """The dataset of the further realisations, with which the worst of cases was searched."""
-    every = [(case, outcome) for case, of in table.further.items() for outcome in of]
+    every = [(case, outcome) for case, of in table.further_realisations.items() for outcome in of]
     values = {
         "further": 1 + np.arange(len(every)),
         "further_case": [case for case, _ in every],
@@ -202,7 +202,7 @@ def _tolerance(parameter: ToleratedParameter) -> dict[str, Any]:
 # --- Summary ---------------------------------------------------------------------------------------------------------
 
 
-def _varied(values: Any, unit: str) -> dict[str, Any]:
+def _range_of_values(values: Any, unit: str) -> dict[str, Any]:
     """How many different values a parameter has, and their ends, or the words."""
     different = list(dict.fromkeys(values.tolist()))
     if different and isinstance(different[0], str):
@@ -217,7 +217,7 @@ def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -
         return None
     if case in searches:
         return SEARCHED if searches[case] else UNFINISHED
-    return TRIED if case in table.further else SAMPLED
+    return TRIED if case in table.further_realisations else SAMPLED
 
 
 def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
@@ -318,7 +318,7 @@ def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
     if case * count not in table.outcomes:
         return {}
     own = {r: table.outcomes[case * count + r] for r in range(count)}
-    own |= {of.index: replace(of, within=0) for of in table.further.get(case, ())}
+    own |= {of.index: replace(of, within=0) for of in table.further_realisations.get(case, ())}
     alone = StudyTable(table.plan.of([own[0].given]), own)
     if not alone.every_response:
         return {}
@@ -345,7 +345,7 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
         counts["probability"] = probability((verdict == Verdict.MET)[table.drawn])
     about = {"verdict": judged.value, "exceeded": judged is Verdict.EXCEEDED, **counts}
     among = next((each for each in with_verdict if each.any()), known)
-    computed = of.of_cases(table.holds(lambda outcome: not outcome.failed))
+    computed = of.of_cases(table.fulfils(lambda outcome: not outcome.failed))
     shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
     sizes = np.where(shown, margin, np.nan)
     if np.isnan(sizes).all():  # of which no case has a value
@@ -391,7 +391,7 @@ def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | 
     case, found = int(table.best[0]["case"]), {}
     for judge in judges_of(table.plan):
         sample = [table.outcome(case, r) for r in range(table.count)]
-        every = [*sample, *table.further.get(case, ())]
+        every = [*sample, *table.further_realisations.get(case, ())]
         worst = max(every, key=lambda of: np.nan_to_num(judge.badness(of), nan=-np.inf))
         deviations = worst.deviations or realisations.deviations[worst.index - case * table.count].tolist()
         found[judge.name] = {
@@ -401,7 +401,7 @@ def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | 
         }
     kind = _kind_of_worst(table, case, searches)
     return {
-        "case": case, "kind": kind, "further_cases": sum(map(len, table.further.values())),
+        "case": case, "kind": kind, "further_cases": sum(map(len, table.further_realisations.values())),
         "most_further_cases": realisations.most_further, "by": found,
     }  # fmt: skip
 
@@ -485,7 +485,7 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
 def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
     """A note where the budget ended the search for the worst of the best case, or left none for it."""
     most = table.plan.study.realisations.most_further
-    if not table.best or not most or sum(map(len, table.further.values())) < most:
+    if not table.best or not most or sum(map(len, table.further_realisations.values())) < most:
         return
     case = int(table.best[0]["case"])
     if _kind_of_worst(table, case, searches) != SEARCHED:
@@ -556,7 +556,7 @@ def _outcome(table: StudyTable) -> Outcome:
     if done < total:
         sentence = f"{done} of {total} cases computed"
         parts.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=total))
-    known = [(k, of) for k, of in enumerate(table.gravest) if of is not None]
+    known = [(k, of) for k, of in enumerate(table.gravest_outcomes) if of is not None]
     for kind, code, what, holds in _KINDS_OF_CASES:
         these = [(k, of) for k, of in known if holds(of)]
         known = [(k, of) for k, of in known if not holds(of)]

@@ -11,7 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.studies.objectives import Objective, deciding, judged, objectives, of_realisation
+from beamsim.analyses.studies.objectives import (
+    Objective,
+    deciding_realisations,
+    deciding_values,
+    objectives,
+    of_realisation,
+)
 from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.cases import CaseOutcome
 from beamsim.outcomes import OutcomeKind, Verdict
@@ -66,7 +72,7 @@ class StudyTable:
         return cases, width
 
     @cached_property
-    def further(self) -> dict[int, list[CaseOutcome]]:
+    def further_realisations(self) -> dict[int, list[CaseOutcome]]:
         """By case its further realisations, with which its worst was searched, in the order of their solution."""
         found: dict[int, list[CaseOutcome]] = {}
         for index in sorted(self.outcomes):
@@ -77,7 +83,7 @@ class StudyTable:
     @cached_property
     def order(self) -> Ints:
         """(n,) index of the outcome at each place: those of the sample, then further ones."""
-        further = [outcome.index for of in self.further.values() for outcome in of]
+        further = [outcome.index for of in self.further_realisations.values() for outcome in of]
         return np.append(np.arange(len(self.plan.cases)), further).astype(np.int64)
 
     @cached_property
@@ -87,9 +93,9 @@ class StudyTable:
         A case with fewer further realisations than another one has the case itself in their place.
         """
         places = np.arange(len(self.plan.cases)).reshape(-1, self.count)
-        more = np.repeat(places[:, :1], max(map(len, self.further.values()), default=0), axis=1)
+        more = np.repeat(places[:, :1], max(map(len, self.further_realisations.values()), default=0), axis=1)
         last = places.size
-        for case, of in self.further.items():
+        for case, of in self.further_realisations.items():
             more[case, : len(of)] = last + np.arange(len(of))
             last += len(of)
         return np.hstack([places, more])
@@ -130,7 +136,7 @@ class StudyTable:
         """(cases,) the same of the cases as they are, without tolerances."""
         return {name: column[:, 0] for name, column in self.responses.items()}
 
-    def holds(self, condition: Callable[[CaseOutcome], bool]) -> Bools:
+    def fulfils(self, condition: Callable[[CaseOutcome], bool]) -> Bools:
         """Where the outcome is known and fulfils a condition."""
         holds = np.zeros(self.order.size, dtype=bool)
         holds[[self._at[index] for index, outcome in self.outcomes.items() if condition(outcome)]] = True
@@ -139,30 +145,30 @@ class StudyTable:
     @cached_property
     def known(self) -> Bools:
         """What is known, whether it is solved or failed."""
-        return self.holds(lambda _: True)
+        return self.fulfils(lambda _: True)
 
     @cached_property
     def solved(self) -> Bools:
         """(cases,) which have responses in all realisations."""
-        return np.asarray(self.holds(lambda outcome: not outcome.failed).all(axis=1))
+        return np.asarray(self.fulfils(lambda outcome: not outcome.failed).all(axis=1))
 
     @cached_property
     def usable(self) -> Bools:
         """(cases,) which of these are computed as a whole and reliable."""
-        return np.asarray(self.holds(lambda outcome: outcome.outcome.usable).all(axis=1))
+        return np.asarray(self.fulfils(lambda outcome: outcome.outcome.usable).all(axis=1))
 
     @cached_property
     def compared(self) -> Bools:
         """(cases,) which are compared with a finer model, in some realisation."""
-        return np.asarray(self.holds(lambda outcome: outcome.compared).any(axis=1))
+        return np.asarray(self.fulfils(lambda outcome: outcome.compared).any(axis=1))
 
     @cached_property
-    def gravest(self) -> list[CaseOutcome | None]:
+    def gravest_outcomes(self) -> list[CaseOutcome | None]:
         """(cases,) of each the first of the realisations whose outcomes are the gravest; None where none is known."""
         grave = list(OutcomeKind)
         rows = ([self.outcomes.get(index) for index in of] for of in self.order[self.places].tolist())
         known = ([of for of in row if of is not None] for row in rows)
-        return [max(row, key=lambda of: grave.index(of.outcome.gravest), default=None) for row in known]
+        return [max(row, key=lambda of: grave.index(of.outcome.gravest_kind), default=None) for row in known]
 
     @cached_property
     def failures(self) -> dict[int, CaseOutcome]:
@@ -187,7 +193,7 @@ class StudyTable:
     @cached_property
     def limits(self) -> dict[str, LimitColumns]:
         """The columns of every limit by its name."""
-        given = {} if self.plan.scenario.limits is None else self.plan.scenario.limits.given
+        given = {} if self.plan.scenario.limits is None else self.plan.scenario.limits.values_by_name
         return {name: self._columns_of(name, limit) for name, limit in given.items()}
 
     def _columns_of(self, name: str, limit: float) -> LimitColumns:
@@ -199,7 +205,9 @@ class StudyTable:
         )
         verdict = np.array([item["verdict"] for item in items], dtype=np.str_)[self.places]
         quantile = self.plan.study.realisations.quantile
-        return LimitColumns(limit, value, low, high, verdict, deciding(value, quantile, large_is_good=False))
+        return LimitColumns(
+            limit, value, low, high, verdict, deciding_realisations(value, quantile, large_is_good=False)
+        )
 
     @cached_property
     def margins(self) -> dict[str, Floats]:
@@ -234,7 +242,7 @@ class StudyTable:
         quantile, aims = self.plan.study.realisations.quantile, []
         for aim in objectives(self.plan.scenario):
             values = aim.of(self.responses)
-            aims.append((aim, None if values is None else judged(values, quantile, large_is_good=aim.largest)))
+            aims.append((aim, None if values is None else deciding_values(values, quantile, large_is_good=aim.largest)))
         return aims
 
     @property
@@ -274,7 +282,10 @@ class StudyTable:
         """
         if self.front is not None:
             return self.front
-        tried, values = np.isin(np.arange(self.shape[0]), list(self.further)) & self.candidates, self.judged_first
+        tried, values = (
+            np.isin(np.arange(self.shape[0]), list(self.further_realisations)) & self.candidates,
+            self.judged_first,
+        )
         if not tried.any() or values is None:
             return self.candidates
         return np.asarray(self.candidates & (tried | (values >= values[tried].min())))
@@ -394,7 +405,7 @@ def costs(plan: StudyPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Flo
     return known[0], known[1]
 
 
-def worth_comparing(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> list[int]:
+def cases_to_compare(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> list[int]:
     """Which cases decide and are not compared with a finer model yet.
 
     They are the best case (of a front those that are listed), the worst one of each limit, and all that are closer to
@@ -411,7 +422,7 @@ def worth_comparing(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> lis
     Indices of outcomes; none of what is not reliable anyway. Comparing these may make others decide.
     """
     table, rare = table_of(plan, outcomes), plan.kind == "reliability"
-    usable, compared = table.holds(lambda of: of.outcome.usable), table.holds(lambda of: of.compared)
+    usable, compared = table.fulfils(lambda of: of.outcome.usable), table.fulfils(lambda of: of.compared)
     wanted = np.zeros(table.shape, dtype=bool)
     for of in table.limits.values():
         with np.errstate(divide="ignore", invalid="ignore"):

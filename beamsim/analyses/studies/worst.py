@@ -52,7 +52,7 @@ class Judge(NamedTuple):
 def judges_of(plan: StudyPlan) -> list[Judge]:
     """What judges the cases of a study: every limit and every objective that is made of responses."""
     found = list[Judge]()
-    for name in {} if plan.scenario.limits is None else plan.scenario.limits.given:
+    for name in {} if plan.scenario.limits is None else plan.scenario.limits.values_by_name:
 
         def of_limit(outcome: CaseOutcome, name: str = name) -> float:
             return float(outcome.margins.get(name, {}).get("value", np.nan))
@@ -93,18 +93,18 @@ class WorstSearch:
         self._cost = 0  # largest number of further cases of a search
 
     @property
-    def asked(self) -> bool:
+    def judges_by_worst(self) -> bool:
         """Whether cases are judged by their worst, which may be searched."""
         realisations = self.plan.study.realisations
         return realisations.judged_by_worst and realisations.most_further > 0
 
-    def go_on(self) -> bool:
+    def search_next(self) -> bool:
         """Search for the worst of what may be the best case, if it is not known yet; whether there was one.
 
         A case is first tried where others are worst, and searched only if it still may be the best. As much of the
         budget as a search took stays for the last one.
         """
-        if not (self.asked and self.evaluate.room):
+        if not (self.judges_by_worst and self.evaluate.room):
             return False
         table = table_of(self.plan, self.evaluate.outcomes)
         if table.front is not None:
@@ -115,9 +115,9 @@ class WorstSearch:
             return False
         if table.front is None and (missing := self._missing(case)):
             if self.affords(missing):
-                self.evaluate.within(case, missing)
+                self.evaluate.solve_realisations(case, missing)
                 return True
-            tried = [number for number in table.further if table.candidates[number]]
+            tried = [number for number in table.further_realisations if table.candidates[number]]
             case = self.most_promising(table, tried) if tried else case
             if case is None or case in self.searches:
                 return False
@@ -141,7 +141,7 @@ class WorstSearch:
             if case is None or case in self._explored or not self.affords(missing := self._missing(case)):
                 return case if case in self._explored else None
             if missing:
-                self.evaluate.within(case, missing)
+                self.evaluate.solve_realisations(case, missing)
             else:
                 points, corners = self._points(case), self._corners(case)
                 if not self.affords(corners):
@@ -150,9 +150,9 @@ class WorstSearch:
                 self._keep(case, points)
         return self.most_promising(table_of(self.plan, self.evaluate.outcomes), list(self._explored))
 
-    def where_others_are_worst(self, case: int) -> list[CaseOutcome]:
+    def realisations_worst_for_others(self, case: int) -> list[CaseOutcome]:
         """The further realisations of a case, of which those where others are worst are solved now."""
-        self.evaluate.within(case, self._missing(case))
+        self.evaluate.solve_realisations(case, self._missing(case))
         return [outcome for outcome in self.evaluate.outcomes.values() if outcome.deviations and outcome.within == case]
 
     def most_promising(self, table: StudyTable, among: Sequence[int] | None = None) -> int | None:
@@ -164,7 +164,7 @@ class WorstSearch:
         among : numbers of cases; all by default.
         """
         count = table.count
-        tried = np.isin(np.arange(table.shape[0]), list(table.further))
+        tried = np.isin(np.arange(table.shape[0]), list(table.further_realisations))
 
         def expected(each: Floats, sign: float) -> Floats:
             """(cases,) worst values, of those that were not tried by the least ratio of the others."""
@@ -222,7 +222,7 @@ class WorstSearch:
         before, points = self.evaluate.room, self._points(case)
         self.searches[case] = False
         corners = [] if case in self._explored else self._corners(case)
-        self.searches[case] = points.solve(corners) and _searched(points, judges_of(self.plan))
+        self.searches[case] = points.solve(corners) and _search_from_worst(points, judges_of(self.plan))
         self._keep(case, points)
         self._cost = max(self._cost, before - self.evaluate.room)
 
@@ -244,7 +244,7 @@ class _Points:
         """Solve those of some points that are not known; whether all are: the budget may end before."""
         new = [point for point in dict.fromkeys(points) if point not in self.known]
         room = self.evaluate.room
-        self.known |= zip(new, self.evaluate.within(self.case, new[:room]), strict=False)
+        self.known |= zip(new, self.evaluate.solve_realisations(self.case, new[:room]), strict=False)
         return len(new) <= room
 
     def badness(self, judge: Judge, point: Point) -> float:
@@ -260,13 +260,13 @@ class _Points:
         return max(far, key=lambda point: self.badness(judge, point), default=None)
 
 
-def _searched(points: _Points, judges: Sequence[Judge]) -> bool:
+def _search_from_worst(points: _Points, judges: Sequence[Judge]) -> bool:
     """Search from the worst of the known points by every judge; whether the budget sufficed."""
     ends: dict[str, Point] = {}
     for steps, apart in ((COARSE, False), (COARSE, True), (FINE, False)):
         for judge in judges:
             start = points.worst(judge, ends[judge.name] if apart else None)
-            end = None if start is None else _climbed(points, judge, start, steps)
+            end = None if start is None else _climb(points, judge, start, steps)
             if start is not None and end is None:
                 return False
             if end is not None and not apart:
@@ -288,7 +288,7 @@ def _corners(points: _Points, judge: Judge, paths: Sequence[str], changes: Chang
         yield tuple(np.where(slopes >= 0.0, 1.0, -1.0).tolist())
 
 
-def _climbed(points: _Points, judge: Judge, start: Point, steps: Iterable[float]) -> Point | None:
+def _climb(points: _Points, judge: Judge, start: Point, steps: Iterable[float]) -> Point | None:
     """The end of a compass search for what is worst by a judge; None where the budget ended it.
 
     A step goes in one number, or in all in which one makes it worse.

@@ -20,7 +20,7 @@ from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
 from beamsim.labelled import Dataset, joined
-from beamsim.outcomes import Outcome, Progress, Where, asked_to_stop, interruption, part_of
+from beamsim.outcomes import Outcome, Progress, Where, interruption, part_of, stop_requested
 from beamsim.responses.gapping import (
     contact_levels,
     first_changes,
@@ -32,7 +32,7 @@ from beamsim.responses.gapping import (
     transfer,
 )
 from beamsim.responses.jumps import NOTED
-from beamsim.results.result import dashpots_of, reduction_checked, warnings_along
+from beamsim.results.result import check_reduction, dashpots_of, warnings_along
 from beamsim.results.values import (
     ALWAYS,
     BY_ENTRY,
@@ -45,7 +45,7 @@ from beamsim.results.values import (
     margins_along,
 )
 from beamsim.scenario import Scenario
-from beamsim.scenario.excitation import holds_levels
+from beamsim.scenario.excitation import has_level_steps
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
@@ -97,14 +97,14 @@ def sweep(
 
     next_save = begin
     for index, level in enumerate(levels):
-        earlier = None if resume is None else _computed_before(index, resume)
+        earlier = None if resume is None else _completed_level(index, resume)
         if earlier is not None:
             runs[index] = earlier
             continue
         report = part_of(progress, index / len(levels), (index + 1) / len(levels))
         one = SweepLevel(system, settings, level, index, limited)
         runs[index] = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report)
-        if asked_to_stop():
+        if stop_requested():
             break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
@@ -160,7 +160,7 @@ def _equal_values(value: Any, other: Any) -> bool:
     return bool(value == other)
 
 
-def _computed_before(index: int, earlier: SweepResult) -> LevelRun | None:
+def _completed_level(index: int, earlier: SweepResult) -> LevelRun | None:
     """A level of an interrupted sweep, if that completed it."""
     levels = earlier["levels"]
     known = levels.labels("level_index")
@@ -214,7 +214,7 @@ def _result(
         datasets["histories"] = joined(histories, sample=1 + np.arange(number.size), level=number)
     result = SweepResult(
         scenario=scenario,
-        outcome=reduction_checked(outcome, scenario, system.modes),
+        outcome=check_reduction(outcome, scenario, system.modes),
         datasets=datasets,
     )
     summary, correction = _summary(result), _largest_correction(levels)
@@ -222,7 +222,7 @@ def _result(
         *scenario.warnings,
         *system.warnings,
         *_not_followed(system, summary["margins"]),
-        *([] if correction is None else correction.warnings(held=holds_levels(settings))),
+        *([] if correction is None else correction.warnings(held=has_level_steps(settings))),
         *(warnings_along(scenario, system.modes, datasets["cycles"]) if curves else []),
     )
     return replace(result, warnings=warnings).with_summary(**summary)
@@ -318,7 +318,7 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
     folder = scenario.folder_of("sweep", "profile_file", "file")
-    points = read_profile(settings.profile_file, folder, scenario.sine.takes)
+    points = read_profile(settings.profile_file, folder, scenario.sine.level_quantities)
     return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 
@@ -343,7 +343,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
         "dashpots": dashpots_of(result["modes"]),
         **({} if correction is None else correction.summary()),
         "peaks": [{name: getattr(peak, name) for name in OF_PEAKS} for peak in result.peaks],
-        "curves": {name: _described(curve) for name, curve in curves.items()},
+        "curves": {name: _curve_summary(curve) for name, curve in curves.items()},
         "contact_share": {
             curve.name: {
                 name: float(curve.weights @ share.values)
@@ -355,7 +355,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
         "sliding": {name: of for name, curve in curves.items() if (of := _sliding(curve))} or None,
         "notches": {name: of for name, curve in curves.items() if (of := _notches(curve))} or None,
         "energy_error": max(errors, default=None),
-        "without_limit": [key for curve in curves.values() for key in _growing(curve)] or None,
+        "without_limit": [key for curve in curves.values() for key in _values_without_limit(curve)] or None,
         "truncation": float(levels["truncation"].values.max()),
         **{name: int(levels[name].values.sum()) for name in ("cycles", "events")},
         "processor_time_s": float(levels["processor_time_s"].values.sum()),
@@ -363,7 +363,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
     }
 
 
-def _growing(curve: SweepCurve) -> Iterator[str]:
+def _values_without_limit(curve: SweepCurve) -> Iterator[str]:
     """``entry.place`` of the largest values of a curve that have no limit as the number of modes grows."""
     of_quantities = (
         ("acceleration_jump", "absolute_acceleration", ("peak_acceleration_g", "response_over_limit")),
@@ -441,7 +441,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     return entries | {"peak_frequencies_hz": frequencies} | ({"output_unit": units} if units else {})
 
 
-def _described(curve: SweepCurve) -> dict[str, Any]:
+def _curve_summary(curve: SweepCurve) -> dict[str, Any]:
     """Direction, level and points of a curve; of a stepped one how many steady motions of each kind it has."""
     steady = curve.tables.get("steady_states")
     kinds = [] if steady is None else steady["kind"].values.tolist()
@@ -472,7 +472,7 @@ def _gapping(scenario: Scenario, linear: Dataset, curves: dict[str, SweepCurve])
         gaps = [gap for c in curves.values() if not np.isnan(gap := _gap(c, name)).all()]
         of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
     contact: dict[str, Any] = {"gapping": in_their_units(summary, turning)}
-    if isinstance(scenario.sweep, SweptSine) and scenario.sweep.shaped:
+    if isinstance(scenario.sweep, SweptSine) and scenario.sweep.has_varying_level:
         summary = first_changes(levels, frequency_hz, amplitude, amplitude)
         contact["closest_to_test"] = summary
     return contact | {"gapping_ratio": gapping_ratios(summary)}

@@ -14,7 +14,7 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.sweep.stepped import loads_at, steady_at, stepper_of, steps_of
 from beamsim.analyses.sweep.swept_sine import swept_march
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Progress, tell
+from beamsim.outcomes import Progress, report_progress
 from beamsim.responses.frames import CYCLES_SHOWN, Frames, between_frames, frames_at, paced_by_contact
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
@@ -112,7 +112,7 @@ def _stepped(level: SweepLevel, direction: str, f: float, progress: Progress) ->
     period = 0
     for done, (_, hz) in enumerate(steps[:upto], 1):
         period = steady_at(level, hz, stepper, motion)[0].period
-        tell(progress, done / upto)
+        report_progress(progress, done / upto)
     cycles = math.ceil(CYCLES_SHOWN / max(period, 1)) * max(period, 1)
     steady = stepper.trajectory(motion, cycles)
     return _ShownMotion(level.system, [(0.0, steady)], (0.0, steady.end))

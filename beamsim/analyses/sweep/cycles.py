@@ -114,7 +114,7 @@ class CycleRecord:
         """Those of cycles that follow each other."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
-    def some(self, which: Ints | slice) -> CycleRecord:
+    def select(self, which: Ints | slice) -> CycleRecord:
         """Those of some of the cycles."""
         return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
 
@@ -138,7 +138,7 @@ class CycleRecord:
 
     def with_rest_in_last(self) -> CycleRecord:
         """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
-        whole = CycleRecord.joined([self.some(slice(-2)), self.some(slice(-2, None)).merged()])
+        whole = CycleRecord.joined([self.select(slice(-2)), self.select(slice(-2, None)).merged()])
         harmonic = np.concatenate([whole.harmonic[:, :, :1], self.harmonic[:-1, :, 1:]], axis=2)
         return replace(whole, harmonic=harmonic, cycles=self.cycles[:-1])
 
@@ -311,7 +311,7 @@ def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = No
     return np.asarray(errors[complete])
 
 
-def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
+def check_balance(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
     parts = []
     for curve in curves:

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.layouts import CYCLES, FOLLOWED, HISTORIES, LEVELS
-from beamsim.analyses.sweep.peaks import changing
+from beamsim.analyses.sweep.peaks import cycles_with_breakpoint
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.sliders import FORWARDS, STICK, sliding_limit, snap
@@ -118,15 +118,15 @@ class SweepLevel:
         return output_of
 
     @cached_property
-    def _beyond(self) -> tuple[Ints, ...]:
+    def _columns_after_channels(self) -> tuple[Ints, ...]:
         """Columns of impacts, sliding speeds and wear, which come after those of the channels in `rows`."""
         contacts, first = self.system.dynamics.contacts, self.channels.order.size
         impacts = len(self.system.snubbers) + loss_owner(contacts).size
-        sizes = [impacts, self.system.friction_contacts.size, 2 * _rubbing(contacts).size]
+        sizes = [impacts, self.system.friction_contacts.size, 2 * _dissipative_contacts(contacts).size]
         return tuple(np.split(first + np.arange(sum(sizes)), np.cumsum(sizes)[:-1]))
 
     @property
-    def searched(self) -> Ints:
+    def searched_columns(self) -> Ints:
         """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
         return np.arange(self.channels.order.size + len(self.system.snubbers) * self.settings.impacts)
 
@@ -168,7 +168,7 @@ class SweepLevel:
                 "contacts": record.closings[:, : len(snubbers)].T,
             }
         if record.contact_share.shape[1] > len(snubbers):
-            columns["spring_changes"] = changing(record.contact_share[:, len(snubbers) :])
+            columns["spring_changes"] = cycles_with_breakpoint(record.contact_share[:, len(snubbers) :])
         columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
         if "gap" in self.limited:
             opening = self._named(OPENING, "m")
@@ -266,7 +266,7 @@ class SweepLevel:
         """
         force = self._named(FORCE)
         yielding = self._mean_products(record)
-        rates, losses = np.split(self._beyond[0], [len(force)])
+        rates, losses = np.split(self._columns_after_channels[0], [len(force)])
         owner = loss_owner(self.system.dynamics.contacts)
         period, rows = record.duration / record.cycles, []
         for k, column in enumerate(force.values()):
@@ -281,13 +281,17 @@ class SweepLevel:
                 "impact_energy_lost": np.maximum(lost, 0.0) * period,
                 "impact_penetration_rate": record.high[:, rates[k]],
             })  # fmt: skip
-        return _stacked(rows)
+        return _stack_rows(rows)
 
     def _mean_products(self, record: CycleRecord) -> dict[int, Floats]:
-        """Mean powers lost of `_rubbing`, by contact, W; of friction that a snubber presses for a coefficient of 1."""
-        square = record.mean_square[:, self._beyond[2]]
+        """Mean powers lost, W, of `_dissipative_contacts`; of friction under a snubber for a coefficient of 1."""
+        square = record.mean_square[:, self._columns_after_channels[2]]
         return dict(
-            zip(_rubbing(self.system.dynamics.contacts).tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True)
+            zip(
+                _dissipative_contacts(self.system.dynamics.contacts).tolist(),
+                (square[:, ::2] - square[:, 1::2]).T,
+                strict=True,
+            )
         )
 
     def _sliding(self, record: CycleRecord) -> dict[str, Any]:
@@ -298,7 +302,7 @@ class SweepLevel:
         """
         which, contacts = self.system.friction_contacts, self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
-        _, columns, _ = self._beyond
+        _, columns, _ = self._columns_after_channels
         period, wear = record.duration / record.cycles, self._mean_products(record)
         begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
         rows, names = [], []
@@ -322,7 +326,7 @@ class SweepLevel:
                 "friction_slides": slides, "friction_distance": distance, "friction_energy_lost": lost,
                 "friction_wear_power": power,
             })  # fmt: skip
-        return {"friction": names, **_stacked(rows)} if names else {}
+        return {"friction": names, **_stack_rows(rows)} if names else {}
 
     def history(self, time: Floats, values: Floats) -> Dataset:
         """The time history of all columns (nt, K)."""
@@ -344,7 +348,7 @@ class SweepLevel:
         return {"probe": list(located), "aliased_displacement": shares[None, list(located.values())]}
 
 
-def _stacked(rows: list[dict[str, Floats]]) -> dict[str, Any]:
+def _stack_rows(rows: list[dict[str, Floats]]) -> dict[str, Any]:
     """The values of all rows, by name; none without rows."""
     return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else {}
 
@@ -354,7 +358,7 @@ def loss_owner(contacts: Contacts) -> Ints:
     return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.states)])
 
 
-def _rubbing(contacts: Contacts) -> Ints:
+def _dissipative_contacts(contacts: Contacts) -> Ints:
     """Contacts that lose work by forces that vary: friction that a snubber presses, then what yields or falls."""
     return np.concatenate([contacts.pressed, contacts.lossy])
 

@@ -147,6 +147,6 @@ def _linear(curve: SweepCurve, part: Ints) -> bool:
     return bool(np.all(np.all(shares <= ALWAYS, axis=1) | np.all(shares >= 1 - ALWAYS, axis=1)))
 
 
-def changing(share: Floats) -> Bools:
+def cycles_with_breakpoint(share: Floats) -> Bools:
     """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) with the spring beyond it."""
     return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

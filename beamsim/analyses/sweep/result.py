@@ -158,7 +158,7 @@ class SweepCurve:
         maximum, minimum, rms, mean = statistics
         return CycleValues(arrays[0].unit, maximum, minimum, rms, mean, real + 1j * imaginary)
 
-    def limited(self, of: LimitedQuantity) -> CycleValues:
+    def limited_values(self, of: LimitedQuantity) -> CycleValues:
         """What a limit on the level applies to."""
         quantity = "absolute_acceleration" if of.quantity == "acceleration" else of.quantity or "output"
         return self.channel(quantity, of.item)

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, check_balance, energy_errors, record_cycles
 from beamsim.analyses.sweep.layouts import POINCARE, STEADY_STATES
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, level_row
 from beamsim.analyses.sweep.result import SweepCurve
@@ -16,7 +16,16 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, tell
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    interruption,
+    report_progress,
+    stop_requested,
+)
 from beamsim.responses.loads import harmonic_loads, sine_of
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.sweep import SteppedSine
@@ -60,7 +69,7 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     stepper, motion = stepper_of(level)
     points: dict[str, list[_SteadyPoint]] = {}
     for done, (direction, f) in enumerate(steps, 1):
-        if done > 1 and asked_to_stop():
+        if done > 1 and stop_requested():
             outcome = interruption(f"before {f:.6g} Hz")
             break
         try:
@@ -68,13 +77,13 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
         except ArithmeticError as error:
             outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
             break
-        tell(progress, done / len(steps))
+        report_progress(progress, done / len(steps))
     curves = [_curve(level, direction, of) for direction, of in points.items() if of]
     work = {
         "truncation": 0.0, "cycles": stepper.cycles, "events": stepper.events, "evaluations": stepper.evaluations,
         "segments": stepper.segments, "states": len(stepper.flow.visited), "processor_time_s": processor_time() - begin,
     }  # fmt: skip
-    return LevelRun(tuple(curves), level_row(level, balanced(outcome, curves), work))
+    return LevelRun(tuple(curves), level_row(level, check_balance(outcome, curves), work))
 
 
 def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
@@ -127,7 +136,7 @@ def steady_at(
     exponent = None if settled.period else largest_exponent(stepper, motion, min(400, settings.most_cycles))
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, level.rows(stepper.flow),
-        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), level.searched,
+        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), level.searched_columns,
     )  # fmt: skip
     return settled, exponent, measured
 

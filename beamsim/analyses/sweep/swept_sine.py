@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, check_balance, energy_errors, record_cycles
 from beamsim.analyses.sweep.layouts import NOTCH_LIMITS, NOTCH_RANGES, NOTCHES
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, level_row
 from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
@@ -23,9 +23,9 @@ from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, combined, part_of
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, combined, part_of, stop_requested
 from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
-from beamsim.results.values import Margins, judged
+from beamsim.results.values import Margins, with_verdicts
 from beamsim.results.values import parse_limit as limited_value
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
@@ -102,7 +102,7 @@ def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
-        system.dynamics, swept_loads(system), windows, system.initial_state, stop=asked_to_stop, progress=progress
+        system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop_requested, progress=progress
     )
     return SweptMarch(march, profile, corrections)
 
@@ -129,7 +129,7 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
         notching = notched_level(level, notch_limits, part_of(progress, 0.0, CONTROL))
     march, profile, corrections = swept_march(level, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
-    parts, history, aliased = _recorded(level, march)
+    parts, history, aliased = _record_cycles(level, march)
     curves = _curves(level, profile, windows, CycleRecord.joined(parts)) if parts else ()
     columns = {
         "truncation": windows.truncation, "cycles": sum(part.count for part in parts), "events": march.events,
@@ -139,16 +139,16 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     if corrections is not None:
         size = CorrectionSize.of(corrections)
         columns |= {f"base_correction_{name}": value for name, value in vars(size).items()}
-    outcome = balanced(march.outcome, curves)
+    outcome = check_balance(march.outcome, curves)
     if notching is not None:
         columns["notch_trials"] = notching.trials
         judged = [with_notching(notching, notch_limits, curve) for curve in curves]
         curves, missed = tuple(curve for curve, _ in judged), [not_held for _, not_held in judged if not_held]
-        outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
+        outcome = missed[0].copy_with(*outcome.unless_complete) if missed else outcome
     return LevelRun(curves, level_row(level, outcome, columns, aliased), history)
 
 
-def _recorded(
+def _record_cycles(
     level: SweepLevel, march: SweptMotion
 ) -> tuple[list[CycleRecord], Dataset | None, Mapping[str, Any] | None]:
     """March and record the cycles of each chunk, and the time history if one is requested.
@@ -168,8 +168,8 @@ def _recorded(
         output_of = level.rows(chunk.motion.flow)
         if chunk.reached:
             phases = SinePhase.of_windows(chunk.windows)
-            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, level.searched)
-            parts.append(record.some(slice(chunk.reached)))
+            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, level.searched_columns)
+            parts.append(record.select(slice(chunk.reached)))
         sampled = sum(values.shape[0] for values in samples)
         here = reached(march.end, times)[sampled:]
         samples.append(chunk.motion.sample(here - float(windows.edge[chunk.first]), output_of))
@@ -192,7 +192,7 @@ def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: 
         cycles = computed[complete]
         if not cycles.size:
             continue
-        of_leg = tracked.some(computed)
+        of_leg = tracked.select(computed)
         frequency = windows.frequency_hz[cycles]
         values = {
             "frequency_hz": frequency, "time": windows.edge[cycles], "excitation_amplitude": profile(frequency),
@@ -285,7 +285,7 @@ def notched_level(level: SweepLevel, limited: Sequence[Limited], progress: Progr
 
     control = LevelControl(
         system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limited]), leg,
-        specification, phase, system.base_acceleration is not None, system.initial_state, asked_to_stop, progress,
+        specification, phase, system.base_acceleration is not None, system.initial_state, stop_requested, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)
@@ -306,10 +306,10 @@ def continuous(profile: Profile, leg: Leg) -> Profile:
         around = leg.frequency(np.clip([turns - 0.5, turns + 0.5], 0.0, leg.cycles))
         points += sorted(float(f) for f in around)
     frequency = np.unique([*points, high])
-    return Profile.through(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
+    return Profile.from_points(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
 
 
-def held_by_level(scenario: Scenario) -> set[tuple[str, str]]:
+def values_that_lower_level(scenario: Scenario) -> set[tuple[str, str]]:
     """Limit and place of the values that the level of a sweep is lowered for, as ``peak_force`` and a snubber."""
     limits = getattr(scenario.sweep, "notch_to", None) or {}
     of = [limited_quantity(name, scenario.base_force or BASE_FORCE.name) for name in limits]
@@ -318,13 +318,13 @@ def held_by_level(scenario: Scenario) -> set[tuple[str, str]]:
 
 def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
     """Margins of which those that the level keeps say how closely: within what a trial of the level is accepted."""
-    held = held_by_level(scenario)
+    held = values_that_lower_level(scenario)
 
     def of_level(name: str, at: str) -> bool:
         value, place = limited_value(name)
         return (value.limit, place or at.partition(",")[0]) in held
 
-    return judged({
+    return with_verdicts({
         name: item | ({"held_within": CLOSE} if of_level(name, item["at"]) else {})
         for name, item in margins.items()
     })  # fmt: skip
@@ -346,7 +346,7 @@ def with_notching(
     curve : with the notching.
     not_held : what to say where a limit is exceeded by more than is allowed; None where all are met.
     """
-    values = [curve.limited(each.of) for each in limited]
+    values = [curve.limited_values(each.of) for each in limited]
     share = np.array([of.peak / each.limit for of, each in zip(values, limited, strict=True)])  # (limits, C)
     limits = [
         NotchLimit(
@@ -408,9 +408,9 @@ def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
     for each, at in rest:
         percent, frequency = _number(each, "percent"), _number(each, "frequency")
         sentence = f"{each.numbers['limit']} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz"
-        parts.append(each.but(sentence=sentence, place=None, remedy="", context=at))
+        parts.append(each.copy_with(sentence=sentence, place=None, remedy="", context=at))
     others = combined([each for each in outcomes if each.code != NOTCH_NOT_HELD])
-    return largest.but(*parts, *others.unless_complete, context=name)
+    return largest.copy_with(*parts, *others.unless_complete, context=name)
 
 
 def _number(outcome: Outcome, name: str) -> float:
