@@ -142,9 +142,13 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
+# Of processes that had ended before: a shell that becomes the last command of a line has waited for the others.
+_EARLIER_PROCESSES_S = sum(os.times()[2:4])
+
+
 def used_processor_time() -> float:
     """s, that this process and those that it started here and that have ended have used up to now, for whatever."""
-    return sum(os.times()[:4])
+    return sum(os.times()[:4]) - _EARLIER_PROCESSES_S
 
 
 def demand_result(value: object) -> None:
