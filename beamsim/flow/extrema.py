@@ -33,7 +33,7 @@ from numpy.polynomial import chebyshev
 from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.kernels import EPS, _exp
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Bools, Floats, Ints, not_none
 
 TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 PARTS = 4  # of an interval
@@ -41,6 +41,8 @@ NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the en
 FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
 PARTS_AT_ONCE = 256  # of segments in a batch, which bounds the memory
+LATEST = 8  # parts of a batch, one of which those of the next may repeat
+SIMILAR = 1e-8  # relative difference of a sum of all amplitudes, above which two parts are not compared
 REACH_ROUND_OFF = 1e-12  # of the sums of matrix products, relative to the sizes of their terms
 
 
@@ -88,7 +90,8 @@ def search_extrema(
     """The largest and smallest values of outputs in windows.
 
     They are values that are reached, and no other is beyond them by more than `TOLERANCE` of their size; of sums of
-    squares of that of their largest value. Of competitors this holds of the largest magnitude of all.
+    squares of that of their largest value. Of competitors this holds of the largest magnitude of all. A part is left
+    out that repeats one which was searched, as each period of a steady motion does: then it is twice that.
 
     Parameters
     ----------
@@ -104,9 +107,17 @@ def search_extrema(
         Of the K groups; without groups K is the number of outputs. Infinite in windows of which nothing is known.
     """
     known, evaluations = nothing_known(outputs, windows, squares, competitors), 0
+    latest: tuple[Any, Sums | None] = None, None  # table of a contact state, and its parts that were searched last
     for sums in batches if known.rank.size else ():
         scaled = in_shares(sums)
-        evaluations += search(scaled, reach(scaled, known), known, -1.0)[1]
+        bound = reach(scaled, known)
+        again = np.zeros(sums.window.size, dtype=bool)
+        if sums.table is latest[0] and not known.squared:
+            again = repeats(scaled, not_none(latest[1]), known)
+            bound[:, again] = -np.inf
+        evaluations += search(scaled, bound, known, -1.0)[1]
+        if not again[-LATEST:].any():
+            latest = sums.table, scaled
     high, low = np.where(np.isnan(known.when), -np.inf, known.value)
     when_high, when_low = known.when
     return Extrema(-low, when_low, high, when_high, evaluations)
@@ -166,6 +177,34 @@ def reach(sums: Sums, known: Known) -> Floats:
             return np.stack([high, low])
         squares = np.maximum(high, low) ** 2, -(np.maximum(np.maximum(-high, -low), 0.0) ** 2)
         return 0.5 * np.add.reduceat(squares, known.first[:-1], axis=2)
+
+
+def repeats(sums: Sums, searched: Sums, known: Known) -> Bools:
+    """(n,) whether outputs on parts are those on one of the last parts that were searched, within `TOLERANCE`.
+
+    On parts of nearly one length the difference of a term follows from those of its amplitude and of its exponent.
+
+    Parameters
+    ----------
+    sums, searched : parts of one contact state, as `in_shares` gives them.
+    known : the largest values, whose sizes count.
+    """
+    end, order = slice(-LATEST, None), np.arange(1.0, sums.basis.size + 1.0)
+    one, other = sums.amplitude @ order, searched.amplitude[end] @ order
+    apart = np.abs(one[:, None] - other)
+    nearest, found = apart.argmin(axis=1), np.zeros(one.size, dtype=bool)
+    alike = (searched.place[:2, end][:, nearest] == sums.place[:2]).all(axis=0)
+    alike &= (searched.window[end][nearest] == sums.window) & (apart.min(axis=1) <= SIMILAR * np.abs(one))
+    if alike.any():
+        nearest, rate, amplitude = nearest[alike], sums.rate[alike], sums.amplitude[alike]
+        with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
+            most = np.exp(np.maximum(rate.real, 0.0))
+            turned = np.abs(rate - searched.rate[end][nearest]) * most
+            changed = np.abs(amplitude - searched.amplitude[end][nearest]) * most[:, sums.basis]
+            bound = (changed + np.abs(amplitude) * turned[:, sums.basis]) @ sums.table[0, 2]
+            size = np.abs(known.best[:, known.rank]).max(axis=1)[sums.window[alike]]
+            found[alike] = (bound <= TOLERANCE * size).all(axis=1)
+    return found
 
 
 def values_in_shares(sums: Sums, rows: Ints, u: Floats) -> Floats:

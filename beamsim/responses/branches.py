@@ -112,7 +112,7 @@ def _without_limit(
         if (motion := measurement.trajectory(traced, number)) is None:
             return
         system, trajectory = motion
-        yield from without_limit(system, [*jumps_of_motion(system, trajectory, system.jumping_forces)], peaks_of)
+        yield from without_limit(system, [*jumps_of_motion(system, trajectory)], peaks_of)
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:

@@ -86,12 +86,10 @@ def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
     return signal.start[begun], size[begun]
 
 
-def jumps_of_motion(
-    system: StructuralSystem, motion: Trajectory, forces: Sequence[JumpingForce]
-) -> Iterator[ForceJumps]:
-    """Those of forces of a system that may jump."""
+def jumps_of_motion(system: StructuralSystem, motion: Trajectory) -> Iterator[ForceJumps]:
+    """Those of the forces of a system that may jump."""
     time, of_contacts = contact_jumps(motion)
-    for force in forces:
+    for force in system.forces_that_jump:
         if force.signal >= 0:
             at, size = signal_jumps(system.forcing.signal[force.signal], motion.end)
         else:
@@ -100,7 +98,9 @@ def jumps_of_motion(
             yield ForceJumps(force, at, size, size**2)
 
 
-def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[tuple[Channel, float]]:
+def peaks_after_jumps(
+    system: StructuralSystem, motion: Trajectory, jumps: Sequence[ForceJumps]
+) -> Iterator[tuple[Channel, float]]:
     """Accelerations of points with a mass of their own just after a force jumps there, whatever the model.
 
     A jump F changes the acceleration by F / m, of which the modes of a model make F times the sum of their squared
@@ -110,15 +110,15 @@ def peaks_after_jumps(system: StructuralSystem, motion: Trajectory) -> Iterator[
     ----------
     system : whose forces jump.
     motion : of it.
+    jumps : of its forces.
 
     Yields
     ------
     channel, peak : an acceleration, and the largest magnitude of its limits just after the jumps of a force, m/s^2.
     """
-    forces = [force for force in system.forces_that_jump if math.isfinite(force.inverse_mass)]
-    for of in jumps_of_motion(system, motion, forces) if forces else ():
+    for of in jumps:
         here = [channel for channel in accelerations(system) if at_force(system, channel, of.force)]
-        if not here:
+        if not here or not math.isfinite(of.force.inverse_mass):
             continue
         at = ChannelSet(tuple(here), system.channels.sizes)
         missing = (of.force.inverse_mass - float(of.force.shape @ of.force.shape)) * of.largest
@@ -142,17 +142,17 @@ def without_limit(
     Parameters
     ----------
     system : whose forces jump.
-    jumps : of them.
+    jumps : of them; those at points with enough mass are not looked at.
     peaks : largest magnitudes of accelerations by section and name, SI; others are not looked at.
     """
-    waves = Waves.of(system)
-    for channel in accelerations(system):
-        if (peak := peaks.get((channel.section, channel.name))) is None:
-            continue
-        found = [(float(waves.accelerations(system, channel, of).max()), of) for of in jumps]
-        size, of = max(found, key=lambda each: each[0], default=(0.0, None))
-        if of is not None and size > NOTED * peak:
-            yield WithoutLimit(channel, of.force, at_force(system, channel, of.force))
+    waves, channels = Waves.of(system), [c for c in accelerations(system) if (c.section, c.name) in peaks]
+    light = [of for of in jumps if of.force.light and channels]
+    sizes = np.array([waves.accelerations(system, channels, of).max(axis=1) for of in light])
+    for k, channel in enumerate(channels if light else ()):
+        most = int(sizes[:, k].argmax())
+        if sizes[most, k] > NOTED * peaks[channel.section, channel.name]:
+            force = light[most].force
+            yield WithoutLimit(channel, force, at_force(system, channel, force))
 
 
 def at_force(system: StructuralSystem, channel: Channel, force: JumpingForce) -> bool:
@@ -194,17 +194,20 @@ class Waves:
         number = LIGHT * kept if np.pi * ratio * LIGHT * kept < 1.0 else 0.0
         return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
 
-    def accelerations(self, system: StructuralSystem, channel: Channel, jumps: ForceJumps) -> Floats:
-        """(k,) m/s^2 that jumps make of a channel: of each at its force, and of all whose waves still travel.
+    def accelerations(self, system: StructuralSystem, channels: Sequence[Channel], jumps: ForceJumps) -> Floats:
+        """(C, k) m/s^2 that jumps make of channels: of each at its force, and of all whose waves still travel.
 
         Waves are those of a model of `LIGHT` times the modes, and add as those of random phases.
         """
-        shape = jumps.force.shape
-        direct = at_force(system, channel, jumps.force) * float(shape @ shape) * jumps.largest
+        shape, rows = jumps.force.shape, np.vstack([channel.rows for channel in channels])
+        at = np.array([at_force(system, channel, jumps.force) for channel in channels])
+        direct = np.multiply.outer(at * float(shape @ shape), jumps.largest)
+        if self.number == 0.0:
+            return direct
         squares, sum_of = np.zeros(jumps.time.size), 0.0
-        since = np.diff(jumps.time, prepend=jumps.time[:1])
-        for k, (square, lapse) in enumerate(zip(jumps.square.tolist(), since.tolist(), strict=True)):
-            squares[k] = sum_of = sum_of * math.exp(-2.0 * self.decay * lapse) + square
-        row = system.channels.sizes.part(channel.rows, "acceleration")[0]
-        of_mode = float(np.sqrt(np.mean((row * shape)[self.upper] ** 2)))
-        return np.maximum(direct, np.sqrt(squares * 2.0 * self.number / (math.pi * math.e)) * of_mode)
+        lasting = np.exp(-2.0 * self.decay * np.diff(jumps.time, prepend=jumps.time[:1]))
+        for k, (square, share) in enumerate(zip(jumps.square.tolist(), lasting.tolist(), strict=True)):
+            squares[k] = sum_of = sum_of * share + square
+        row = system.channels.sizes.part(rows, "acceleration")
+        of_mode = np.sqrt(np.mean((row * shape)[:, self.upper] ** 2, axis=1))
+        return np.maximum(direct, np.multiply.outer(of_mode, np.sqrt(squares * 2.0 * self.number / (math.pi * math.e))))

@@ -122,6 +122,11 @@ class JumpingForce(NamedTuple):
     contact: int = -1  # its number, of the force of a contact
     signal: int = -1  # number of the signal, of a force of the excitation
 
+    @property
+    def light(self) -> bool:
+        """Whether a model of `LIGHT` times the modes does not reach 1 / m of a point mass m, if there is one."""
+        return self.inverse_mass > LIGHT * float(self.shape @ self.shape)
+
 
 _MODE, _BODY, _STATION, _SNUBBER = ("mode",), ("body",), ("station",), ("snubber",)
 MODES = Layout(
@@ -266,13 +271,8 @@ class StructuralSystem:
 
     @cached_property
     def jumping_forces(self) -> tuple[JumpingForce, ...]:
-        """Forces of dashpots, dry friction and the excitation that may jump where there is little mass.
-
-        Those at a point mass m are left out whose 1 / m a model of `LIGHT` times the modes reaches.
-        """
-        return tuple(
-            force for force in self.forces_that_jump if force.inverse_mass > LIGHT * float(force.shape @ force.shape)
-        )
+        """Forces of dashpots, dry friction and the excitation that may jump where there is little mass."""
+        return tuple(force for force in self.forces_that_jump if force.light)
 
     @cached_property
     def forces_that_jump(self) -> tuple[JumpingForce, ...]:

@@ -295,7 +295,7 @@ def _demand_least(errors: Errors, model: Model) -> None:
     motion = model.motion.trajectory
     if motion is None:
         return
-    for channel, limit in peaks_after_jumps(model.motion.system, motion):
+    for channel, limit in peaks_after_jumps(model.motion.system, motion, model.motion.jumps):
         of_probe = channel.key == ACCELERATION
         entry, unit = ("peak_acceleration_g", STANDARD_GRAVITY) if of_probe else ("peak_output", 1.0)
         of_entry = errors.get(entry)

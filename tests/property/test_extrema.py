@@ -268,3 +268,27 @@ def test_a_peak_between_samples_is_found_to_round_off():
     turns = (found.when_high[0, 0] - first) * w / (2.0 * np.pi)
     assert turns == pytest.approx(round(turns), abs=1e-7)
     assert found.evaluations < 4000  # of both signs, on 13 periods
+
+
+def test_what_repeats_a_part_that_was_searched_is_left_out_and_what_exceeds_it_by_little_is_found():
+    """Twenty thousand equal parts of a steady motion, of which one is 1e-8 larger."""
+    rate, number, count = np.array([-3.0 + 400.0j, -20.0 + 2500.0j]), np.arange(2), 20_000
+    table, batch = np.array([[1.0, 2.0], [0.5, -1.0]], dtype=complex), 250
+
+    def batches(larger):
+        for first in range(0, count, batch):
+            amplitude = np.tile([1.0 + 0.3j, 0.2 - 0.1j], (batch, 1))
+            amplitude[np.arange(first, first + batch) == larger] *= 1.0 + 1e-8
+            begin = 0.01 * np.arange(first, first + batch)
+            place = np.stack([np.zeros(batch), np.ones(batch), begin, np.full(batch, 0.01)])
+            noise, window = np.zeros(amplitude.shape), np.zeros(batch, dtype=np.int64)
+            yield Sums(rate, 0 * number, number, amplitude, noise, table, place, window)
+
+    time = np.linspace(0.0, 0.01, 1001)
+    samples = (np.exp(np.multiply.outer(time, rate)) * [1.0 + 0.3j, 0.2 - 0.1j] @ table).real
+    alike, other = (search_extrema(batches(larger), 2) for larger in (-1, 15_377))
+    np.testing.assert_allclose(alike.high[0], samples.max(axis=0), rtol=1e-4)
+    np.testing.assert_allclose(other.high[0] / alike.high[0], 1.0 + 1e-8, rtol=1e-10)
+    np.testing.assert_allclose(other.low[0] / alike.low[0], 1.0 + 1e-8, rtol=1e-10)
+    assert (np.floor(other.when_high[0] / 0.01) == 15_377).all()
+    assert alike.evaluations < count  # 38 a part, if all were looked at

@@ -45,7 +45,7 @@ from beamsim.inputs.statements import INPUTS, InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import reached
-from beamsim.responses.jumps import WithoutLimit, jumps_of_motion, keys_of, without_limit
+from beamsim.responses.jumps import WithoutLimit, keys_of, without_limit
 from beamsim.results.result import (
     check_reduction,
     compressed_beyond_tables,
@@ -348,13 +348,11 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
 
 def _without_limit(motion: RunMotion, values: Mapping[str, Any]) -> list[WithoutLimit]:
     """The accelerations that have no limit as the number of modes grows, from values of the motion."""
-    if motion.trajectory is None:
-        return []
     system, filtered = motion.system, not_none(motion.system.scenario.run).low_pass is not None
     of_probes = {} if filtered else values["peak_acceleration_g"]
     peaks = {("probes", name): peak * STANDARD_GRAVITY for name, peak in of_probes.items()}
     peaks |= {("outputs", name): peak for name, peak in values.get("peak_output", {}).items()}
-    return [*without_limit(system, [*jumps_of_motion(system, motion.trajectory, system.jumping_forces)], peaks)]
+    return [*without_limit(system, motion.jumps, peaks)]
 
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -29,6 +30,7 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Progress, Stop, check_stop, never, part_of, stop_requests
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
 from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, reached, samples_until
+from beamsim.responses.jumps import ForceJumps, jumps_of_motion
 from beamsim.results.values import (
     ACCELERATION,
     ALWAYS_THERE,
@@ -227,6 +229,12 @@ class RunMotion:
             "snubber": of.event_contact[chosen], "closing": (of.touch_changes > 0)[chosen],
         }  # fmt: skip
         self.events = EVENTS.dataset(events)
+
+    @cached_property
+    def jumps(self) -> list[ForceJumps]:
+        """Those of the forces that may jump; of a time-stepped motion they are not known."""
+        found = self.trajectory is not None and self.system.forces_that_jump
+        return [*jumps_of_motion(self.system, not_none(self.trajectory))] if found else []
 
     @property
     def breakpoints(self) -> int:

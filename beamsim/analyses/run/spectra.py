@@ -108,7 +108,7 @@ def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
         records[0].part.extrema = Extrema(low, when_low, high, when_high, 0)  # of the whole motion: no second search
     windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
-    residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
+    residual = np.append(system.open_frequencies_hz[kept:], system.closed_frequencies_hz[kept:])
     return _spectra(labels, records, windows, excitation_hz, values, residual, settings.frequencies)
 
 
@@ -140,12 +140,13 @@ def spectra_of_samples(
     """
     records = sampled_records(time, samples, excitation_hz, settings.last, settings.periods)
     windows = [settings.window or "hann"] * len(records)
-    return _spectra(labels, records, windows, excitation_hz, values, (), settings.frequencies, records[0].rate)
+    unknown, rate = np.zeros(0), records[0].rate
+    return _spectra(labels, records, windows, excitation_hz, values, unknown, settings.frequencies, rate)
 
 
 def _spectra(
     labels: Sequence[Label], records: Sequence[SpectrumRecord], windows: Sequence[str], excitation_hz: float,
-    values: Mapping[str, Any], residual_hz: Sequence[float], chosen_hz: Sequence[float], rate_hz: float | None = None,
+    values: Mapping[str, Any], residual_hz: Floats, chosen_hz: Sequence[float], rate_hz: float | None = None,
 ) -> Dataset:  # fmt: skip
     r"""Single-sided peak-amplitude spectra of records of one part of a motion, and the table of their lines.
 
@@ -167,7 +168,7 @@ def _spectra(
     labels, records, windows : of each signal, the part that is analysed, and the window of its curve.
     excitation_hz, rate_hz : Hz, nan where there is no single excitation frequency; Hz, of samples.
     values : as of `spectra_of`.
-    residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
+    residual_hz : (r,) Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
     chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
         excitation has this frequency; they replace what is nearer than a bin.
     """
@@ -381,11 +382,11 @@ def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]
     return np.append(0.0, found[partner]), np.abs(np.append(mean, amplitude[partner]))
 
 
-def _kind_of(line: SpectralLine, chosen_hz: Sequence[float], residual_hz: Sequence[float], near_hz: float) -> str:
+def _kind_of(line: SpectralLine, chosen_hz: Sequence[float], residual_hz: Floats, near_hz: float) -> str:
     """The kind of a line; one is "residual" that is near to a frequency of a static vector."""
     if line.order is not None:  # every order that is not whole is a subharmonic one
         whole = "fundamental" if line.order == 1 else "superharmonic"
         return "subharmonic" if line.order.denominator > 1 else whole
     if line.frequency_hz in chosen_hz:
         return "chosen"
-    return "residual" if any(abs(line.frequency_hz - f) <= near_hz for f in residual_hz) else "other"
+    return "residual" if np.abs(residual_hz - line.frequency_hz).min(initial=np.inf) <= near_hz else "other"

@@ -216,15 +216,19 @@ class SweepLevel:
         of_contacts = [force for force in system.jumping_forces if force.contact >= 0]
         jumps = [ForceJumps(force, time, *record.jumps[:, :, force.contact].T) for force in of_contacts]
 
-        def largest(channel: Channel) -> Floats:
-            sizes = [waves.accelerations(system, channel, of) for of in jumps if channel in grows]
-            return np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(record.count)
+        def largest(channels: list[Channel]) -> Floats:
+            found = np.zeros((len(channels), record.count))
+            own = np.array([channel in grows for channel in channels])
+            for of in jumps if own.any() else ():
+                sizes = waves.accelerations(system, [c for c in channels if c in grows], of)
+                found[own] = np.maximum(found[own], sizes)
+            return found
 
         grows = accelerations(system)
         probes, outputs = ([c for c, _ in self.channels.located if c.section == of] for of in ("probes", "outputs"))
         probes = [channel for channel in probes if channel.key == ACCELERATION]
         named = {"acceleration_jump": probes, "output_jump": outputs}
-        return {name: np.array([largest(channel) for channel in of]) for name, of in named.items() if of}
+        return {name: largest(of) for name, of in named.items() if of}
 
     def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
         """What the outputs are, and their extremes, means and harmonics."""
