@@ -49,11 +49,22 @@ MUST_HOLD = (
 )  # fmt: skip
 MORE_MODES = 3.0  # times the modes, in the finer model
 ORDER = 2.0  # with which errors fall as the number of modes grows: of the finer model 1/9 of the first one's is left
+# what high modes decide: accelerations, and outputs of these kinds, which hold the inertia of bodies
+OF_HIGH_MODES = (
+    "peak_acceleration_g",
+    "acceleration",
+    "reaction_force",
+    "reaction_moment",
+    "joint_force",
+    "joint_moment",
+)
 LEAST_OF_ACCELERATIONS = 1e-3  # relative error of a peak acceleration, unless both models are the same
+LEAST_OF_SHARES = 0.01  # relative error of a share of high peaks, of which there may be as many by chance
 SHARE_OF_LARGEST = 0.125  # of the largest error of a peak acceleration of the motion, that each of them has ...
 CONVERGING = 0.1  # ... if it is below this
 MANY = 10.0  # times the modes, for which the error of a count is stated
-COUNTED = ("peaks_over_2_sigma", "peaks_over_3_sigma", "crossing_rate_hz")  # endings of statistics that are counts
+COUNTED_PEAKS = ("peaks_over_2_sigma", "peaks_over_3_sigma")  # endings of statistics that are shares of peaks
+COUNTED = (*COUNTED_PEAKS, "crossing_rate_hz")  # endings of statistics that are counts
 FEW_MODES = 60  # of a model without a mesh, all of which the finer one keeps: a march of them takes no longer than ten
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
@@ -92,8 +103,8 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
     """The errors that changes to the finer model tell; where that leaves out nothing, they are the changes.
 
     Most values converge as `ORDER` says. Counts may grow with each mode: their error is that of `MANY` times the modes.
-    Peaks of accelerations, which high modes decide, may agree by chance: theirs is `LEAST_OF_ACCELERATIONS` or more,
-    and a share of the largest one of the motion.
+    Peaks of accelerations and of forces that hold inertia, which high modes decide, may agree by chance: theirs is
+    `LEAST_OF_ACCELERATIONS` or more, and a share of the largest one of the motion. So may shares of high peaks.
 
     Parameters
     ----------
@@ -106,21 +117,24 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
     bodies, of_modes = scenario.all_bodies.values(), MORE_MODES**-ORDER
     left = max(of_modes, *(2.0**-body.mesh_order for body in bodies))
     at_edges = max(of_modes, *(2.0**-body.reaction_order for body in bodies))
-    reactions = {each.name for _, each in scenario.requested_outputs if each.kind.startswith("reaction")}
+    kinds = {each.name: each.kind for _, each in scenario.requested_outputs}
     errors: Errors = {}
     for name, of in changes.items():
-        edges = reactions if name.endswith("_output") else ()  # a place of a sweep has the name of the curve before it
-        found = {
-            place: change / (1.0 - (at_edges if place.rpartition(" ")[2] in edges else left))
-            for place, change in places(of)
-        }
-        if name == "peak_acceleration_g":
-            converging = max((error for error in found.values() if error < CONVERGING), default=0.0)
-            least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)  # chance may hide so much
-            found = {place: max(error, least) if error else 0.0 for place, error in found.items()}
+        found = dict(places(of))
+        # an output of a sweep has the name of the curve before its own
+        is_output = name.endswith("_output")
+        kind = {place: kinds.get(place.rpartition(" ")[2], "") if is_output else name for place in found}
+        for place in found:
+            found[place] /= 1.0 - (at_edges if kind[place].startswith("reaction") else left)
+        high = [place for place in found if kind[place] in OF_HIGH_MODES]
+        converging = max((found[place] for place in high if found[place] < CONVERGING), default=0.0)
+        least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)  # chance may hide so much
+        found |= {place: max(found[place], least) for place in high if found[place]}
         for place in found:
             if name == "contacts" or place.endswith(COUNTED):
                 found[place] *= (MANY - 1.0) / (MORE_MODES - 1.0)
+            if place.endswith(COUNTED_PEAKS):
+                found[place] = max(found[place], LEAST_OF_SHARES)
         errors[name] = found if isinstance(of, dict) else found[""]
     return errors
 

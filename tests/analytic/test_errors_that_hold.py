@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from imported_chain import imported_chain
+from shipped import config_path
 
 import beamsim
 from beamsim.cli.motions import run_screen, sweep_screen
@@ -203,3 +204,23 @@ def test_reactions_at_the_edges_of_plates_converge_with_order_1_5():
     stated = found["peak_output"]
     assert stated["edge"] == stated["up_0 edge"] == pytest.approx(0.045 / (1.0 - 2.0**-1.5))
     assert stated["inside"] == pytest.approx(0.045 / 0.75)
+
+
+def test_what_two_models_agree_in_by_chance_has_a_least_error():
+    """Forces that hold inertia as accelerations do, and shares of high peaks; strains and displacements have none."""
+    case = load_scenario(config_path("yoke_reactions"))
+    small = {"clamp_force": 1e-6, "hinge_moment": 1e-6, "gauge": 1e-6}
+    found = errors_of(
+        {
+            "peak_output": small,
+            "peak_displacement_m": {"panel_middle": 1e-6},
+            "random": {"tip displacement peaks_over_3_sigma": 0.0},
+        },
+        case,
+        complete=False,
+    )
+    assert found["peak_output"] == pytest.approx(
+        {"clamp_force": 1e-3, "hinge_moment": 1e-3, "gauge": 1.125e-6}, rel=0.1
+    )
+    assert found["peak_displacement_m"]["panel_middle"] < 2e-6
+    assert found["random"]["tip displacement peaks_over_3_sigma"] == 0.01
