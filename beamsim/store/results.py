@@ -130,18 +130,11 @@ def items_of(result: Result) -> Items:
 def root_attributes(result: Result) -> dict[str, Any]:
     """What every result file says of its result."""
     attributes = {
-        "schema_version": SCHEMA_VERSION,
-        "command": KINDS[result.KIND].command,
-        "kind": result.KIND,
-        "scenario": result.scenario.to_yaml(),
-        "title": result.title,
-        **result.outcome.as_texts(),
-        "warnings": _json(result.warnings),
-        "wall_time_s": result.wall_time_s,
-        "beamsim_version": result.beamsim_version,
-        "created": result.created,
-        "provenance": _json(result.provenance),
-    }
+        "schema_version": SCHEMA_VERSION, "command": KINDS[result.KIND].command, "kind": result.KIND,
+        "scenario": result.scenario.to_yaml(), "title": result.title, **result.outcome.as_texts(),
+        "warnings": _json(result.warnings), "wall_time_s": result.wall_time_s,
+        "beamsim_version": result.beamsim_version, "created": result.created, "provenance": _json(result.provenance),
+    }  # fmt: skip
     optional = {
         "command_processor_time_s": result.command_processor_time_s,
         "input_files": None if result.input_files is None else _json(result.input_files),

@@ -227,9 +227,7 @@ class BeamStructure(MeshedBody):
             _, exact = _static_moments(member, x, [LoadPattern(inertia, base)])
             remainder = basis.omitted_response(inertia, moment, exact[:, 0])
         return Recovery(
-            body=self.name,
-            axis=ALONG,
-            position=x * length,
+            body=self.name, axis=ALONG, position=x * length,
             deflection=self.mesh.rows(x) @ (self.on_all_dofs @ (member.expansion @ basis.vectors)) * scale,
             bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
             stress_per_moment=_largest_at(self, x, [bending.stress_per_moment for bending in sections]),
@@ -237,7 +235,7 @@ class BeamStructure(MeshedBody):
                 self, x, [None if b.depth is None else float(b.depth / 2 / b.bending_stiffness) for b in sections]
             ),
             base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
-        )
+        )  # fmt: skip
 
     @property
     def most_modes(self) -> int:

@@ -266,15 +266,11 @@ def on_supports(
     free, motions = np.setdiff1d(np.arange(mesh.size), held), mesh.rigid_motions
     allowed = allowed_rigid_motions(motions, np.vstack([motions[held], extension]))
     return {
-        "mesh": mesh,
-        "free": free,
-        "on_all_dofs": eye_array(mesh.size, format="csr")[:, free],
-        "unsupported": matrices,
-        "mass": mass[free][:, free].tocsc(),
-        "factor": factor[:, free].tocsr(),
+        "mesh": mesh, "free": free, "on_all_dofs": eye_array(mesh.size, format="csr")[:, free],
+        "unsupported": matrices, "mass": mass[free][:, free].tocsc(), "factor": factor[:, free].tocsr(),
         "damping": None if drag is None else drag[free][:, free].tocsc(),
         "rigid": orthonormal_in_mass(motions @ allowed, mass)[free],
-    }
+    }  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -216,15 +216,10 @@ def _with_static_vectors(
     strain = np.asarray(model.factor @ static)
     static_omega = np.sqrt(np.sum(strain**2, axis=0) / np.sum(static * (model.mass @ static), axis=0))
     return ReducedBasis(
-        np.concatenate([omega, static_omega]),
-        np.hstack([phi, static]),
-        model.rigid.shape[1],
-        kept,
-        patterns,
+        np.concatenate([omega, static_omega]), np.hstack([phi, static]), model.rigid.shape[1], kept, patterns,
         np.hstack([np.zeros((len(patterns), kept)), transform]),
-        np.hstack([np.diag(omega**2), -(phi.T @ loads) @ transform]),
-        highest_frequency,
-    )
+        np.hstack([np.diag(omega**2), -(phi.T @ loads) @ transform]), highest_frequency,
+    )  # fmt: skip
 
 
 def _residual_deflections(model: Structure, modes: Floats, loads: Floats) -> Floats:

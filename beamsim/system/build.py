@@ -314,36 +314,23 @@ def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> St
     outputs = output_channels(*asked) if recovered and scenario.requested_outputs else ()
     dynamics = PiecewiseLinearSystem(model.stiffness, model.damping, contacts, loads.sum(axis=0))
     return StructuralSystem(
-        model=model,
-        as_built=dynamics,
-        dynamics=dynamics,
-        forcing=forcing,
-        initial_state=initial,
-        probes=_describe_probes(model),
-        base_acceleration=motion.acceleration if motion else None,
-        base_velocity=motion.velocity if motion else None,
-        base_displacement=motion.displacement if motion else None,
-        snubbers=_describe_snubbers(model, contacts, equilibrium, pushing.tables),
-        bodies=recoveries,
-        stops=pushing.stops,
-        static_equilibrium=equilibrium.q,
-        static_reason=equilibrium.reason,
-        excitation_frequency_hz=scenario.excitation.tone_hz,
-        cubic=pushing.cubic,
-        springs=pushing.springs,
+        model=model, as_built=dynamics, dynamics=dynamics, forcing=forcing, initial_state=initial,
+        probes=_describe_probes(model), base_acceleration=motion.acceleration if motion else None,
+        base_velocity=motion.velocity if motion else None, base_displacement=motion.displacement if motion else None,
+        snubbers=_describe_snubbers(model, contacts, equilibrium, pushing.tables), bodies=recoveries,
+        stops=pushing.stops, static_equilibrium=equilibrium.q, static_reason=equilibrium.reason,
+        excitation_frequency_hz=scenario.excitation.tone_hz, cubic=pushing.cubic, springs=pushing.springs,
         outputs=outputs,
         files=tuple(each for member in model.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
             *(f"{member.body.name}: {note}" for member in model.structure.members for note in member.body.notes),
-            *free,
-            *warnings,
+            *free, *warnings,
             *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),
             *(f"{path}: {text}" for path, account in accounts for text in account.warnings),
         ),
         inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
-        base_correction=correction,
-        sine=sine_loads(model, forcing),
-    )
+        base_correction=correction, sine=sine_loads(model, forcing),
+    )  # fmt: skip
 
 
 def _statics(model: ReducedModel, pushing: _Pushing, loads: Floats) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
@@ -544,21 +531,14 @@ def _describe_snubbers(
         stiffness = contacts.laws[i].stiffness
         described.append(
             SnubberInfo(
-                gap_unit=s.units[0],
-                name=s.name,
-                position=site.coordinate,
-                across=site.across,
-                side=resists(s),
-                stiffness=stiffness,
-                dashpot=contacts.laws[i].dashpot,
-                gap=float(contacts.gap[i]),
+                gap_unit=s.units[0], name=s.name, position=site.coordinate, across=site.across, side=resists(s),
+                stiffness=stiffness, dashpot=contacts.laws[i].dashpot, gap=float(contacts.gap[i]),
                 preload=float(equilibrium.force[i]),
                 blocked_force=float(contacts.laws[i].static_force(np.maximum(-contacts.gap[i], 0.0))),
                 table_misfit=None if table is None else table.misfit,
-                stiffness_ratio=stiffness / unit if unit > 0 else float("inf"),
-                shape=contacts.shape[i],
+                stiffness_ratio=stiffness / unit if unit > 0 else float("inf"), shape=contacts.shape[i],
             )
-        )
+        )  # fmt: skip
     return tuple(described)
 
 
