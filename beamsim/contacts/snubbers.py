@@ -334,13 +334,9 @@ def springs_of(contacts: Contacts) -> Springs:
     contact = np.array([j for j, _ in parts], dtype=np.int64)
     direction = np.array([part.direction for _, part in parts])
     offset = np.array([part.offset for _, part in parts])
-    return Springs(
-        contacts.shape[contact],
-        direction * contacts.sign[contact],
-        np.array([part.stiffness for _, part in parts]),
-        direction * contacts.gap[contact] + offset,
-        contact,
-    )
+    stiffness = np.array([part.stiffness for _, part in parts])
+    gap = direction * contacts.gap[contact] + offset
+    return Springs(contacts.shape[contact], direction * contacts.sign[contact], stiffness, gap, contact)
 
 
 def _balance_remedy(normal: Floats, force: Floats, push: Floats) -> str:

@@ -394,26 +394,16 @@ def exact_motion_of(
                 if observer is not None:
                     observer.add(part)
     return RunMotion(
-        system=system,
-        method="exact",
-        outcome=values.balance.checked(with_limit(march.outcome, limit)),
-        marched=march,
-        energy_error=values.balance.error,
-        extremes=values.extremes,
-        extreme_states=values.extreme_states,
-        contact_share=march.contact_share,
-        histories=None if recorder is None else recorder.histories,
-        contact=values.contact,
-        states=None if states is None else states.states,
+        system=system, method="exact", outcome=values.balance.checked(with_limit(march.outcome, limit)), marched=march,
+        energy_error=values.balance.error, extremes=values.extremes, extreme_states=values.extreme_states,
+        contact_share=march.contact_share, histories=None if recorder is None else recorder.histories,
+        contact=values.contact, states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,
-        trajectory=part if latest is None else latest.trajectory,
-        impacts=impacts,
-        stresses=stresses,
-        plates=plates,
+        trajectory=part if latest is None else latest.trajectory, impacts=impacts, stresses=stresses, plates=plates,
         memory={"memory_bytes": round(settings.memory)}
         | ({"contact_states_kept": len(flow.states)} if flow.dropped else {}),
         **({} if latest is None else latest.fields(march, settings)),
-    )
+    )  # fmt: skip
 
 
 def _evaluated(

@@ -189,20 +189,14 @@ def _spectra(
             columns[f"line_{name}"].extend(column)
     amplitude, units = np.array(curves), [{"unit": label.unit} for label in labels]
     variables = {
-        "excitation_hz": excitation_hz,
-        "start_s": records[0].start,
-        "duration_s": duration,
-        "resolution_hz": LOBE / duration,
-        "rate_hz": rate_hz,
+        "excitation_hz": excitation_hz, "start_s": records[0].start, "duration_s": duration,
+        "resolution_hz": LOBE / duration, "rate_hz": rate_hz,
         **{name: [getattr(label, name) for label in labels] for name in ("signal", "name", "quantity")},
-        "window": windows,
-        "rms": [level.rms for level in levels],
-        "frequency_hz": np.arange(amplitude.shape[1]) / duration,
-        "amplitude": amplitude,
+        "window": windows, "rms": [level.rms for level in levels],
+        "frequency_hz": np.arange(amplitude.shape[1]) / duration, "amplitude": amplitude,
         "amplitude_db": np.array([amplitude_db(x, level.peak) for x, level in zip(curves, levels, strict=True)]),
-        "line": 1 + np.arange(len(columns["line_signal"])),
-        **columns,
-    }
+        "line": 1 + np.arange(len(columns["line_signal"])), **columns,
+    }  # fmt: skip
     return SPECTRA.dataset(variables, {"signal": units, "line": [units[k] for k in columns["line_signal"]]})
 
 
