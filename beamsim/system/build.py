@@ -269,23 +269,28 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
 # Stiffness of a contact times the compliance there of the modes left out, in a beam with twice the modes that move with
 # the contact (theory, section 7).
 _STIFFNESS_BEYOND_MODES = 0.04
+# Where modes up to twice the frequency take away less of it, no mode has that compliance: that of a face near a point.
+_LEAST_FALL = 0.7
 
 
 def _model_with_contacts(
     scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
 ) -> tuple[ReducedModel, _Pushing]:
-    """The reduced model and its contacts, by default up to higher frequencies until the contacts need no more modes."""
-    model, modes = build_reduced_model(scenario, also_at, shared), 0
-    pushing = _pushing(model)
-    while model.default and model.basis.modes > modes:
-        modes, beyond = model.basis.modes, slice(model.basis.modes, model.basis.size)
-        compliance = np.sum((pushing.contacts.shape[:, beyond] / model.omega[beyond]) ** 2, axis=1)  # static vectors'
+    """The reduced model and its contacts, by default up to higher frequencies as long as contacts need more modes."""
+    model, before = build_reduced_model(scenario, also_at, shared), math.inf
+    found = model, _pushing(model)
+    while model.default:
+        pushing, static = _pushing(model), slice(model.basis.modes, model.basis.size)
+        compliance = np.sum((pushing.contacts.shape[:, static] / model.omega[static]) ** 2, axis=1)
         stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
-        if np.max(stiffness * compliance, initial=0.0) <= _STIFFNESS_BEYOND_MODES:
+        beyond = float(np.max(stiffness * compliance, initial=0.0))
+        if beyond > _LEAST_FALL * before:
+            break
+        found, before = (model, pushing), beyond
+        if beyond <= _STIFFNESS_BEYOND_MODES:
             break
         model = build_reduced_model(scenario, also_at, model.shared, 2.0 * model.highest_hz)
-        pushing = _pushing(model)
-    return model, pushing
+    return found
 
 
 def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> StructuralSystem:
