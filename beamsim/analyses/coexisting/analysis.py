@@ -136,9 +136,6 @@ def coexisting(
         If none is found, or the connection to the cluster is lost.
     """
     begin, processor = clock.perf_counter(), processor_time()
-    if not isinstance(scenario.sweep, Coexisting):
-        example = "write `sweep: {kind: coexisting, at: [68 Hz], starts: {kind: phases, number: 100}}`"
-        raise ScenarioError.at("sweep.kind", "is not coexisting", example)
     marches = Marches(scenario)
     hz, rows, budget = marches.settings.frequencies, marches.drawn_states(), Budget(MOST_POINTS, MOST_SECONDS)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
@@ -156,9 +153,8 @@ def coexisting(
             evaluate(starts)
         ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
         for index, outcome in evaluate.outcomes.items():
-            if outcome.failed:
-                continue
-            ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
+            if not outcome.failed:
+                ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not stop_requested():
             _add_unstable(marches, motions, budget)
@@ -168,8 +164,7 @@ def coexisting(
         result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
     ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
     result = replace(result, outcome=ended, wall_time_s=clock.perf_counter() - begin)
-    summary = _summary(marches, result) | {"without_limit": growing_with_modes(branches)}
-    return result.with_summary(**summary, processor_time_s=processor_time() - processor)
+    return result.with_summary(**_summary(marches, result, branches), processor_time_s=processor_time() - processor)
 
 
 def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
@@ -326,7 +321,7 @@ def _result_of_starts(
     )  # fmt: skip
 
 
-def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
+def _summary(marches: Marches, result: CoexistingResult, branches: Sequence[MeasuredBranch]) -> dict[str, Any]:
     """What does not repeat a field of the result."""
     peaks = (
         {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in peaks_in(b)}
@@ -341,6 +336,7 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
         "starts": len(result["starts"]["start"].values),
         "energy_error": float(result["points"]["energy_error"].values.max()),
         **largest_values(marches.model, result["points"]),
+        "without_limit": growing_with_modes(branches),
         "dashpots": dashpots_of(result["modes"]),
     }
 
@@ -431,7 +427,10 @@ class Marches:
     @property
     def settings(self) -> Coexisting:
         """The section."""
-        return of_kind(Coexisting, self.scenario.sweep)
+        if not isinstance(self.scenario.sweep, Coexisting):
+            example = "write `sweep: {kind: coexisting, at: [68 Hz], starts: {kind: phases, number: 100}}`"
+            raise ScenarioError.at("sweep.kind", "is not coexisting", example)
+        return self.scenario.sweep
 
     @cached_property
     def model(self) -> ResponseModel:
