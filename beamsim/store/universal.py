@@ -15,7 +15,9 @@ coordinates are in no data set 15, and the header names their bodies.
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import warnings
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -523,6 +525,9 @@ def record_55(
     }  # fmt: skip
 
 
+END_OF_SET = 16  # bytes, with the line -1
+
+
 def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
     """Write data sets to a universal file, after the data set of the units (SI).
 
@@ -538,7 +543,16 @@ def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
     )
     with replacement_file(path) as temporary, warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the closing of binary sets to Python
-        pyuff.UFF(str(temporary)).write_sets([units, *sets], mode="overwrite")
+        try:
+            pyuff.UFF(str(temporary)).write_sets([units, *sets], mode="overwrite")
+        except Exception as error:  # pyuff raises errors of its own in place of a full disk
+            if isinstance(error.__context__, OSError):
+                raise error.__context__ from None
+            raise
+        with temporary.open("rb") as file:  # what Python closes is not written, without an error, on a full disk
+            file.seek(-min(END_OF_SET, temporary.stat().st_size), os.SEEK_END)
+            if not file.read().rstrip().endswith(b"-1"):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _ascii(text: str, width: int) -> str:

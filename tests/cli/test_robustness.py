@@ -57,6 +57,20 @@ def test_a_full_disk_while_the_result_is_written(here):
     assert os.listdir(here) == ["case.yaml"]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="limits of file size are POSIX")
+@pytest.mark.parametrize(
+    "command", ["export --format mat -o x.mat", "export --format uff -o x.uff", "report -o x.html"]
+)
+def test_a_full_disk_while_a_file_is_made_of_a_result(here, command):
+    """Of a universal file the result was said to contradict itself, since pyuff raises an error of its own."""
+    assert run(here, "run", "case.yaml", "--no-plots", "-q").returncode == 0
+    name, *options = command.split()
+    done = run(here, name, "case.h5", *options, preexec_fn=small_disk)
+    assert done.returncode == 5, done.stderr
+    assert done.stderr.splitlines()[-1].startswith(f"beamsim: cannot write {options[-1]}: ")
+    assert sorted(os.listdir(here)) == ["case.h5", "case.yaml"]
+
+
 @pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="needs posix_fallocate")
 @pytest.mark.parametrize("full", [1, 2, 3])
 def test_a_result_without_room_is_written_elsewhere(here, full, monkeypatch):
