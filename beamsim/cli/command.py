@@ -15,6 +15,7 @@ from beamsim.cli.session import (
     CommandOptions,
     Interruption,
     Progress,
+    duration,
     interruptible,
     load_case,
     print_json,
@@ -192,8 +193,22 @@ def run_analysis(
             )
 
     name = options.case.name
-    label = f"{doing} {name}{_cycles_to_march(scenario) if kind == 'run' else ''}"
+    label = f"{doing} {name}"
+    if kind == "run" and (cycles := _cycles_to_march(scenario)):
+        label += cycles
+        if not options.quiet:
+            _announce_time(label, scenario)
     compute_and_save(kind, target, options, computed, label, f"evaluating the motion of {name}")
+
+
+def _announce_time(label: str, scenario: Scenario) -> None:
+    """Say about how long a swept sine takes, where that is worth knowing."""
+    from beamsim.trust.expected_time import expected_time
+
+    with scenario.locating():
+        seconds = expected_time(scenario)
+    if seconds is not None:
+        say(f"beamsim: {label} takes about {duration(seconds)} of processor time")
 
 
 def _cycles_to_march(scenario: Scenario) -> str:
