@@ -53,7 +53,7 @@ def failed_case(case: Case, reason: str) -> CaseOutcome:
     return CaseOutcome(case.number, {}, outcome, given=case.values, compared=case.compared)
 
 
-class Ended(Exception):
+class StopEvaluation(Exception):
     """Raised to leave the block of the `Evaluator` when not all requested cases could be solved."""
 
 
@@ -92,7 +92,7 @@ class Evaluator:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> bool:
-        if kind is Ended:
+        if kind is StopEvaluation:
             self._open.close()
             return True
         return bool(self._open.__exit__(kind, error, trace))
@@ -107,7 +107,7 @@ class Evaluator:
         elif len(batch) < len(rows):
             self.ended = "most_cases"
         if self.ended:
-            raise Ended
+            raise StopEvaluation
         return [[self.outcomes[k * count + r] for r in range(count)] for k in batch]
 
     def compare(self, indices: Sequence[int]) -> None:
@@ -119,7 +119,7 @@ class Evaluator:
         """
         if not self._solve([self._case(index, compared=True) for index in indices]):
             self.ended = "interrupted"
-            raise Ended
+            raise StopEvaluation
 
     @property
     def room(self) -> int:
@@ -141,7 +141,7 @@ class Evaluator:
         self.further |= new
         if not self._solve(list(new.values())):
             self.ended = "interrupted"
-            raise Ended
+            raise StopEvaluation
         return [self.outcomes[number] for number in new]
 
     def _case(self, index: int, compared: bool) -> Case:

@@ -248,14 +248,14 @@ def worker_pool(
         yield partial(there.iterate_results, computation)
 
 
-class _Received(threading.local):
+class _WorkerFunction(threading.local):
     """The function that a worker computes by; threads of a cluster's worker have one each."""
 
     sent: bytes = b""
     function: Callable[[Any], Any]
 
 
-_RECEIVED = _Received()
+_RECEIVED = _WorkerFunction()
 
 
 def _compute_remotely(sent: bytes, item: Any) -> Any:

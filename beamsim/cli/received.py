@@ -6,6 +6,6 @@ RECEIVED: list[BaseException] = []
 """The latest is last."""
 
 
-def received() -> BaseException | None:
+def latest_signal() -> BaseException | None:
     """The latest of them, None where no signal came."""
     return RECEIVED[-1] if RECEIVED else None

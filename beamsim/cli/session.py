@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from beamsim.cli.received import received
+from beamsim.cli.received import latest_signal
 from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
 from beamsim.outcomes import ExitCode
 
@@ -215,14 +215,14 @@ def with_exit_code(*, debug: bool) -> Iterator[None]:
     except typer.Exit:
         raise
     except (Exception, KeyboardInterrupt, SystemExit) as raised:
-        raise _ended_by(raised, debug=debug) from None
+        raise _exit_exception(raised, debug=debug) from None
 
 
-def _ended_by(raised: BaseException, *, debug: bool) -> BaseException:
+def _exit_exception(raised: BaseException, *, debug: bool) -> BaseException:
     """Say why a command ends, and return what ends it with its exit code."""
     error = raised
     if not isinstance(raised, SystemExit | VerdictError):
-        error = interruption_behind(raised) or received() or raised
+        error = interruption_behind(raised) or latest_signal() or raised
     if isinstance(error, SystemExit):
         if error is not raised or error.code == ExitCode.TERMINATED:
             say(NOTHING_INCOMPLETE)
@@ -367,7 +367,7 @@ class Progress:
 
     def __str__(self) -> str:
         label, fraction, remaining = self.state()
-        left = f"{duration(clock.monotonic() - self.begin)} so far" if remaining is None else _left(remaining)
+        left = f"{duration(clock.monotonic() - self.begin)} so far" if remaining is None else _time_left_text(remaining)
         return f"{label}, {left}" if fraction is None else f"{label}: {100.0 * fraction:.0f} % done, {left}"
 
 
@@ -425,13 +425,13 @@ def _show_bar(progress: Progress, ended: threading.Event) -> None:
                 description=what,
                 total=None if fraction is None else 1.0,
                 completed=fraction or 0.0,
-                left="" if remaining is None else _left(remaining),
+                left="" if remaining is None else _time_left_text(remaining),
             )
             if ended.wait(0.2):
                 return
 
 
-def _left(seconds: float) -> str:
+def _time_left_text(seconds: float) -> str:
     return f"about {duration(seconds)} remain" if seconds >= 1.0 else "less than 1 s remain"
 
 

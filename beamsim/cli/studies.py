@@ -321,7 +321,7 @@ def _deciding_responses(result: StudyResult) -> list[str]:
     """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
-    asked = asked or [value.name for value in VALUES if value.followed]
+    asked = asked or [value.name for value in VALUES if value.in_sweeps]
     return list(dict.fromkeys(name for each in asked for name in result.responses if means(each, name)))
 
 

@@ -133,13 +133,13 @@ class MotionPart:
     """
 
     def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float) -> None:
-        self.motion = motion.with_all_states() if motion.flow.dropped else motion
+        self.motion = motion.with_all_states() if motion.flow.has_dropped_states else motion
         self.rows_of, self.highest, self.begin = rows_of, highest, float(motion.time[0])
         self.duration = motion.end - self.begin  # s
         self._weighted: dict[Exponentials, Complexes] = {}
 
     @cached_property
-    def known(self) -> Complexes:
+    def all_integrals(self) -> Complexes:
         """(K, count) Fourier integrals at multiples of half the inverse of the duration."""
         step, outputs = np.pi / self.duration, self.rows_of(self.motion.flow.system.contacts.start).shape[0]
         count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
@@ -149,12 +149,12 @@ class MotionPart:
     @property
     def means(self) -> Floats:
         """(K,) means."""
-        return self.known[:, 0].real / self.duration
+        return self.all_integrals[:, 0].real / self.duration
 
-    def weighted(self, window: Exponentials) -> Complexes:
+    def windowed_integrals(self, window: Exponentials) -> Complexes:
         """(K, count) Fourier integrals under a window, at the same frequencies but the last, which it needs."""
         if window not in self._weighted:
-            known, reach = self.known, max(abs(steps) for steps, _ in window)
+            known, reach = self.all_integrals, max(abs(steps) for steps, _ in window)
             whole = np.concatenate([known[:, reach:0:-1].conj(), known], axis=1)
             total = np.zeros((known.shape[0], known.shape[1] - reach), dtype=complex)
             for steps, factor in window:
@@ -178,7 +178,7 @@ class MotionPart:
         check_stop()
         position = omega * (self.duration / np.pi)
         whole = np.rint(position)
-        known = self.weighted(window)[column]
+        known = self.windowed_integrals(window)[column]
         if np.all(np.abs(position - whole) < ON_A_SAMPLE):
             found = known[np.abs(whole).astype(np.int64)]
         else:
@@ -205,7 +205,7 @@ class MotionPart:
         first, second, *_, third, end = np.linspace(self.begin, self.motion.end, 5).tolist()
         squares = [
             motion.square_integrals(lambda phases: self.rows_of(phases) - constant) / (motion.end - motion.time[0])
-            for motion in (self.motion.between(first, second), self.motion.between(third, end))
+            for motion in (self.motion.extract(first, second), self.motion.extract(third, end))
         ]
         early, late = np.sqrt(np.maximum(squares, 0.0))
         return early, late
@@ -214,10 +214,10 @@ class MotionPart:
     def halves(self) -> tuple[MotionPart, MotionPart]:
         """Both halves of the time; the second has what the first leaves of the whole, at every other frequency."""
         begin, middle, end = np.linspace(self.begin, self.motion.end, 3).tolist()
-        early = MotionPart(self.motion.between(begin, middle), self.rows_of, self.highest)
-        whole = self.known[:, ::2]
-        late = MotionPart(self.motion.between(middle, end), self.rows_of, self.highest)
-        late.known = (whole - early.known[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
+        early = MotionPart(self.motion.extract(begin, middle), self.rows_of, self.highest)
+        whole = self.all_integrals[:, ::2]
+        late = MotionPart(self.motion.extract(middle, end), self.rows_of, self.highest)
+        late.all_integrals = (whole - early.all_integrals[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
         return early, late
 
     def divided(self, parts: int) -> list[MotionPart]:
@@ -225,7 +225,7 @@ class MotionPart:
         if parts == 1:
             return [self]
         edges = np.linspace(self.begin, self.motion.end, parts + 1).tolist()
-        return [MotionPart(self.motion.between(*span), self.rows_of, self.highest) for span in pairwise(edges)]
+        return [MotionPart(self.motion.extract(*span), self.rows_of, self.highest) for span in pairwise(edges)]
 
 
 def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, count: int, columns: int) -> Complexes:

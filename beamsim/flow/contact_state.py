@@ -365,7 +365,7 @@ def _modes_from_neighbour(known: ContactState, equations: StateEquations) -> Blo
     return modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
 
 
-class _Acting(NamedTuple):
+class _ActiveContacts(NamedTuple):
     """The contacts whose forces depend on the motion."""
 
     shape: Floats  # (a, n)
@@ -385,7 +385,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     which, crossed = np.flatnonzero((k != 0.0) | (c != 0.0)), contacts.presses(phases)
     shape = contacts.shape[which]
     along = contacts.sign[which, None] * equations.push[which] if crossed else shape
-    acting = _Acting(shape, k[which], c[which], along, which, crossed)
+    acting = _ActiveContacts(shape, k[which], c[which], along, which, crossed)
     across = equations.stuck_directions if equations.stuck_directions.shape[1] else None
     undamped = _undamped_modes(system, acting, across)
     if crossed or contacts.couples_states(phases):
@@ -404,7 +404,11 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
 
 
 def _joined_with_rest(
-    modes: BlockForm, equations: StateEquations, acting: _Acting, undamped: tuple[Floats, Floats], across: Floats
+    modes: BlockForm,
+    equations: StateEquations,
+    acting: _ActiveContacts,
+    undamped: tuple[Floats, Floats],
+    across: Floats,
 ) -> BlockForm:
     """Modes, joined by those of motions that contacts hold at rest, whatever the values of these.
 
@@ -465,7 +469,7 @@ def _coupled_modes(undamped: _UndampedModes, states: int, window: float) -> Bloc
 
 
 def _general_modes(
-    equations: StateEquations, acting: _Acting, undamped: _UndampedModes, window: float, across: Floats | None
+    equations: StateEquations, acting: _ActiveContacts, undamped: _UndampedModes, window: float, across: Floats | None
 ) -> BlockForm:
     """Modes that internal states couple, or forces along other directions than those that make them.
 
@@ -509,7 +513,7 @@ def _general_modes(
 
 
 def _internal_coupling(
-    equations: StateEquations, acting: _Acting, undamped: _UndampedModes
+    equations: StateEquations, acting: _ActiveContacts, undamped: _UndampedModes
 ) -> tuple[Floats, Floats, Floats]:
     """What couples s internal states with r modes.
 
@@ -545,7 +549,7 @@ class _UndampedModes(NamedTuple):
     damping: Floats  # (e, e)
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floats | None) -> _UndampedModes:
+def _undamped_modes(system: PiecewiseLinearSystem, acting: _ActiveContacts, across: Floats | None) -> _UndampedModes:
     """Of a structure whose motions ``across`` (n, n - e) are held; rigid-body motions no contact feels stay exact."""
     n, phi, k = system.size, acting.shape, acting.stiffness
     if not k.size and across is None:

@@ -65,7 +65,7 @@ class StartOfMotion(NamedTuple):
     state: Floats  # (N,) with the internal states of contacts that were in other phases before
 
 
-def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
+def certain_signs(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
     """(k,) signs and orders of the first derivatives that are beyond their round-off; a sign is 0 where none is.
 
     ``value`` and ``doubt`` are (orders, k), from order 0 on.
@@ -238,7 +238,7 @@ class ExactFlow:
         return self
 
     @property
-    def dropped(self) -> bool:
+    def has_dropped_states(self) -> bool:
         """Whether states were visited that are not kept any more."""
         return len(self.visited) > len(self.states)
 
@@ -253,12 +253,12 @@ class ExactFlow:
 
     def visited_state(self, number: int) -> ContactState:
         """A state by its number among all visited; one that was dropped is built again, and not kept."""
-        if not self.dropped:
+        if not self.has_dropped_states:
             return self.states[number]
         kept = self._index.get(self.visited[number].tobytes())
         return self._new_state(self.visited[number]) if kept is None else self.states[kept]
 
-    def holding(self, visited: Ints) -> ExactFlow:
+    def with_states(self, visited: Ints) -> ExactFlow:
         """The same flow with some of the visited states alone, in their order."""
         flow = copy(self)
         flow.most_states = None
@@ -311,7 +311,7 @@ class ExactFlow:
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(map(lt, old.shape, need)):
-                self._arrays[name] = old = self._grown(old, need)
+                self._arrays[name] = old = self._enlarge(old, need)
             if row.shape != old.shape[1:]:
                 old[index] = 0
             place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
@@ -340,7 +340,7 @@ class ExactFlow:
         roundoff_scale = forced.roundoff_scale(events.guards, watch[:, : events.count])
         arrays["roundoff_scale"][index, :F, : events.count] = roundoff_scale
 
-    def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
+    def _enlarge(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
         """An array with more rows, or wider ones; rows that no state has yet are zeros."""
         most, rows = self.most_states or np.inf, old.shape[0]
         if rows < need[0]:
@@ -379,7 +379,7 @@ class ExactFlow:
         index = self._index.get(phases.tobytes())
         return StateEquations(self.equations, phases) if index is None else self.states[index].equations
 
-    def is_like(self, other: ExactFlow) -> bool:
+    def has_same_layout(self, other: ExactFlow) -> bool:
         """Whether another flow has as many coordinates, contacts with as many phases, and sources on as many pieces."""
         sizes = [
             (each.system.size, [(len(law.phases), law.internal_states) for law in each.system.contacts.laws],
@@ -388,7 +388,7 @@ class ExactFlow:
         ]  # fmt: skip
         return sizes[0] == sizes[1]
 
-    def apart(self, times: Floats) -> Floats:
+    def mounting_displacements(self, times: Floats) -> Floats:
         """(nt, m) displacement of each contact's place from its stand at times, that of the structure left out, m."""
         moved = [np.multiply.outer(self._channels[c](times), self.influence[c]) for c in self.stands]
         return np.asarray(sum(moved, np.zeros((times.size, self.system.contacts.count))))
@@ -446,7 +446,7 @@ class ExactFlow:
         return StartOfMotion(before, phases, made, state)
 
     def _first_signs(self, rows: Floats, rates: Floats, given: Complexes, state: Floats) -> tuple[Floats, Ints]:
-        """Signs and orders of the first derivatives of functions that are beyond their round-off, see `decisive`.
+        """Signs and orders of the first derivatives of functions that are beyond their round-off, see `certain_signs`.
 
         The derivatives of the state follow from the equation of motion: in a sum over the modes of a stiff contact the
         round-off of the highest would hide them.
@@ -480,7 +480,7 @@ class ExactFlow:
             for order in range(1, orders):
                 doubt[order] = sizes[count:] @ doubt[order - 1] + added[order - 1, count:]
             value = y @ rows[:, :N].T + driven[:, :count]
-            found = decisive(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ sizes[:count].T)
+            found = certain_signs(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ sizes[:count].T)
             if found[0].all():
                 break
         return found

@@ -62,7 +62,7 @@ class Sums(NamedTuple):
     window: Any  # (n,) number of the window of each part
 
 
-class Known(NamedTuple):
+class KnownExtremes(NamedTuple):
     """The largest values that are known of J functions of the outputs in W windows, and of their negatives."""
 
     value: Any  # (2, W, J)
@@ -125,7 +125,7 @@ def search_extrema(
 
 def nothing_known(
     outputs: int, windows: int = 1, squares: Ints | None = None, competitors: Ints | None = None
-) -> Known:
+) -> KnownExtremes:
     """What a search knows at its beginning; see `search_extrema` for the parameters."""
     first = np.append(np.arange(outputs) if squares is None else squares, outputs)
     shape, least = (2, windows, first.size - 1), np.finfo(float).min
@@ -133,7 +133,7 @@ def nothing_known(
     if competitors is not None:
         rank[:, competitors] = rank[0, competitors[:1]]
     best = np.full((windows, rank.size), least)
-    return Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best)
+    return KnownExtremes(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best)
 
 
 def in_shares(sums: Sums) -> Sums:
@@ -151,7 +151,7 @@ def in_shares(sums: Sums) -> Sums:
     )  # fmt: skip
 
 
-def reach(sums: Sums, known: Known) -> Floats:
+def reach(sums: Sums, known: KnownExtremes) -> Floats:
     """(2, n, J) bounds on J functions of the outputs on parts, and on their negatives, from the values at the begins.
 
     A term does not come farther from there than its largest slope takes it, or than twice its size. Products of
@@ -179,7 +179,7 @@ def reach(sums: Sums, known: Known) -> Floats:
         return 0.5 * np.add.reduceat(squares, known.first[:-1], axis=2)
 
 
-def repeats(sums: Sums, searched: Sums, known: Known) -> Bools:
+def repeats(sums: Sums, searched: Sums, known: KnownExtremes) -> Bools:
     """(n,) whether outputs on parts are those on one of the last parts that were searched, within `TOLERANCE`.
 
     On parts of nearly one length the difference of a term follows from those of its amplitude and of its exponent.

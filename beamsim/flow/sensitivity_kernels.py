@@ -50,7 +50,7 @@ class Segment(NamedTuple):
     basis: Any  # (B,) basis functions at its end
 
 
-class Kept(NamedTuple):
+class StoredDerivatives(NamedTuple):
     """What is kept of the derivatives along a motion."""
 
     dt: Any  # (G + 1, C) s, change of the time of each event

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.exact import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
+from beamsim.flow.exact import HIGHEST_DERIVATIVE, ROUND_OFF, certain_signs
 from beamsim.flow.kernels import BEGINNING
 from beamsim.flow.periodic_flow import (
     ContactDirection,
@@ -95,7 +95,7 @@ class SmoothFlow(PeriodicFlow):
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
-        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.exact.decisive`.
+        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.exact.certain_signs`.
 
         While penetration and rate are zero a contact has no force, so that the derivatives that decide do not depend on
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.
@@ -112,7 +112,7 @@ class SmoothFlow(PeriodicFlow):
         parts = (
             (np.abs(q) + size / _FACTORIAL[orders]) @ np.abs(c.shape).T + np.abs(gap) + c.base_influence * np.abs(base)
         )
-        return decisive(value, ROUND_OFF * parts)[0] > 0
+        return certain_signs(value, ROUND_OFF * parts)[0] > 0
 
     def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
         """The state after ``duration``, with its derivatives.

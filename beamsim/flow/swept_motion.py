@@ -45,7 +45,7 @@ def carriers(frequency_hz: Floats) -> Floats:
     return np.asarray(2 * np.pi * STEP ** (np.floor(np.log(frequency_hz) / np.log(STEP)) + 0.5))
 
 
-def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, carrier: float) -> ExactFlow:
+def with_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, carrier: float) -> ExactFlow:
     """A flow under other windows of the sweep; what is known of its contact states is kept.
 
     Parameters
@@ -72,7 +72,7 @@ class SweptChunk:
     edge: Floats  # (C + 1,) s, where the C cycles begin, and the end
 
     @property
-    def reached(self) -> int:
+    def cycle_count(self) -> int:
         """Number of whole cycles that were computed."""
         if self.motion.outcome.complete:
             return self.edge.size - 1
@@ -114,14 +114,14 @@ class SweptMotion(March):
                 motion, begun = start(flow, self.initial_state)
                 self.events = begun.event_time.size
             else:
-                before, flow = flow, under_windows(flow, self.loads, windows, carrier[first])
+                before, flow = flow, with_windows(flow, self.loads, windows, carrier[first])
                 motion.enter(flow, before)
                 begun = Log.sized(0, motion.y.size, 0)
             if report is not None:
                 self.progress = partial(self._report, report, since, last)
             log = Log.join([begun, self.on(flow, motion, windows.duration)])
             trajectory = motion_of(flow, motion, log, self)
-            self.outcome = _later(trajectory.outcome, since)
+            self.outcome = _shift_outcome(trajectory.outcome, since)
             visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
             self.states = len(visited)
             self.end = since + trajectory.end
@@ -146,7 +146,7 @@ class SweptMotion(March):
                 first = last
 
 
-def _later(outcome: Outcome, begin: float) -> Outcome:
+def _shift_outcome(outcome: Outcome, begin: float) -> Outcome:
     """An outcome whose times count from the start of the sweep."""
     if outcome.place is None:
         return outcome
@@ -163,7 +163,7 @@ LEAST_CHANGE = 0.02  # of the slope, from one trial to the next
 AS_FOLLOWED = 1e-3  # relative difference between the table of the level and the level that was followed
 
 
-class _Reached(NamedTuple):
+class _MotionAtEnd(NamedTuple):
     """A motion, and the flow in which its contact state has its number."""
 
     motion: Motion
@@ -205,7 +205,7 @@ class LevelControl:
         windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, of_base=self.of_base)
         forcing, observers = self.loads(windows, self._carrier(0, 1))
         self._latest = ExactFlow(self.system, forcing, windows.duration, observers)  # whose contact states are kept
-        self._there = _Reached(start(self._latest, self.state)[0], self._latest)
+        self._there = _MotionAtEnd(start(self._latest, self.state)[0], self._latest)
         low, high = sorted((self.leg.first_hz, self.leg.last_hz))
         edges = self.specification.edge
         self._corners = edges[(edges > low) & (edges < high)]
@@ -268,7 +268,7 @@ class LevelControl:
         low, high = -STEEPEST, min(-gain, STEEPEST)
         log_frequency = np.log(self.leg.frequency(np.append(at, ahead).astype(float)))
         steps = (log_frequency - log_frequency[0]) / (log_frequency[1] - log_frequency[0])  # nearly 0, 1, 2, ...
-        tried: list[tuple[float, float, _Reached]] = []  # slope, excess, motion after the step
+        tried: list[tuple[float, float, _MotionAtEnd]] = []  # slope, excess, motion after the step
         slope = min(max(guess, low), high)
         while True:
             path = np.minimum(gain + slope * steps, 0.0)
@@ -292,7 +292,7 @@ class LevelControl:
         slope, _, self._there = max(met, key=lambda t: t[0]) if met else min(tried, key=lambda t: t[1])
         return slope
 
-    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, _Reached]:
+    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, _MotionAtEnd]:
         """Largest logarithm of a value over its limit in the cycles from ``ahead[skipped - 1]`` on, and the motion at
         ``ahead[0]``, under the gains (A + 1,) at the cycles ``at`` and ``ahead`` (A,)."""
         self.trials += 1
@@ -302,12 +302,12 @@ class LevelControl:
         frequency = self.leg.frequency(np.append(at, ahead)[kept].astype(float))
         profile = self._profile(frequency, gain[kept])
         windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
-        flow = under_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
+        flow = with_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
         begun, self._latest = self._there.motion.copy(), flow
         begun.enter(flow, self._there.flow)
         march = March(max_evaluations=100_000_000, stop=self.stop)
         parts = [march.on(flow, begun, float(windows.edge[ahead[0] - at]))]
-        there = _Reached(begun.copy(), flow)
+        there = _MotionAtEnd(begun.copy(), flow)
         parts.append(march.on(flow, begun, windows.duration))
         motion = motion_of(flow, begun, Log.join(parts), march)
         found = motion.extrema(self.outputs(flow), windows.edge)

@@ -175,7 +175,7 @@ class Trajectory:
             losses[:, contacts.pressed] += contacts.pressing_losses(before, phases) * normal**2
         return losses
 
-    def until(self, end: float) -> Trajectory:
+    def truncate(self, end: float) -> Trajectory:
         """The motion up to a time."""
         part = self.select(slice(0, max(1, int(np.searchsorted(self.time, end)))))
         return replace(
@@ -183,7 +183,7 @@ class Trajectory:
             final_y=self.states_at(np.array([min(end, self.end)]))[0],
         )  # fmt: skip
 
-    def between(self, begin: float, end: float) -> Trajectory:
+    def extract(self, begin: float, end: float) -> Trajectory:
         """The motion between two times, as far as it goes; its first segment begins at ``begin``.
 
         The events are those after ``begin``, up to ``end``; where the motion begins those at this time, too.
@@ -208,10 +208,10 @@ class Trajectory:
 
     def with_all_states(self) -> Trajectory:
         """The same with a flow that keeps all its states, whatever their number."""
-        if not self.flow.dropped:
+        if not self.flow.has_dropped_states:
             return self
         visited, state = np.unique(self.state, return_inverse=True)
-        return replace(self, flow=self.flow.holding(visited), state=state)
+        return replace(self, flow=self.flow.with_states(visited), state=state)
 
     def select(self, segments: Ints | slice) -> Trajectory:
         """Some of the segments, in order; times are those of the whole motion.
@@ -427,7 +427,7 @@ class Trajectory:
         -------
         (nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
         """
-        motion = self.between(begin, float(times[-1]))  # what came before is not subtracted again, with its digits
+        motion = self.extract(begin, float(times[-1]))  # what came before is not subtracted again, with its digits
         segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
         tau = np.minimum(times - motion.time[segment], motion.length[segment])
         every = np.append(np.arange(motion.time.size), segment)

@@ -44,7 +44,7 @@ from beamsim.flow.periodic_flow import (
     check_finite,
     moved_system,
 )
-from beamsim.flow.sensitivity_kernels import Factors, Instant, Kept, differentiate
+from beamsim.flow.sensitivity_kernels import Factors, Instant, StoredDerivatives, differentiate
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion
 from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
@@ -78,7 +78,7 @@ class FlowOutputs:
 
     def _once(self, key: tuple[object, ...], make: Callable[[], Floats], *phases: Ints | None) -> Floats:
         if key not in self._made:
-            self._made[key] = self._turned(make(), *phases)
+            self._made[key] = self._rotate(make(), *phases)
         return self._made[key]
 
     def _turn_in(self, phases: Ints) -> Floats:
@@ -94,7 +94,7 @@ class FlowOutputs:
             self._turns[key] = left @ right @ self.turn
         return self._turns[key]
 
-    def _turned(
+    def _rotate(
         self, factors: Floats, of: Ints | None = None, to: Ints | None = None, *, states: bool = True
     ) -> Floats:
         """Factors (k, V) in the other coordinates; of outputs that begin with states, these in them as well.
@@ -116,12 +116,12 @@ class FlowOutputs:
 
     def outputs(self, output_of: RowsOf, phases: Ints) -> Floats:
         """(k, V) outputs of the flow in given phases."""
-        return self._turned(output_of(phases).copy(), phases, states=False)
+        return self._rotate(output_of(phases).copy(), phases, states=False)
 
     def state(self, initial: Floats) -> Floats:
         """(N,) a state, from its first entries at least."""
         state = np.pad(initial, (0, self.flow.size - initial.size))
-        return np.asarray(self._turned(state[None, :], states=False)[0])
+        return np.asarray(self._rotate(state[None, :], states=False)[0])
 
     def rates(self, phases: Ints) -> Floats:
         """(N, V) the time derivative of the state."""
@@ -130,29 +130,31 @@ class FlowOutputs:
     def event(self, key: EventKey) -> Floats:
         """(N + 1, V) what happens at an event."""
         if key is None:
-            return self._once((), lambda: _changed(self.flow.equations.state))
+            return self._once((), lambda: _change_factors(self.flow.equations.state))
         before, contact, after = key
         then = self.flow.system.contacts.phases_after(before, contact, after)
         make = partial(self._event, before, contact, after)
         return self._once((before.tobytes(), contact, after), make, before, then)
 
-    def begun(self, phases: Ints) -> Floats:
+    def state_at_start(self, phases: Ints) -> Floats:
         """(N + 1, V) the state with which a motion in given phases starts, from one near it.
 
         What is held rests, and internal states that are penetrations are these.
         """
-        return self._once(("begun", phases.tobytes()), lambda: _changed(self._begun(phases)), None, phases)
+        return self._once(
+            ("begun", phases.tobytes()), lambda: _change_factors(self._state_at_start(phases)), None, phases
+        )
 
-    def kept(self, phases: Ints) -> Floats:
+    def state_at_end(self, phases: Ints) -> Floats:
         """(N + 1, V) the state from which `ExactFlow.begin` finds the phases again in which a motion ends."""
-        return self._once(("kept", phases.tobytes()), lambda: _changed(self._kept(phases)), phases)
+        return self._once(("kept", phases.tobytes()), lambda: _change_factors(self._state_at_end(phases)), phases)
 
     def _event(self, before: Ints, contact: int, after: int) -> Floats:
         at = self.flow.at(before)
         event = at.events.of_change(contact, after)
-        return _changed(at.state_after(event), at.events.guards[event])
+        return _change_factors(at.state_after(event), at.events.guards[event])
 
-    def _begun(self, phases: Ints) -> Floats:
+    def _state_at_start(self, phases: Ints) -> Floats:
         at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
         begun, n = equations.state.copy(), self.flow.system.size
         begun[equations.velocities, equations.velocities] -= at.stuck_directions @ at.stuck_directions.T
@@ -160,7 +162,7 @@ class FlowOutputs:
         begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
         return begun
 
-    def _kept(self, phases: Ints) -> Floats:
+    def _state_at_end(self, phases: Ints) -> Floats:
         law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state.copy()
         contact, (constant, pressing) = (
             contacts.states_to_rewrite(phases)[0],
@@ -171,7 +173,7 @@ class FlowOutputs:
         return end
 
 
-def _changed(state: Floats, guard: Floats | None = None) -> Floats:
+def _change_factors(state: Floats, guard: Floats | None = None) -> Floats:
     """(N + 1, V) factors of a changed state and of a guard, which is zero where there is none."""
     return np.vstack([state, np.zeros_like(state[0]) if guard is None else guard])
 
@@ -203,13 +205,13 @@ class ParameterChange(ABC):
         """(N + 1, V) of `FlowOutputs.event`."""
         return self._once(() if key is None else (key[0].tobytes(), *key[1:]), lambda side: side.event(key))
 
-    def begun(self, phases: Ints) -> Floats:
-        """(N + 1, V) of `FlowOutputs.begun`."""
-        return self._once(("begun", phases.tobytes()), lambda side: side.begun(phases))
+    def state_at_start(self, phases: Ints) -> Floats:
+        """(N + 1, V) of `FlowOutputs.state_at_start`."""
+        return self._once(("begun", phases.tobytes()), lambda side: side.state_at_start(phases))
 
-    def kept(self, phases: Ints) -> Floats:
-        """(N + 1, V) of `FlowOutputs.kept`."""
-        return self._once(("kept", phases.tobytes()), lambda side: side.kept(phases))
+    def state_at_end(self, phases: Ints) -> Floats:
+        """(N + 1, V) of `FlowOutputs.state_at_end`."""
+        return self._once(("kept", phases.tobytes()), lambda side: side.state_at_end(phases))
 
 
 class SourceRates(ParameterChange):
@@ -280,7 +282,7 @@ class MotionDerivative(NamedTuple):
 
     end: Floats  # (2, N) the last state, and its time derivative
     by: Floats  # (N, C) of the end, at a fixed time
-    kept: Kept  # what was asked for on the way
+    kept: StoredDerivatives  # what was asked for on the way
 
 
 def sensitivity(
@@ -324,7 +326,9 @@ def sensitivity(
     first = phases[state[0]]
     both: list[FlowOutputs | ParameterChange] = [outputs, *changes]
     rates = np.array([[each.rates(of) for of in phases] for each in both])
-    after = np.array([[each.begun(first), *map(each.event, sorts.values()), each.kept(last)] for each in both])
+    after = np.array(
+        [[each.state_at_start(first), *map(each.event, sorts.values()), each.state_at_end(last)] for each in both]
+    )
     between = [number[None if key is None else (key[0].tobytes(), *key[1:])] for key in keys]
     factors = Factors(
         rates, after, state, np.array([0, *between, 1 + len(sorts)]),
@@ -336,7 +340,7 @@ def sensitivity(
     by, end, columns, V = start.copy(), np.empty((2, N)), start.shape[1], N + 2 * F
     event, later = np.array(instants, dtype=np.int64).reshape(M, 2).T
     instant = Instant(np.empty((M, V)), np.empty((M, V)), np.empty((0, V)), np.empty((M, P, 2 * F)))
-    kept = Kept(
+    kept = StoredDerivatives(
         np.zeros((G + 1, columns)), np.zeros((2, G + 1)), event.copy(), later.copy(), instant, np.empty((M, N, columns))
     )
     differentiate(flow.tables(), flow.inputs, log, factors, by, end, kept)
@@ -410,7 +414,7 @@ class VariationalFlow(PeriodicFlow):
         """(N,) the state after ``duration``, of one march without derivatives; see `PeriodicFlow.end`."""
         motion, _ = self._march(start, duration, t)
         inputs = self.exact.inputs_at(np.array([t + duration]))[0, 0]
-        kept = self._outputs.kept(self.exact.states[motion.state].phases)
+        kept = self._outputs.state_at_end(self.exact.states[motion.state].phases)
         return np.asarray(kept[: self.size] @ np.append(motion.y, inputs))
 
     def _march(self, start: Floats, duration: float, t: float) -> tuple[Motion, Log]:
@@ -418,7 +422,9 @@ class VariationalFlow(PeriodicFlow):
         self._followed[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases
-        begun = self._outputs.begun(phases)[: self.size] @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
+        begun = self._outputs.state_at_start(phases)[: self.size] @ np.append(
+            start, exact.inputs_at(np.array([t]))[0, 0]
+        )
         motion, turns = Motion(begun, exact.state_index(phases), time=t), 1.0 + duration * self.omega / (2.0 * np.pi)
         # 65_536, 20_000_000: in a period of the loads
         march = March(max_events=int(65_536 * turns), max_evaluations=int(20_000_000 * turns))

@@ -265,7 +265,7 @@ class StreamedSignal(Signal):
         """(P, 1, D)."""
         return np.concatenate([part.coefficient for part in self._parts(0, self.record.pieces)])
 
-    def between(self, first: int, last: int) -> Signal:
+    def signal_of_pieces(self, first: int, last: int) -> Signal:
         """The pieces with numbers ``first`` to ``last``, the last left out."""
         coefficient = [part.coefficient for part in self._parts(first, last)]
         return Signal(self.record.start(first, last), self.exponent, np.concatenate(coefficient))
@@ -449,7 +449,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     """
     record = common_record(channels)
     assert record is not None
-    parts = [signal.between(first, last) for signal in channels if isinstance(signal, StreamedSignal)]
+    parts = [signal.signal_of_pieces(first, last) for signal in channels if isinstance(signal, StreamedSignal)]
     degrees = [part.coefficient.shape[2] for part in parts]
     columns = [np.ones((last - first, 1), dtype=complex), *(part.coefficient[:, 0] for part in parts)]
     power = np.concatenate([np.zeros(1, dtype=np.int64), *(np.arange(degree) for degree in degrees)])

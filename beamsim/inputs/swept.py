@@ -167,7 +167,7 @@ def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[An
     done: list[dict[str, NDArray[Any]]] = []
     while pending:
         first, last, times = pending.pop()
-        windows = expansion.between(first, last)
+        windows = expansion.columns_of_turns(first, last)
         fine = (windows["bound"] <= tolerance) | (times == 40)
         done.append({name: column[fine] for name, column in windows.items()})
         if not fine.all():
@@ -203,7 +203,7 @@ class _LegExpansion:
         cuts[-1] = total
         return np.asarray(cuts)
 
-    def between(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
+    def columns_of_turns(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
         """Columns of `SweepWindows` for windows between turns ``first`` and ``last``, and the bounds."""
         leg = self.leg
         f = leg.frequency(first)

@@ -48,7 +48,7 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
     problems: list[Problem] = []
     default = scenario.effective_probes[0].name
     where = "identify_stiffness", "nonlinear", "tests"
-    for index, test in section.nonlinear.recorded.items():
+    for index, test in section.nonlinear.tests_with_files.items():
         at = f"identify_stiffness.nonlinear.tests[{index}]"
         try:
             path = (scenario.folder_of(*where, index, "file") if folder is None else Path(folder)) / test.file

@@ -91,7 +91,7 @@ class Backbone:
 
     def __iter__(self) -> Iterator[BranchPoint]:
         self.outcome, self._resonance_at_end, self._drifting = INTERRUPTED, None, False
-        a = self.start.towards(self._forward)
+        a = self.start.orient(self._forward)
         self._clear, step, count = [a], self._step(a), 1
         yield a
         while (self.end - a.parameter) * self._forward > 1e-12 * self._step(a):
@@ -101,12 +101,12 @@ class Backbone:
                 self.outcome = Outcome.of(
                     OutcomeKind.STOPPED, MODE_LOST,
                     "the branch turns back into a tongue of internal resonance, and no motion of mode "
-                    f"{self.mode + 1} was found beyond it", self._shared(a), at=a.parameter,
+                    f"{self.mode + 1} was found beyond it", self._share_note(a), at=a.parameter,
                 )  # fmt: skip
                 if self._resonance_at_end is not None:
                     self.outcome = COMPLETE.copy_with(self._resonance_at_end)
                 return
-            for point in self._filled(a, ahead):
+            for point in self._fill_in(a, ahead):
                 count += 1
                 yield point
             a = ahead[-1]
@@ -117,7 +117,7 @@ class Backbone:
             self._recent = [*self._recent[-3:], *ahead][-4:]
             if self._drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
                 self._clear.append(a)
-        parts = [self._shared(a)] if self.share(a) < LEAST_SHARE else []
+        parts = [self._share_note(a)] if self.share(a) < LEAST_SHARE else []
         if self._resonance_at_end is not None:
             parts.append(self._resonance_at_end)
         self.outcome = reached_end(self.end).copy_with(*parts)
@@ -136,9 +136,9 @@ class Backbone:
         ahead = [b] if b is not None else self._continued(a, full, gradual=True)
         if ahead:
             for before, point in pairwise([a, *ahead]):
-                self._crossed(before, point)
+                self._trace_tongues(before, point)
             return ahead
-        b = self._beyond(a, full)
+        b = self._restart_beyond(a, full)
         if b is not None and (b.parameter - self.end) * self._forward <= 0:
             return [b]
         if b is not None:  # the path ends within the resonance: its tongue is followed up to there
@@ -156,7 +156,7 @@ class Backbone:
         b = None
         for part in STEPS:
             reach = min(part * step, remaining)
-            b = self._at(a, a.parameter + self._forward * reach)
+            b = self._motion_at(a, a.parameter + self._forward * reach)
             if b is not None or (part > 1.0 and reach == remaining):
                 break
         if b is None:
@@ -167,7 +167,7 @@ class Backbone:
         self._cut(a, dominated)
         return dominated
 
-    def _filled(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
+    def _fill_in(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
         """The points after a; where few steps would make the curve coarse, others between those that no jump parts."""
         jumped = {jump.start for jump in self.jumps}
         for before, point in pairwise([a, *ahead]):
@@ -188,7 +188,7 @@ class Backbone:
         # 0.05: of its logarithm, whatever the range: where the path ends must not change how it gets there
         return 0.05
 
-    def _shared(self, point: BranchPoint) -> Outcome:
+    def _share_note(self, point: BranchPoint) -> Outcome:
         """A note of the mode with its share of the energy, and the mode with the largest of the other shares."""
         shares = self.orbits.share_at(point)
         others = np.delete(shares, self.mode)
@@ -222,9 +222,9 @@ class Backbone:
         self._drifting = self._drifting or (bool(points) and self.share(points[-1]) <= CLEAR)
         return points
 
-    def _at(self, a: BranchPoint, value: float) -> BranchPoint | None:
+    def _motion_at(self, a: BranchPoint, value: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
-        return next(self._solved(self._predictions(a, value), value, FURTHEST), None)
+        return next(self._solve(self._predictions(a, value), value, FURTHEST), None)
 
     def _on_dominated_branch(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
@@ -237,10 +237,10 @@ class Backbone:
             return None
         # 0.05: of the energy, that the mode has more of in a motion which is worth a jump
         least = self.share(b) + 0.05
-        found = self._solved(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
+        found = self._solve(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
         point = next((point for point in found if self.share(point) > least), None)
         if point is None and SHARES_AT_JUMP[1] in crossed:
-            point = self._searched(b.parameter)
+            point = self._search_motion(b.parameter)
         return point if point is not None and self.share(point) > least else None
 
     def _predictions(self, a: BranchPoint, value: float) -> Iterator[Floats]:
@@ -256,7 +256,7 @@ class Backbone:
             yield clean.u + (value - clean.parameter) / (clean.parameter - p.parameter) * (clean.u - p.u)
         yield next(self._guesses(value))
 
-    def _solved(self, guesses: Iterable[Floats], value: float, furthest: float) -> Iterator[BranchPoint]:
+    def _solve(self, guesses: Iterable[Floats], value: float, furthest: float) -> Iterator[BranchPoint]:
         """Motions at a parameter, dominated by the mode, that guesses lead to."""
         settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=12)
         for guess in guesses:
@@ -281,7 +281,7 @@ class Backbone:
         known = family.period_estimate(self.mode, factor, energy)
         if known is not None:
             periods.insert(0, known)
-        away, still = q - family.rest(before), family.rest(factor)
+        away, still = q - family.static_equilibrium(before), family.static_equilibrium(factor)
         shape = self.orbits.vectors[:, self.mode]
         size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])
         pure = still + shape * np.copysign(size, shape @ away)
@@ -289,7 +289,7 @@ class Backbone:
             yield self.orbits.unknowns(pure, period, value)
             yield self.orbits.unknowns(still + away, period, value)
 
-    def _beyond(self, a: BranchPoint, full: float) -> BranchPoint | None:
+    def _restart_beyond(self, a: BranchPoint, full: float) -> BranchPoint | None:
         """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue.
 
         The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
@@ -298,15 +298,15 @@ class Backbone:
         remaining = abs(self.end - a.parameter) / full
         for distance in sorted({remaining, *distances.tolist()}):
             value = self.end if distance == remaining else a.parameter + self._forward * distance * full
-            b = next(self._solved(self._guesses(value), value, FURTHEST_JUMP), None)
+            b = next(self._solve(self._guesses(value), value, FURTHEST_JUMP), None)
             if b is None and distance > 1.0:
-                b = self._searched(value)
+                b = self._search_motion(value)
             if b is not None:
                 self._cut(a, b)
                 return b
         return None
 
-    def _searched(self, value: float) -> BranchPoint | None:
+    def _search_motion(self, value: float) -> BranchPoint | None:
         """The motion with the largest share of the mode that a search over periods and shapes finds at a parameter.
 
         Where the frequency has grown by tens of per cent along a jump neither the last period nor the linear mode
@@ -316,7 +316,7 @@ class Backbone:
         periods = np.array([period for guess in known if (period := self.orbits.split(guess)[1]) > 0])
         pure = known[0][: self.orbits.n]
         _, _, factor, _ = self.orbits.split(known[0])
-        still = self.orbits.family.rest(factor)
+        still = self.orbits.family.static_equilibrium(factor)
         omega = float(self.orbits.omega[self.mode])
         size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
         best: BranchPoint | None = None
@@ -328,7 +328,7 @@ class Backbone:
                     lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
                     # searched further, to 1.5, since nothing else was found
-                    for b in self._solved([self.orbits.unknowns(shape, period, value)], value, 1.5):
+                    for b in self._solve([self.orbits.unknowns(shape, period, value)], value, 1.5):
                         best = b if best is None or self.share(b) > self.share(best) else best
             if best is not None and self.share(best) > SHARES_AT_JUMP[0]:
                 break
@@ -340,11 +340,11 @@ class Backbone:
             return
         mode, ratio = resonance_between(self.orbits, a, b, self.mode)
         self.jumps.append(Jump(a.parameter, b.parameter, mode, ratio))
-        if not self._known(mode, ratio, a.parameter):
-            tongue = self._search.between(a, b, mode)
+        if not self._is_traced(mode, ratio, a.parameter):
+            tongue = self._search.tongue_between(a, b, mode)
             within = [p for p in self._recent[-2:] if p is not a]
             if tongue is None and within:
-                tongue = self._search.traced([*within, a], mode, a.parameter)
+                tongue = self._search.trace([*within, a], mode, a.parameter)
             if tongue is not None:
                 self.tongues.append(tongue)
         self._recent = []
@@ -357,12 +357,12 @@ class Backbone:
         # 0.9: cosine between a step and the tangents at its ends that tells a step from a jump
         return size < FURTHEST and along > 0.9 * size and a.orientation * b.orientation > 0
 
-    def _known(self, mode: int, ratio: int, parameter: float) -> bool:
+    def _is_traced(self, mode: int, ratio: int, parameter: float) -> bool:
         # 4.0: steps of the backbone within which a resonance of the same mode and order is the same tongue
         near = 4.0 * self._step(self.start)
         return any((t.mode, t.ratio) == (mode, ratio) and abs(t.origin - parameter) < near for t in self.tongues)
 
-    def _crossed(self, a: BranchPoint, b: BranchPoint) -> None:
+    def _trace_tongues(self, a: BranchPoint, b: BranchPoint) -> None:
         """Trace the tongues of low order that lie between two neighbours."""
         period = self.orbits.split(a.u)[1]
         for mode in range(self.orbits.n):
@@ -370,7 +370,7 @@ class Backbone:
                 continue
             if float(self.orbits.omega[mode]) * period / (2 * np.pi) > self.largest_ratio + 0.5:
                 continue
-            tongue = self._search.between(a, b, mode)
-            if tongue is not None and not self._known(mode, tongue.ratio, tongue.origin):
+            tongue = self._search.tongue_between(a, b, mode)
+            if tongue is not None and not self._is_traced(mode, tongue.ratio, tongue.origin):
                 self.tongues.append(tongue)
                 self.jumps.append(Jump(a.parameter, b.parameter, mode, tongue.ratio))

@@ -58,7 +58,7 @@ class BranchPoint:
         """The same point with the opposite tangent."""
         return replace(self, tangent=-self.tangent, orientation=-self.orientation)
 
-    def towards(self, forward: float) -> BranchPoint:
+    def orient(self, forward: float) -> BranchPoint:
         """The same point, its tangent pointing to larger (``forward`` > 0) or smaller parameters."""
         return self.reversed() if self.tangent[-1] * forward < 0 else self
 
@@ -100,7 +100,7 @@ def special_name(kind: str) -> str:
 
 
 @contextmanager
-def recorded(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
+def record_failures(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
     """Append to ``failed`` what ends in a numerical error, or raise it where there is no list.
 
     Parameters

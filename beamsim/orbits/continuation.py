@@ -199,7 +199,7 @@ def solve_at(
     if parameter is not None:
         u[-1] = parameter
     point = correct(problem, Predictor(u, row, scale, furthest=furthest), settings)
-    return None if point is None else point.towards(forward)
+    return None if point is None else point.orient(forward)
 
 
 def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settings) -> BranchPoint | None:
@@ -292,7 +292,7 @@ class BranchStep(Generic[ProblemT_co]):
         """Whether both ends have the same sequence of events."""
         return self.problem.same_events(self.a, self.b)
 
-    def between(self, a: BranchPoint, b: BranchPoint) -> BranchStep[ProblemT_co]:
+    def sub_step(self, a: BranchPoint, b: BranchPoint) -> BranchStep[ProblemT_co]:
         """The part of the step between two of its points."""
         return replace(self, a=a, b=b)
 
@@ -438,7 +438,7 @@ class BranchStep(Generic[ProblemT_co]):
         return None
 
 
-def _astray(a: BranchPoint, b: BranchPoint) -> float:
+def _chord_error(a: BranchPoint, b: BranchPoint) -> float:
     """How far the chord from a to b is from any sum of a step along a's tangent and one along b's, against itself.
 
     A smooth branch, and one with a corner in between, keeps to such sums; a step onto another branch does not.
@@ -503,7 +503,7 @@ class Branch:
                 if new is None:
                     ds *= 0.4
                     if ds < s.smallest_step:
-                        self.outcome = self._stuck(point, failed, count)
+                        self.outcome = self._step_failure(point, failed, count)
                         return
             if not self.low <= new.parameter <= self.high:
                 edge = self.low if new.parameter < self.low else self.high
@@ -534,7 +534,7 @@ class Branch:
             )
         self.outcome = too_many_points(s.most_points, point.parameter)
 
-    def _stuck(self, point: BranchPoint, failed: float, count: int) -> Outcome:
+    def _step_failure(self, point: BranchPoint, failed: float, count: int) -> Outcome:
         """Why even the smallest step, ``failed``, was not possible."""
         finite = True
         for times in (1, 4, 16, 64):  # Newton's method may leave the predictor by some steps
@@ -576,4 +576,4 @@ class Branch:
             return new
         if same and float(new.tangent @ t) < s.smallest_cosine:
             return None
-        return new if _astray(point, new) < MOST_ASTRAY else None
+        return new if _chord_error(point, new) < MOST_ASTRAY else None

@@ -195,7 +195,7 @@ class BrakeOrbits(ConservativeOrbits):
         -------
         (n,) shares, whose sum is one.
         """
-        parts = (self.omega * (self.vectors.T @ (q - self.family.rest(factor)))) ** 2
+        parts = (self.omega * (self.vectors.T @ (q - self.family.static_equilibrium(factor)))) ** 2
         if v is not None:
             parts = parts + (self.vectors.T @ v) ** 2
         return np.asarray(parts / max(float(parts.sum()), TINY))
@@ -217,7 +217,7 @@ class BrakeOrbits(ConservativeOrbits):
     def swings_once(self, point: BranchPoint, mode: int) -> bool:
         """Whether a mode has swung to its other side half a period on: a motion run through twice has not."""
         q, _, factor, _ = self.split(point.u)
-        rest, shape = self.family.rest(factor), self.vectors[:, mode]
+        rest, shape = self.family.static_equilibrium(factor), self.vectors[:, mode]
         return float(shape @ (q - rest)) * float(shape @ (point.data.flow_map.end[: self.n] - rest)) < 0
 
     def half_traces(self, point: BranchPoint) -> Complexes:
@@ -292,7 +292,7 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
     q = orbits.vectors[:, mode] * (np.sqrt(2.0 * energy) / omega[mode])
     if away_from is not None and float(away_from @ q) < 0:
         q = -q
-    q = q + orbits.family.rest(0.0 if orbits.parameter == "stiffness_factor" else orbits.factor)
+    q = q + orbits.family.static_equilibrium(0.0 if orbits.parameter == "stiffness_factor" else orbits.factor)
     return orbits.unknowns(q, 2 * np.pi / float(omega[mode]), value)
 
 
@@ -309,7 +309,7 @@ class FreeOrbits(ConservativeOrbits):
     def __post_init__(self) -> None:
         self._fix(self.factor)
 
-    def hold(self, u: Floats) -> None:
+    def fix_phase(self, u: Floats) -> None:
         """Fix the phase by another motion, given by its unknowns."""
         self.reference = u[: 2 * self.n].copy()
         self._fix(self.split(u)[2])

@@ -450,7 +450,7 @@ class ForcedBalance:
         return True
 
 
-def resampled(W: Complexes, highest: int) -> Complexes:
+def with_harmonics(W: Complexes, highest: int) -> Complexes:
     """The same motion with harmonics 0 … ``highest``: cut, or filled up with zeros."""
     out = np.zeros((highest + 1, *W.shape[1:]), dtype=complex)
     used = min(W.shape[0], highest + 1)
@@ -476,7 +476,7 @@ def truncation(problem: ForcedBalance, point: BranchPoint) -> float:
     """
     larger = replace(problem, harmonics=2 * problem.harmonics + 1)
     motion: HarmonicMotion = point.data
-    u = np.append(_rows_real(resampled(motion.deflections, larger.harmonics)), point.parameter)
+    u = np.append(_rows_real(with_harmonics(motion.deflections, larger.harmonics)), point.parameter)
     tangent, row = point.tangent * point.scale, np.zeros(u.size)
     row[: tangent.size - 1], row[-1] = tangent[:-1], tangent[-1]
     scale = larger.scale(u)[0]

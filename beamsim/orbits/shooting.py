@@ -91,7 +91,7 @@ class ForcedOrbits:
             if isinstance(parameter, Frequency):
                 J[:, column] -= flow_map.slope * (period / flow.omega)
         change = flow_map.end - z
-        resting = self._resting(flow_map)
+        resting = self._resting_directions(flow_map)
         # as of a slider that is set anew: the determinant keeps its sign where sliding begins
         J -= resting.T @ (resting @ J)
         J[:, : z.size] -= resting.T @ resting
@@ -102,7 +102,7 @@ class ForcedOrbits:
         flow, parameter = self.flow_at(float(u[-1]))
         return self.shoot(flow, u[:-1], (parameter,))
 
-    def _resting(self, flow_map: FlowMap) -> Floats:
+    def _resting_directions(self, flow_map: FlowMap) -> Floats:
         """(k, N) orthonormal rows of what a motion leaves where it is.
 
         These are sliders of friction and hardening, and faces that stick without a spring. Any place of theirs is

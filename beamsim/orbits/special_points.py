@@ -18,7 +18,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
-from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
+from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, record_failures
 from beamsim.orbits.continuation import BranchStep, ContinuationProblem, Predictor, Settings, correct
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
@@ -160,8 +160,8 @@ def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int =
     middle = None if next(budget, None) is None else step.point_at(0.5)
     if middle is None:
         return
-    yield from grazings(step.between(step.a, middle), budget, depth + 1)
-    yield from grazings(step.between(middle, step.b), budget, depth + 1)
+    yield from grazings(step.sub_step(step.a, middle), budget, depth + 1)
+    yield from grazings(step.sub_step(middle, step.b), budget, depth + 1)
 
 
 VANISHED = 1e-6  # of the neighbours' values: the remainder where a guard has vanished
@@ -263,7 +263,7 @@ def special_points(step: BranchStep[OrbitProblem], failed: list[FailedSearch] | 
     special: list[SpecialPoint] = []
     problem, a, b = step.problem, step.a, step.b
     if not step.same_events:
-        with recorded("grazing", a, failed):
+        with record_failures("grazing", a, failed):
             # 200: motions looked at between two neighbours
             special.extend(grazings(step, iter(range(200))))
             # one-sided contacts that are made and lost in one motion and not in the other
@@ -275,20 +275,20 @@ def special_points(step: BranchStep[OrbitProblem], failed: list[FailedSearch] | 
     parts: list[tuple[BranchStep[OrbitProblem], BranchStep[OrbitProblem]]] = []
     corners = {id(corner.point): corner.point for corner in special}.values()
     for x, y in pairwise([a, *sorted(corners, key=step.share), b]):
-        with recorded("neimark_sacker", a, failed):
-            piece = step.between(x, y)
+        with record_failures("neimark_sacker", a, failed):
+            piece = step.sub_step(x, y)
             parts += [(piece, part) for part in _parts(piece, (x is not a, y is not b))]
     for piece, part in parts:
         if step.same_events:
-            with recorded("branch_point", a, failed):
+            with record_failures("branch_point", a, failed):
                 crossing = part.branch_point()
                 if crossing is not None:
                     special.append(SpecialPoint("branch_point", crossing.parameter, crossing))
         if part.a.tangent[-1] * part.b.tangent[-1] < 0:
-            with recorded("fold", a, failed):
+            with record_failures("fold", a, failed):
                 _add_turn(special, part, piece)
         if problem.bifurcates:
-            with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
+            with record_failures("period_doubling", a, failed):  # or Neimark–Sacker point
                 special += _changes_of_stability(part)
     return special
 
@@ -324,7 +324,7 @@ def _changes_of_stability(step: BranchStep[OrbitProblem]) -> Iterator[SpecialPoi
             point = _vanishes(step, _doubling)
         else:  # of equal parts all at once, where no product changes its sign
             at = int(min(before[0], after[0]))
-            point = step.locate(lambda p: _beyond(problem.multipliers(p), at))
+            point = step.locate(lambda p: _outside_unit_circle(problem.multipliers(p), at))
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
     if change[1:].any():
@@ -336,7 +336,7 @@ def _changes_of_stability(step: BranchStep[OrbitProblem]) -> Iterator[SpecialPoi
                 yield SpecialPoint("neimark_sacker", point.parameter, point)
 
 
-def _beyond(mu: Complexes, number: int) -> float:
+def _outside_unit_circle(mu: Complexes, number: int) -> float:
     """How far the real negative multiplier of a number, by size from 0 on, is outside the unit circle; -1 of none."""
     size = np.sort(np.abs(mu[~_complex(mu) & (mu.real < 0.0)]))[::-1]
     return float(size[number]) - 1.0 if size.size > number else -1.0
@@ -381,7 +381,7 @@ def _parts(step: BranchStep[OrbitProblem], corner: tuple[bool, bool]) -> Iterato
     if middle is None:
         yield step
         return
-    for half in (step.between(a, middle), step.between(middle, b)):
+    for half in (step.sub_step(a, middle), step.sub_step(middle, b)):
         if any(corner):
             yield from _parts(half, (False, False))
         else:

@@ -61,7 +61,7 @@ class SpringFamily:
         """Motions computed so far: the cost of a method, not in seconds."""
         return self._earlier + (0 if self._current is None else self._current[1].passages)
 
-    def _at(self, factor: float) -> tuple[PeriodicFlow, Floats]:
+    def _flow_at(self, factor: float) -> tuple[PeriodicFlow, Floats]:
         """The flow, and the static equilibrium."""
         if self._current is None or self._current[0] != factor:
             if factor < 0 and self.springs.count:
@@ -81,15 +81,15 @@ class SpringFamily:
 
     def flow_at(self, factor: float) -> tuple[PeriodicFlow, Parameter]:
         """The flow with the springs scaled, and the parameter to differentiate by."""
-        return self._at(factor)[0], self._direction
+        return self._flow_at(factor)[0], self._direction
 
-    def rest(self, factor: float) -> Floats:
+    def static_equilibrium(self, factor: float) -> Floats:
         """(n,) the static equilibrium."""
-        return np.zeros(self.system.size) if self.equilibrium is None else self._at(factor)[1]
+        return np.zeros(self.system.size) if self.equilibrium is None else self._flow_at(factor)[1]
 
     def modes_at_rest(self, factor: float = 1.0) -> tuple[Floats, Floats]:
         """Frequencies (rad/s) and shapes of small motions about static equilibrium, its closed contacts closed."""
-        q, c = self.rest(factor), self.springs
+        q, c = self.static_equilibrium(factor), self.springs
         closed = -c.gap - c.sign * (c.shape @ q) > 0
         phi = c.shape[closed]
         K = np.diag(self.system.stiffness) + factor * (phi.T * c.stiffness[closed]) @ phi
@@ -120,7 +120,7 @@ class SpringFamily:
             if factor == 0:
                 return None
             omega, vectors = self.modes_at_rest(factor)
-            pressed = float(-c.gap[0] - c.sign[0] * (c.shape[0] @ self.rest(factor)))
+            pressed = float(-c.gap[0] - c.sign[0] * (c.shape[0] @ self.static_equilibrium(factor)))
             shape = float(c.shape[0] @ vectors[:, mode])
             return _bilinear_period(float(omega[mode]), float(self.omega[mode]), pressed, shape, energy)
         stiff = np.diag(self.system.stiffness) + factor * c.stiffness[0] * np.outer(c.shape[0], c.shape[0])
@@ -138,7 +138,7 @@ class SpringFamily:
         (delta^2 - delta_0^2 - 2 delta_0 x) k / 2: x^2 k / 2 while closed, so that small energies lose no digits.
         Without an equilibrium it is measured from springs without force.
         """
-        s, c, rest = self.system, self.springs, self.rest(factor)
+        s, c, rest = self.system, self.springs, self.static_equilibrium(factor)
         still = -c.gap - c.sign * (c.shape @ rest)
         x = -c.sign * (c.shape @ (q - rest))
         before, now = np.maximum(still, 0.0), np.maximum(still + x, 0.0)

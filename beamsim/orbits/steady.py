@@ -108,7 +108,7 @@ KEPT_CYCLES = 256  # of a motion that does not repeat, for its Poincaré section
 
 
 @dataclass(frozen=True)
-class Settled:
+class Periodicity:
     """Whether and how the motion became periodic."""
 
     period: int  # cycles; 0 where the motion did not become periodic
@@ -126,7 +126,7 @@ def velocity_weights(flow: ExactFlow | PeriodicFlow, omega: float) -> Floats:
 
 def settle(
     stepper: CycleStepper | SeriesStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
-) -> Settled:
+) -> Periodicity:
     """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size.
 
     Parameters
@@ -152,7 +152,7 @@ def settle(
         done += chunk
         size = float(np.max(np.abs(section[-2 * longest_period :])))
         if size == 0.0:
-            return Settled(1, done, 0.0, _unweighted(section[-longest_period:], weight))
+            return Periodicity(1, done, 0.0, _unweighted(section[-longest_period:], weight))
         shorter = np.inf  # smallest change over fewer cycles
         for p in range(1, longest_period + 1):
             if len(section) < 3 * p + 1:
@@ -169,8 +169,8 @@ def settle(
                 break  # a shorter period is about to be reached
             shorter = min(shorter, now)
             if now <= 1e-12 * size or now * max(1.0, ratio / (1 - ratio)) <= tolerance * size:
-                return Settled(p, done, now / size, _unweighted(section[-max(p, 1) :], weight))
-    return Settled(0, done, change, _unweighted(section[-KEPT_CYCLES:], weight))
+                return Periodicity(p, done, now / size, _unweighted(section[-max(p, 1) :], weight))
+    return Periodicity(0, done, change, _unweighted(section[-KEPT_CYCLES:], weight))
 
 
 def _unweighted(section: list[Floats], weight: Floats) -> Floats:
@@ -236,14 +236,14 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     noticeable = NOTICEABLE * omega / (2 * np.pi)
     if mean > max(3 * error, noticeable):
         kind = "chaotic"
-    elif mean < -max(3 * error, noticeable) or comes_to_repeat(np.array(section)):
+    elif mean < -max(3 * error, noticeable) or is_nearly_periodic(np.array(section)):
         kind = "not settled"
     else:
         kind = "quasi-periodic"
     return Exponent(mean, error, kind)
 
 
-def comes_to_repeat(section: Floats) -> bool:
+def is_nearly_periodic(section: Floats) -> bool:
     """Whether a motion comes closer to one that repeats after some number of cycles, or repeats.
 
     The exponent of a lightly damped motion with impacts is lost in what its neighbour's distance swings by in a period;

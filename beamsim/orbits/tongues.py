@@ -100,7 +100,7 @@ class Tongues:
         row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * o.split(u)[3]))
         return row * o.scale(u)[0]
 
-    def between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
+    def tongue_between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
         """The tongue of another mode that a step of the backbone from a to b crosses; None where none is found.
 
         A disturbance of the shape in the other mode alone comes to rest again after half a period where
@@ -123,15 +123,15 @@ class Tongues:
         u = a.u + at * (b.u - a.u)
         towards = np.copysign(1.0, self._row(u, other) @ ((a.u - b.u) / self.orbits.scale(u)[0]))
         for sign in (towards, -towards):
-            points = self._entered(u, other, float(sign)) or []
+            points = self._enter(u, other, float(sign)) or []
             # a thinner tongue of a third mode may stop the path from one beginning and not from another
             for begin in {len(points): points, 2: points[-2:]}.values():
-                tongue = self.traced(begin, other, float(u[-1])) if begin else None
+                tongue = self.trace(begin, other, float(u[-1])) if begin else None
                 if tongue is not None:
                     return tongue
         return None
 
-    def _entered(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
+    def _enter(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
         """Motions of growing amplitude in the other mode, from a backbone's motion u at the resonance."""
         scale = self.orbits.scale(u)[0]
         row = self._row(u, other)
@@ -167,7 +167,7 @@ class Tongues:
             points.insert(0, point)
         return points
 
-    def traced(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
+    def trace(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
         """A tongue followed over the thinner tongues of third modes that cross it.
 
         Parameters

@@ -91,22 +91,22 @@ class Tracer:
                 return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
         return None
 
-    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+    def search(self, value: float) -> Iterator[BranchPoint | None]:
         """Motions at a value, other than those that are followed, with repetitions; None where one was sought in vain.
 
         Harmonic balance has them from shooting, and none with cubic springs.
         """
         if isinstance(self.problem, ForcedOrbits):
             for state in periodic_states(self.problem.flow_at(value)[0]):
-                yield self._found(solve_at, self.problem, np.append(state, value), SETTINGS, value)
+                yield self._try_find(solve_at, self.problem, np.append(state, value), SETTINGS, value)
         elif self.problem.cubic is None:
             flow = self.problem.shooting(value).flow
             period = 2 * np.pi * self.problem.multiple / flow.omega
             for state in periodic_states(flow, self.problem.multiple):
-                yield self._found(self.problem.from_flow_map, flow, flow.flow_map(state, period), value)
+                yield self._try_find(self.problem.from_flow_map, flow, flow.flow_map(state, period), value)
 
     @staticmethod
-    def _found(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
+    def _try_find(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
         try:
             return find(*of)
         except (ArithmeticError, np.linalg.LinAlgError):
@@ -118,7 +118,7 @@ def periodic_states(flow: PeriodicFlow, multiple: int = 1) -> Iterator[Floats]:
     with suppress(ArithmeticError, np.linalg.LinAlgError):
         yield from _from_beyond_gaps(ForcedOrbits(flow, multiple=multiple))
     with suppress(ArithmeticError, np.linalg.LinAlgError):
-        yield from _followed_down(ForcedOrbits(flow, "level", multiple))
+        yield from _follow_down(ForcedOrbits(flow, "level", multiple))
 
 
 def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
@@ -140,7 +140,7 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
                     yield orbit.u[:-1]
 
 
-def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
+def _follow_down(problem: ForcedOrbits) -> Iterator[Floats]:
     """States at the level of the problem, on branches that come down from levels at which contact exists."""
     level = problem.level
     for factor in RAISED:
@@ -172,7 +172,7 @@ class Budget:
     cut_off: set[str] = field(default_factory=set)  # settings that ended a branch, or kept one from being followed
     not_followed: int = 0  # bifurcations from which no branch was followed
 
-    def spent(self) -> Outcome | None:
+    def exhaustion(self) -> Outcome | None:
         """Why no more work is allowed; None while it is."""
         if stop_requested():
             return INTERRUPTED
@@ -184,13 +184,13 @@ class Budget:
         return None
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """Points that a branch may still have: two at least."""
         return max(self.points - self.used, 2)
 
     def allows_another(self, branches: int) -> bool:
         """Whether one more branch may be followed in addition to so many; the limit that forbids it is kept."""
-        spent = self.spent()
+        spent = self.exhaustion()
         if spent is None and branches < self.branches:
             return True
         self.cut(spent or with_limit(too_many_points(self.used), "sweep.most_branches"))
@@ -343,7 +343,7 @@ def trace_range(
             pieces = [piece for each in cuts for piece in pairwise(each)]
             a, b = max(pieces, key=lambda piece: piece[1] - piece[0], default=(low, high))
             begin = 0.5 * (a + b)
-        if not gaps or budget.spent():
+        if not gaps or budget.exhaustion():
             break
     if not missing(branches, first, last):
         budget.cut_off.clear()  # what one branch left out, another one reached
@@ -372,7 +372,7 @@ def coexisting_branches(
     for value in values:
         if stop_requested():
             return branches
-        for start in until_stop(tracer.sought(value)):
+        for start in until_stop(tracer.search(value)):
             if not budget.allows_another(len(known) + len(branches)):
                 return branches
             if start is None or coincides(start, [*known, *branches]):
@@ -408,7 +408,7 @@ def follow(
     """
     if direction < 0:
         start = start.reversed()
-    most = min(budget.branch_points, budget.left)
+    most = min(budget.branch_points, budget.remaining)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
     branch = Branch(tracer.problem, start, *tracer.reach, Settings(most_points=most))
     return walk(branch, budget, joining(known, tell=tell), limit)
@@ -430,7 +430,7 @@ def followed_beyond(tracer: Tracer, branch: OrbitBranch, budget: Budget, known: 
     """
     last = branch.points[-1]
     outwards = tracer.reach[1] if last.tangent[-1] > 0 else tracer.reach[0]
-    if branch.outcome.code != REACHED_END or last.parameter == outwards or budget.spent():
+    if branch.outcome.code != REACHED_END or last.parameter == outwards or budget.exhaustion():
         return branch
     on = follow(tracer, last, 1.0, budget, known)
     points, special = (*branch.points[:-1], *on.points), (*branch.special, *on.special)
@@ -507,7 +507,7 @@ def walk(
         budget.used += 1
         if outcome is not None:
             break
-        if spent := budget.spent():
+        if spent := budget.exhaustion():
             outcome = spent.copy_with(place=Where(point.parameter))
             budget.cut(spent)
             break
@@ -516,7 +516,7 @@ def walk(
         outcome = with_limit(outcome, limit)
         budget.cut(outcome)
     if points:
-        outcome = explained(outcome, branch.problem, points[-1])
+        outcome = explain(outcome, branch.problem, points[-1])
     return OrbitBranch(branch.problem, points, with_failed_searches(outcome, failed), tuple(special))
 
 
@@ -554,7 +554,7 @@ def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch
     return replace(forward, points=points, outcome=outcome, special=special)
 
 
-def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
+def explain(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
     """The outcome of a branch, with what its contacts have to do with its end.
 
     Parameters
@@ -580,7 +580,7 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
             remedy="follow the range beyond with a stepped sine, begin the continuation there, or give the contact one "
             "coefficient",
         )
-    if outcome.code == NOT_SMOOTH and any(law.yields for law in laws) and _just_yields(problem, last):
+    if outcome.code == NOT_SMOOTH and any(law.yields for law in laws) and _nearly_yields(problem, last):
         return outcome.copy_with(
             code="just_yields",
             sentence="the motion just reaches the yield force of a stop; with any larger crush it is periodic as well, "
@@ -591,7 +591,7 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
     return outcome
 
 
-def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
+def _nearly_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
     """Whether in an elastic motion the force of a stop that yields comes close to its yield force."""
     flow, flow_map = problem.cycle(point)
     contacts, n = flow.system.contacts, 2 * flow.system.size
@@ -618,7 +618,7 @@ FEWEST_POINTS = 30  # that a branch gets where many share what is left
 
 
 @dataclass(frozen=True, eq=False)
-class Leaving:
+class BranchingPoint:
     """A bifurcation from which branches leave."""
 
     branch: OrbitBranch
@@ -652,14 +652,14 @@ def side_branches(
     """
     known: list[OrbitBranch] = []
     followed_at: list[float] = []
-    waiting = [leaving for branch in main for leaving in leavings(branch, longest)]
+    waiting = [leaving for branch in main for leaving in branching_points(branch, longest)]
 
-    def urgency(each: Leaving) -> tuple[bool, float]:
+    def urgency(each: BranchingPoint) -> tuple[bool, float]:
         """The smallest one first: far from the bifurcations that were followed, so that all of the range is served."""
         away = (abs(each.event.parameter - value) for value in followed_at)
         return not each.at_stable, -min(away, default=0.0)
 
-    def is_an_end(each: Leaving) -> bool:
+    def is_an_end(each: BranchingPoint) -> bool:
         """Whether a branch that was followed ends there."""
         value = each.event.parameter
         ends = [p for b in known if b.problem.multiple == each.multiple for p in (b.points[0], b.points[-1])]
@@ -674,16 +674,16 @@ def side_branches(
             budget.not_followed += 1
             continue
         followed_at.append(leaving.event.parameter)
-        share = max(FEWEST_POINTS, budget.left // (len(waiting) + 1))
+        share = max(FEWEST_POINTS, budget.remaining // (len(waiting) + 1))
         for branch in _branches(leaving, [*main, *known], reach, budget, share):
             if len(branch.points) < 2:
                 continue
             known.append(branch)
-            waiting += leavings(branch, longest)
+            waiting += branching_points(branch, longest)
     return known
 
 
-def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
+def branching_points(branch: OrbitBranch, longest: int) -> list[BranchingPoint]:
     """The bifurcations of a branch from which others leave."""
     places = {id(point): k for k, point in enumerate(branch.points)}
     bifurcations = []
@@ -691,18 +691,18 @@ def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
         if event.kind in ("period_doubling", "branch_point"):
             k = places[id(event.point)]
             neighbours = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
-            bifurcations.append(Leaving(branch, event, any(branch.problem.orbit(p).stable for p in neighbours)))
+            bifurcations.append(BranchingPoint(branch, event, any(branch.problem.orbit(p).stable for p in neighbours)))
     return [leaving for leaving in bifurcations if leaving.multiple <= longest]
 
 
 def _branches(
-    leaving: Leaving, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
+    leaving: BranchingPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
 ) -> list[OrbitBranch]:
     """One branch of doubled period; at a branch point those to both sides."""
     problem, event = leaving.branch.problem, leaving.event
     if event.kind == "period_doubling":
         switched = switch_at_period_doubling(problem, event)
-        return [] if switched is None else [_followed(*switched, [], reach, budget, share)]
+        return [] if switched is None else [_follow(*switched, [], reach, budget, share)]
     started: list[OrbitBranch] = []
     others = [branch for branch in known if branch is not leaving.branch]
     k = next(i for i, point in enumerate(leaving.branch.points) if point is event.point)
@@ -711,24 +711,24 @@ def _branches(
         leaving.branch.points[min(k + 1, len(leaving.branch.points) - 1)],
     )
     for start in switch_at_branch_point(problem, event, after.u - before.u):
-        if not coincides(start, [*others, *started]) and not budget.spent():
-            started.append(_followed(problem, start, [*known, *started], reach, budget, share))
+        if not coincides(start, [*others, *started]) and not budget.exhaustion():
+            started.append(_follow(problem, start, [*known, *started], reach, budget, share))
     return started
 
 
-def _followed(
+def _follow(
     problem: ForcedOrbits, start: BranchPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget,
     share: int,
 ) -> OrbitBranch:  # fmt: skip
     """A branch until it returns: with its halves alike again, or on a known branch."""
-    most = min(budget.side_points, share, budget.left)
+    most = min(budget.side_points, share, budget.remaining)
     limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
     last: Floats | None = None
 
     def halves_alike(point: BranchPoint) -> Outcome | None:
         """Beyond such a motion every one comes again, half its period later; or a step went over to those it left."""
         nonlocal last
-        unlike = _unlike(problem, point)
+        unlike = _half_period_difference(problem, point)
         if last is not None and (float(last @ unlike) < 0 or float(np.linalg.norm(unlike)) < ALIKE):
             return Outcome.of(OutcomeKind.COMPLETE, BACK_TO_PERIOD, f"back to period {problem.multiple // 2}")
         last = unlike
@@ -738,7 +738,7 @@ def _followed(
     return walk(Branch(problem, start, *reach, Settings(most_points=most)), budget, ends, limit)
 
 
-def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
+def _half_period_difference(problem: ForcedOrbits, point: BranchPoint) -> Floats:
     """Difference of the states half a period apart, relative to the size of the motion."""
     flow, _ = problem.flow_at(point.parameter)
     n2 = 2 * flow.system.size

@@ -56,7 +56,7 @@ def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
 
 def coexisting_figures(result: CoexistingResult) -> dict[str, Picture]:
     """What is followed of each motion, by probe and snubber, and the basins at each frequency."""
-    followed = [(value, list(of)[:MOST_CURVES]) for value, of in peaks_in(result["points"]) if value.followed]
+    followed = [(value, list(of)[:MOST_CURVES]) for value, of in peaks_in(result["points"]) if value.in_sweeps]
     of_value = {
         (value.name.removeprefix("peak_"), name): peaks(result, value, name) for value, of in followed for name in of
     }

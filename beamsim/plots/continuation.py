@@ -147,7 +147,7 @@ def fold_curves(result: ContinuationResult) -> Chart:
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
     """The response of every probe, what else sweeps follow, outputs, harmonics of the first probe, folds, by name."""
     names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
-    followed = [(value, of) for value, of in peaks_in(result["points"]) if value.followed or value is OUTPUT]
+    followed = [(value, of) for value, of in peaks_in(result["points"]) if value.in_sweeps or value is OUTPUT]
     charts = {
         f"{names.get(value.key, value.name.removeprefix('peak_'))}_{name}": peaks(result, value, name)
         for value, of in sorted(followed, key=lambda each: each[0].key != DISPLACEMENT)

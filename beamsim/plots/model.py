@@ -17,7 +17,7 @@ from beamsim.plots.understood import amplitude_text, excitation_text
 from beamsim.scenario.body import OnSupport
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
-from beamsim.system.reduced_model import Acting
+from beamsim.system.reduced_model import ActingLoads
 from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
@@ -144,7 +144,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         ax.annotate("", (0.03, 0.04), xytext=(0.03, 0.2), xycoords="axes fraction",
                     arrowprops={**arrow, "arrowstyle": "<|-|>"})  # fmt: skip
         ax.annotate("base", (0.045, 0.12), xycoords="axes fraction", va="center", color=GREEN, fontsize="small")
-    acting = Acting.of(sketch.scenario)
+    acting = ActingLoads.of(sketch.scenario)
     for _, part in acting.forces:
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)

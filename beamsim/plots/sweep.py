@@ -329,12 +329,12 @@ def contact_levels(result: SweepResult) -> Chart:
     frequency_hz, drawn = result["linear"]["frequency_hz"].values, []
     for name, levels in contact_levels_of(result["linear"]).items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        if np.all(np.isinf(levels.changing)):
+        if np.all(np.isinf(levels.levels_of_change)):
             drawn.append(Curve(f"{name}: {what} at no level", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
-        elif not np.any(levels.predicted > 0.0):
+        elif not np.any(levels.predicted_levels > 0.0):
             drawn.append(Curve(f"{name}: {what} after another", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
-            drawn.append(Curve(f"{name}: {what}", frequency_hz, levels.predicted))
+            drawn.append(Curve(f"{name}: {what}", frequency_hz, levels.predicted_levels))
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
     curves = {c.level_index: c for c in result.curves.values()}.values()
     swept = [
@@ -444,7 +444,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     names = {ACCELERATION: "acceleration", FORCE: "contact"}
     touched = "peak_force" in result["cycles"] and bool(np.any(result["cycles"]["peak_force"].values))
     left_out = (DISPLACEMENT,) if touched else (DISPLACEMENT, FORCE)
-    for value in [value for value, _ in peaks_in(last.cycles) if value.followed and value.key not in left_out]:
+    for value in [value for value, _ in peaks_in(last.cycles) if value.in_sweeps and value.key not in left_out]:
         panels.setdefault(names.get(value.key, value.name), []).append(peaks(result, value, index))
     if last.has_transmissibility:
         panels["acceleration"].append(transmissibility(result, index))

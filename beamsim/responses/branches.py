@@ -197,7 +197,7 @@ def _branches(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> Datas
         "period_multiple": [branch.period_multiple for branch in branches],
         "followed": f.kind,
         "followed_snubber": f.snubber,
-        **endings(f.shown(branch.traced.outcome) for branch in branches),
+        **endings(f.in_user_unit(branch.traced.outcome) for branch in branches),
     }
     return BRANCHES.dataset(values, level_unit=model.scenario.level_unit or "1")
 
@@ -241,7 +241,7 @@ def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
     for value, name, largest, parameter in found:
         if value is OUTPUT:
             entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
-        elif value.followed and value.key != DISPLACEMENT:
+        elif value.in_sweeps and value.key != DISPLACEMENT:
             entries.setdefault(value.entry, {})[name] = largest / value.scale
     if model.system.outputs:
         entries["output_unit"] = {rows.name: rows.unit for rows in model.system.outputs}

@@ -85,7 +85,7 @@ class EnergyBalance:
         self._worst.append((float(size.max()), float(times[lost[0]]) if lost.size else None))
         self.error = float(np.max([size for size, _ in self._worst])) / self.energy if self.energy else 0.0
 
-    def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
+    def check(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
         allowed = min(LARGEST_ERROR * self.energy, np.finfo(float).max)
         lost_at = next((when for size, when in self._worst if when is not None and not size <= allowed), None)
@@ -147,7 +147,9 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     """(S + 1,) stored energy where the segments begin, and at the end, J."""
     flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
     y = np.vstack([trajectory.y, trajectory.final_y])
-    penetration = flow.system.contacts.penetrations(y, None)[0] - flow.system.contacts.sign * flow.apart(times)
+    penetration = flow.system.contacts.penetrations(y, None)[
+        0
+    ] - flow.system.contacts.sign * flow.mounting_displacements(times)
     phases = np.concatenate([trajectory.phases, trajectory.phases[-1:]])
     return stored_energy(flow.system, y, penetration, phases)
 

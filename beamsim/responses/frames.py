@@ -94,7 +94,7 @@ def frames_at(
     if between is not None:
         there = between @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
         missed = _missed(times, deflection, there)
-    return Frames(lines, times, slow, deflection, by_stop(sites, q @ at_stops.T), force, opening, missed)
+    return Frames(lines, times, slow, deflection, values_by_stop(sites, q @ at_stops.T), force, opening, missed)
 
 
 def _missed(times: Floats, deflection: Floats, between: Floats) -> float:
@@ -121,7 +121,7 @@ def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
     return paced(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
 
 
-def by_stop(sites: Mapping[str, Site], values: Floats) -> dict[str, Floats]:
+def values_by_stop(sites: Mapping[str, Site], values: Floats) -> dict[str, Floats]:
     """By stop the values (nf, 1 or 2) of the places that it acts on, from those of all (nf, places)."""
     last = np.cumsum([len(ends_of(site)) for site in sites.values()])
     return dict(zip(sites, np.split(values, last[:-1], axis=1), strict=False))  # of no stop one empty part

@@ -52,14 +52,14 @@ class ContactLevels(ContactUnits):
         return bool(np.all(np.isnan(self.onset)))
 
     @property
-    def changing(self) -> Floats:
+    def levels_of_change(self) -> Floats:
         """(F,) level at which contact of the linear motion changes, SI."""
         return np.fmax(self.onset, self.loss)  # of which one is nan
 
     @property
-    def predicted(self) -> Floats:
+    def predicted_levels(self) -> Floats:
         """(F,) the same, nan where another contact changes before."""
-        return np.where(self.changing <= (1.0 + AT_ONCE) * self.before, self.changing, np.nan)
+        return np.where(self.levels_of_change <= (1.0 + AT_ONCE) * self.before, self.levels_of_change, np.nan)
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
@@ -82,7 +82,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
         base = -1.0 / omega[:, None] ** 2
         pushed = contacts.dynamic_stiffness(phases, omega)
         per_unit -= ((pushed * contacts.base_influence) @ contacts.shape) * base
-    return _solved(system, omega, phases, per_unit[:, :, None])[:, :, 0]
+    return _solve_linear(system, omega, phases, per_unit[:, :, None])[:, :, 0]
 
 
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
@@ -196,17 +196,17 @@ def first_changes(
     changes, measures = {}, {}
     loud, driven = (np.where(of > 0, of, np.nan) for of in (amplitude, least_of))
     for name, of in levels.items():
-        measure = of.changing / driven
+        measure = of.levels_of_change / driven
         k = int(np.nanargmin(measure)) if np.isfinite(measure).any() else 0
         measures[name] = float(measure[k])
         changes[name] = {
             "closed_at_rest": of.closed_at_rest,
-            "level": float(of.changing[k]),
+            "level": float(of.levels_of_change[k]),
             "frequency_hz": float(frequency_hz[k]),
-            "share_of_level": float(of.changing[k] / loud[k]),
+            "share_of_level": float(of.levels_of_change[k] / loud[k]),
         }
     before = [of.before / driven for of in levels.values()]
-    return in_order(changes, measures, float(np.nanmin(before, initial=np.inf)))
+    return order_by_level(changes, measures, float(np.nanmin(before, initial=np.inf)))
 
 
 def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
@@ -237,7 +237,7 @@ def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]
     return {name: turned[name] if units[name] == "rad" else of for name, of in snubbers.items()}
 
 
-def in_order(
+def order_by_level(
     snubbers: dict[str, dict[str, Any]], measures: Mapping[str, float], before: float
 ) -> dict[str, dict[str, Any]]:
     """The entries of a summary's ``gapping``, of which only that of the first change of contact keeps its level.
@@ -275,11 +275,11 @@ def _receptances(system: StructuralSystem, omega: Floats, phases: Ints, snubbers
     shape = system.dynamics.contacts.shape[: snubbers.size][snubbers]
     out = np.full((omega.size, snubbers.size), np.nan, dtype=complex)
     push = np.broadcast_to(shape.T.astype(complex), (omega.size, *shape.T.shape))
-    out[:, snubbers] = np.einsum("kn,fnk->fk", shape, _solved(system, omega, phases, push))
+    out[:, snubbers] = np.einsum("kn,fnk->fk", shape, _solve_linear(system, omega, phases, push))
     return out
 
 
-def _solved(system: StructuralSystem, omega: Floats, phases: Ints, loads: Complexes) -> Complexes:
+def _solve_linear(system: StructuralSystem, omega: Floats, phases: Ints, loads: Complexes) -> Complexes:
     """(F, n, k) coordinates under loads (F, n, k); nan at an undamped resonance."""
     dynamics, shape = system.dynamics, system.dynamics.contacts.shape
     pushed = dynamics.contacts.dynamic_stiffness(phases, omega)

@@ -42,7 +42,7 @@ def samples_until(end: float, rate: float) -> int:
     return int(end * rate * (1.0 + ROUND_OFF)) + 1
 
 
-def reached(end: float, times: Floats) -> Floats:
+def times_reached(end: float, times: Floats) -> Floats:
     """The times up to the end of a motion, s."""
     return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
 
@@ -94,7 +94,7 @@ class HistoryRecorder:
     def add(self, chunk: Trajectory) -> None:
         """Sample the next chunk, unless an earlier one was left out."""
         if not self._ended:
-            last = reached(chunk.end, self._times).size
+            last = times_reached(chunk.end, self._times).size
             try:
                 with stop_requests(self._overdue, at_once=True, progress=self._progress):
                     self.record(chunk, last)
@@ -155,7 +155,7 @@ class LowPassed:
 
     def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
         """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""
-        upto = max(reached(end, self._times).size, self._reached)
+        upto = max(times_reached(end, self._times).size, self._reached)
         times = np.minimum(self._times[self._reached : upto], end)
         motion = behind(times)
         self.values[self._reached : upto] = motion.at(times)

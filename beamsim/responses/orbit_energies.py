@@ -47,7 +47,7 @@ def energy_error(flow: PeriodicFlow, flow_map: FlowMap) -> float:
     edges = np.append(flow_map.time, flow_map.time[0] + flow_map.duration)
     y = np.vstack([flow_map.y, flow_map.end])
     phases = flow_map.phases
-    stored = _stored(flow, edges, y, np.vstack([phases, phases[-1:]]))
+    stored = _stored_energy(flow, edges, y, np.vstack([phases, phases[-1:]]))
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
@@ -86,11 +86,11 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
     flow, known = problem.flow_at(point.parameter), _Known(motion.edges, motion.phases, motion.states)
     work, lost = _by_quadrature(flow, known, 2.0 * (motion.highest + 1) * motion.fundamental)
     times = np.linspace(0.0, motion.period, SAMPLES_A_HARMONIC * (motion.highest + 1), endpoint=False)
-    stored = _stored(flow, times, known.states(times), known.phases[known.segments(times)])
+    stored = _stored_energy(flow, times, known.states(times), known.phases[known.segments(times)])
     return _relative(abs(work - lost), max(float(stored.max()), abs(lost)))
 
 
-def balanced(outcome: Outcome, points: Dataset) -> Outcome:
+def check_balance(outcome: Outcome, points: Dataset) -> Outcome:
     """The outcome of branches, whose points are not to be trusted where the balance is lost.
 
     Parameters
@@ -138,7 +138,7 @@ def _relative(difference: float, scale: float) -> float:
     return difference / scale if scale > 0.0 else 0.0
 
 
-def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Floats:
+def _stored_energy(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Floats:
     """(nt,) kinetic and strain energy, J."""
     delta, _ = flow.penetration_of(y, times)
     energy = stored_energy(flow.system, y, delta, phases)

@@ -60,7 +60,7 @@ class FollowedParameter:
             return unknown / (2 * np.pi)
         return unknown if self.kind == "level" else self.first + (unknown - 1.0) * (self.last - self.first)
 
-    def shown(self, outcome: Outcome) -> Outcome:
+    def in_user_unit(self, outcome: Outcome) -> Outcome:
         """An outcome with its parameter in the user's unit."""
         return outcome.in_unit(self.from_unknown, self.unit)
 
@@ -172,14 +172,14 @@ def response_model(scenario: Scenario) -> ResponseModel:
         scenario,
         system,
         loads,
-        _followed(scenario, family, "sweep.continue_in", parameter),
-        None if second is None else _followed(scenario, family, "sweep.follow_folds_in", second),
+        _parameter_of(scenario, family, "sweep.continue_in", parameter),
+        None if second is None else _parameter_of(scenario, family, "sweep.follow_folds_in", second),
         excitation.frequency,
         tuple(float(x) for x in levels),
     )
 
 
-def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> FollowedParameter:
+def _parameter_of(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> FollowedParameter:
     first, last, unit = float(path.from_), float(path.to), path.unit
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):

@@ -64,7 +64,7 @@ def measured(system: StructuralSystem, limited: Collection[str] = ()) -> Channel
     system : of the channels.
     limited : names of the limits.
     """
-    keys = {value.key for name, value in LIMITED.items() if value.followed or name in limited}
+    keys = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in limited}
     return system.channels.select(lambda channel: channel.key in keys or channel.section == "outputs")
 
 

@@ -31,7 +31,7 @@ class ReportedMaximum(Generic[Motion]):
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TargetPoint:
     """A value at which a point of a branch is asked for."""
 
     quantity: str
@@ -92,8 +92,8 @@ def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> 
 
 
 def with_points_at(
-    branch: OrbitBranch, wanted: Sequence[Wanted], gaps: Collection[float] = ()
-) -> tuple[OrbitBranch, list[tuple[Wanted, BranchPoint]]]:
+    branch: OrbitBranch, wanted: Sequence[TargetPoint], gaps: Collection[float] = ()
+) -> tuple[OrbitBranch, list[tuple[TargetPoint, BranchPoint]]]:
     """The branch with a point wherever it passes a value that is wanted, and these points.
 
     Parameters
@@ -107,12 +107,12 @@ def with_points_at(
     branch : with its own points and the new ones.
     passed : each value with a point that has it, in the order of the branch; a value may be passed several times.
     """
-    passed: list[tuple[Wanted, BranchPoint]] = []
+    passed: list[tuple[TargetPoint, BranchPoint]] = []
     points: list[BranchPoint] = []
     for a, b in pairwise([*branch.points, branch.points[-1]]):
         points.append(a)
         step = BranchStep(branch.problem, a, b, Settings(iterations=15))
-        between: list[tuple[Wanted, BranchPoint]] = []
+        between: list[tuple[TargetPoint, BranchPoint]] = []
         for each in wanted:
             if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
                 passed.append((each, a))

@@ -40,9 +40,9 @@ class SteppedChannels:
         (nt, C).
         """
         known = self._flow.outputs_of_states(times, y, phases, self._output_of, since)
-        return self.channels.values(known + self._additional(self.channels.rows, times, y))
+        return self.channels.values(known + self._additional_values(self.channels.rows, times, y))
 
-    def _additional(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
+    def _additional_values(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
         system, flow, of = self._system, self._flow, self.channels.sizes.part
         base = 0.0 if system.base_displacement is None else system.base_displacement(times)

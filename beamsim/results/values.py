@@ -150,7 +150,7 @@ class Value(NamedTuple):
         return self.section == "bodies"
 
     @property
-    def followed(self) -> bool:
+    def in_sweeps(self) -> bool:
         """Whether sweeps follow it in any case: what has a limit and a row in the table, at probes and snubbers."""
         return bool(self.limit and self.label) and self.section in ALWAYS_THERE
 
@@ -309,7 +309,7 @@ def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:
 def _over_limits(points: Dataset) -> dict[str, Floats]:
     """By name of those that have a limit over frequency, the largest magnitudes over it."""
     ratios = {}
-    for quantity in dict.fromkeys(value.quantity for value in VALUES if value.followed):
+    for quantity in dict.fromkeys(value.quantity for value in VALUES if value.in_sweeps):
         for name, limit in points.by_label(f"limit_{quantity}").items():
             if not np.isnan(limit.values).all():
                 ratios[name] = points.by_label(f"peak_{quantity}")[name].values / limit.values

@@ -949,7 +949,7 @@ AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
 
 
 @dataclass(frozen=True)
-class Apart:
+class JointGap:
     """A joint whose points do not lie together, as the joints before it place the bodies."""
 
     index: int  # of the joint
@@ -966,7 +966,7 @@ class Placed:
 
     origin: dict[str, float]  # by body where it begins, m
     group: dict[str, str]  # by body the first one of those that joints connect to it
-    apart: tuple[Apart, ...]
+    apart: tuple[JointGap, ...]
 
     @property
     def of_first_group(self) -> dict[str, float]:
@@ -991,7 +991,7 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
     """
     origin: dict[str, float] = {}
     group: dict[str, str] = {}
-    apart: list[Apart] = []
+    apart: list[JointGap] = []
     for index, joint in enumerate(joints):
         named = [(place.body or default_body, place.position) for place in joint.places]
         ends = [
@@ -1011,7 +1011,7 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
                 origin[name] += gap
                 group[name] = group[first]
         elif first != second and abs(gap) > 1e-6 * max(x, y):
-            apart.append(Apart(index, abs(gap), second))
+            apart.append(JointGap(index, abs(gap), second))
     return Placed(origin, group, tuple(apart))
 
 

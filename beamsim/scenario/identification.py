@@ -392,19 +392,21 @@ class NonlinearFit(Schema):
     """Compute the profile likelihood of every parameter, for the plot."""
 
     @property
-    def used(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
+    def used_tests(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
         """The tests that are not left out, by their number in the list."""
         return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
 
     @property
-    def recorded(self) -> dict[int, SteadyTest | TransientTest]:
+    def tests_with_files(self) -> dict[int, SteadyTest | TransientTest]:
         """Those of them whose measurement is a file."""
-        return {k: test for k, test in self.used.items() if not isinstance(test, SweepTest)}
+        return {k: test for k, test in self.used_tests.items() if not isinstance(test, SweepTest)}
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Numbers that cannot be sought, an excitation that is no sine, tests left out that there are not."""
-        yield from listing_problems(self.estimate, (*at, "estimate"), lambda each: _sought(scenario, each, words=False))
-        steady = any(test.kind != "transient" for test in self.used.values())
+        yield from listing_problems(
+            self.estimate, (*at, "estimate"), lambda each: _sought_places(scenario, each, words=False)
+        )
+        steady = any(test.kind != "transient" for test in self.used_tests.values())
         if steady and not isinstance(scenario.excitation, Harmonic):
             yield not_harmonic(at, "a harmonic excitation", scenario.excitation)
         if not any(isinstance(test, SweepTest) and test.file for test in self.tests):  # whose rows have names too
@@ -414,7 +416,7 @@ class NonlinearFit(Schema):
 
     def check(self) -> None:
         """Demand a test that is used."""
-        if not self.used:
+        if not self.used_tests:
             raise InvalidValueError("leaves no test", "keep one", ("leave_out",))
 
 
@@ -468,7 +470,9 @@ class IdentifyStiffness(Schema):
                 self.parameter_uncertainty, uncertain, lambda each: _numbers(scenario, each.parameter)
             )
         if self.update:
-            yield from listing_problems(self.update, (*at, "update"), lambda each: _sought(scenario, each, words=True))
+            yield from listing_problems(
+                self.update, (*at, "update"), lambda each: _sought_places(scenario, each, words=True)
+            )
         if self.nonlinear is not None:
             yield from level_problems(scenario, at, self)
 
@@ -557,7 +561,7 @@ def _numbers(scenario: Whole, path: str) -> list[Path]:
     return places
 
 
-def _sought(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path]:
+def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path]:
     """The places that are sought, at which there must be numbers that the bounds hold.
 
     Parameters

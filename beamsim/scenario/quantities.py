@@ -169,7 +169,7 @@ class Quantity(Bounded):
 
 
 @dataclass(frozen=True)
-class Usual:
+class UsualRange:
     """Range in which the number of a field usually lies, and the units in which it may have been meant.
 
     A number is doubtful where it lies outside its range and the same number in another usual unit lies inside: 2 Hz of
@@ -217,10 +217,10 @@ METRES = ("m", "mm")
 
 
 @cache
-def usual_of(schema: type[Schema]) -> dict[str, Usual]:
+def usual_of(schema: type[Schema]) -> dict[str, UsualRange]:
     """The fields of a section whose numbers have a usual range, by name."""
     metadata = {name: (*of.metadata, *nested_annotations(of.annotation)) for name, of in schema.model_fields.items()}
-    return {name: each for name, of in metadata.items() for each in of if isinstance(each, Usual)}
+    return {name: each for name, of in metadata.items() for each in of if isinstance(each, UsualRange)}
 
 
 @dataclass(frozen=True)
@@ -628,9 +628,9 @@ PositiveNumber = Annotated[float, Quantity(units.NUMBER, above=0.0)]
 Factor = Annotated[float, Quantity(replace(units.NUMBER, name="factor"), minimum=0.0)]
 Ratio = Annotated[float, Quantity(units.RATIO, minimum=0.0)]
 Length = Annotated[float, Quantity(units.LENGTH, above=0.0)]
-BodyLength = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 100.0, "is long for a structure")]
-BodyWidth = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 100.0, "is wide for a structure")]
-BodyThickness = Annotated[Length, Usual(units.LENGTH, METRES, 0.0, 3.0, "is thick for a structure")]
+BodyLength = Annotated[Length, UsualRange(units.LENGTH, METRES, 0.0, 100.0, "is long for a structure")]
+BodyWidth = Annotated[Length, UsualRange(units.LENGTH, METRES, 0.0, 100.0, "is wide for a structure")]
+BodyThickness = Annotated[Length, UsualRange(units.LENGTH, METRES, 0.0, 3.0, "is thick for a structure")]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
@@ -640,12 +640,12 @@ Mass = Annotated[float, Quantity(units.MASS, above=0.0)]
 PointMassValue = Annotated[float, Quantity(units.MASS, minimum=0.0)]
 Density = Annotated[float, Quantity(units.DENSITY, above=0.0)]
 SolidDensity = Annotated[
-    Density, Usual(units.DENSITY, ("kg/m^3", "g/cm^3"), 25.0, 7e5, "is outside the range of solids")
+    Density, UsualRange(units.DENSITY, ("kg/m^3", "g/cm^3"), 25.0, 7e5, "is outside the range of solids")
 ]
 Modulus = Annotated[float, Quantity(units.PRESSURE, above=0.0)]
 SolidModulus = Annotated[
     Modulus,
-    Usual(units.PRESSURE, ("Pa", "kPa", "MPa", "GPa"), 1e8, 3e13, "is outside the range of structural materials"),
+    UsualRange(units.PRESSURE, ("Pa", "kPa", "MPa", "GPa"), 1e8, 3e13, "is outside the range of structural materials"),
 ]
 NonNegativeModulus = Annotated[float, Quantity(units.PRESSURE, minimum=0.0)]
 BendingStiffness = Annotated[float, Quantity(units.BENDING_STIFFNESS, above=0.0)]
@@ -664,7 +664,7 @@ RotaryInertia = Annotated[float, Quantity(units.ROTARY_INERTIA, minimum=0.0)]
 Stiffness = Annotated[float, Quantity(units.STIFFNESS, above=0.0)]
 StopStiffness = Annotated[
     Stiffness,
-    Usual(
+    UsualRange(
         units.STIFFNESS, ("N/m", "kN/m"), 1.0 / 30.0, math.inf,
         "is {ratio:.2g} of the static stiffness of the structure there, {size:.4g} N/m", "structure",
     ),
@@ -678,19 +678,19 @@ ViscousPerLength = Annotated[float, Quantity(units.VISCOUS_PER_LENGTH, minimum=0
 PerTime = Annotated[float, Quantity(units.PER_TIME, minimum=0.0)]
 Duration = Annotated[float, Quantity(units.TIME, above=0.0)]
 PulseDuration = Annotated[
-    Duration, Usual(units.TIME, ("s", "ms"), 0.0, 100.0, "is {ratio:.3g} periods of the first mode", "period")
+    Duration, UsualRange(units.TIME, ("s", "ms"), 0.0, 100.0, "is {ratio:.3g} periods of the first mode", "period")
 ]
 Time = Annotated[float, Quantity(units.TIME, minimum=0.0)]
 Frequency = Annotated[float, Quantity(units.FREQUENCY, above=0.0)]
 LowPass = Annotated[
     Frequency,
-    Usual(
+    UsualRange(
         units.FREQUENCY, ("Hz", "kHz"), 1.0, math.inf, "lies below the excitation, {size:.4g} Hz", "excitation"
     ),
 ]  # fmt: skip
 Angle = Annotated[float, Quantity(units.ANGLE)]
 Phase = Annotated[
-    Angle, Usual(units.ANGLE, ("rad", "deg"), -6.3, 6.3, "is more than a turn, 6.283 rad", bare=True)
+    Angle, UsualRange(units.ANGLE, ("rad", "deg"), -6.3, 6.3, "is more than a turn, 6.283 rad", bare=True)
 ]  # fmt: skip
 FreePlay = Annotated[float, Quantity(units.ANGLE, minimum=0.0)]
 Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
@@ -705,7 +705,9 @@ Energy = Annotated[float, Quantity(units.ENERGY, above=0.0)]
 Gravity = Annotated[
     float,
     Quantity(replace(units.ACCELERATION, example="1 g")),
-    Usual(units.ACCELERATION, ("m/s^2", "mm/s^2"), -300.0, 300.0, "is more than 30 times that of the Earth", bare=True),
+    UsualRange(
+        units.ACCELERATION, ("m/s^2", "mm/s^2"), -300.0, 300.0, "is more than 30 times that of the Earth", bare=True
+    ),
 ]
 PositiveAcceleration = Annotated[float, Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
 Quality = Annotated[float, Quantity(replace(units.NUMBER, example="10"), above=0.5)]
@@ -729,7 +731,7 @@ SpectralDensity = Annotated[
 ]
 DensityOfTest = Annotated[
     SpectralDensity,
-    Usual(
+    UsualRange(
         units.ACCELERATION_PSD, ("(m/s^2)^2/Hz", "g^2/Hz"), 1.0 / 30.0, math.inf,
         "is low for the highest density of a test", "highest density", bare=True,
     ),

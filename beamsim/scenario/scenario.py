@@ -57,7 +57,7 @@ from beamsim.scenario.excitation import Excitation, NoExcitation, Sine, level_ju
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
-from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, Usual, level_unit, usual_of
+from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, UsualRange, level_unit, usual_of
 from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import Optimise, Vary
@@ -465,7 +465,7 @@ class Scenario(Schema):
                 if value is not None and size is not None and not usual.contains(value, size):
                     yield from self._question((*at, name), value, size, usual)
 
-    def _question(self, at: Path, value: float, size: float, usual: Usual) -> Iterator[str]:
+    def _question(self, at: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
         """What is doubtful about a number outside its usual range; nothing of one that was not written.
 
         Parameters

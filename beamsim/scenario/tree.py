@@ -487,7 +487,7 @@ def _without_keys(root: Any, file: str | None) -> Problem:
     return problem((), f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", (file, line))
 
 
-class _Inside(WrittenMapping):
+class _NestedOverrides(WrittenMapping):
     """What overrides say inside a mapping, by key, or a list, by index; it replaces neither as a whole."""
 
 
@@ -505,16 +505,21 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
     -------
     The merged part.
     """
-    inside = isinstance(over, _Inside)
+    inside = isinstance(over, _NestedOverrides)
     if isinstance(base, WrittenList) and inside:
         items = WrittenList(merge(item, over[k]) if k in over else item for k, item in enumerate(base))
-        items.marks = {**base.marks, **{k: NOWHERE for k, item in over.items() if not isinstance(item, _Inside)}}
+        items.marks = {
+            **base.marks,
+            **{k: NOWHERE for k, item in over.items() if not isinstance(item, _NestedOverrides)},
+        }
         return items
     if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping):
         return over
     if (key in REPLACED_WHOLE and not inside) or over.get("kind") not in (None, base.get("kind")):
         return over
-    written = {name: over.marks.get(name, NOWHERE) for name, item in over.items() if not isinstance(item, _Inside)}
+    written = {
+        name: over.marks.get(name, NOWHERE) for name, item in over.items() if not isinstance(item, _NestedOverrides)
+    }
     merged = WrittenMapping(base)
     merged.mark, merged.marks = base.mark if inside else over.mark, {**base.marks, **written}
     for name, item in over.items():
@@ -558,13 +563,13 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
             ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
         except ScenarioError as error:
             problems += error.problems
-    added, changed = _Inside({}), root
+    added, changed = _NestedOverrides({}), root
     for path, value in sorted(ready, key=lambda item: len(path_parts(item[0]))):
         try:
             for place in _places(changed, path):
                 within: Any = added
                 for depth, part in enumerate(place[:-1], 1):
-                    within = within.setdefault(part, _Inside({})) if isinstance(within, dict) else within[part]
+                    within = within.setdefault(part, _NestedOverrides({})) if isinstance(within, dict) else within[part]
                     if within is None:
                         raise InvalidValueError(
                             f"contradicts {path_text(place[:depth])} = null", "leave one of the two out"

@@ -87,7 +87,7 @@ def smooth_intervals(motion: Trajectory) -> tuple[Floats, Floats]:
     """
     begins, sizes = [np.zeros(0)], [np.zeros(0)]
     for state, segments in motion.by_state():
-        since, size = _left_after(state.exponent)
+        since, size = _remaining_exponents(state.exponent)
         inside = since < motion.length[segments, None]
         begins.append((motion.time[segments, None] + since)[inside])
         sizes.append(np.broadcast_to(size, inside.shape)[inside])
@@ -98,7 +98,7 @@ def smooth_intervals(motion: Trajectory) -> tuple[Floats, Floats]:
     return np.append(edges[:-1][lasting], motion.end), fastest[order][lasting]
 
 
-def _left_after(exponent: Complexes) -> tuple[Floats, Floats]:
+def _remaining_exponents(exponent: Complexes) -> tuple[Floats, Floats]:
     """Times (m,), s, since a segment began, and the largest exponent (m,), rad/s, of what has not decayed from each on.
 
     The first is 0; at each of the others the largest exponent falls to `SLOWER` of the one before, or less.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.signals.records import LOBE, Levels, Remainder, SpectrumRecord, Window, parabola_top, refined
+from beamsim.signals.records import LOBE, Levels, Remainder, SpectrumRecord, Window, parabola_top, refine_frequencies
 from beamsim.typing import Complexes, Floats, not_none
 
 # The rule for a line, see `lines_of`.
@@ -113,9 +113,9 @@ def lines_of(
         lines = _peaks(record, view, excitation_hz, levels)
         if 0.0 < excitation_hz < np.inf and lines:
             lines = _only_locked(record, lines, unlocked_hz)
-        fit = fit_lines(record, _refined(record, lines, view), view)
+        fit = fit_lines(record, _refine_frequencies(record, lines, view), view)
         if fit.remainder is not None:
-            fit = _separated(record, fit, excitation_hz, view)
+            fit = _separate_pairs(record, fit, excitation_hz, view)
     if chosen_hz:
         fit = fit_lines(record, _with_chosen(fit.lines, chosen_hz, record), view)
     size = np.abs(fit.amplitude)
@@ -138,7 +138,7 @@ def _with_chosen(lines: list[SpectralLine], chosen_hz: Sequence[float], record: 
     return apart + added
 
 
-def _refined(
+def _refine_frequencies(
     record: SpectrumRecord, lines: list[SpectralLine], view: View, near_hz: Sequence[float] = ()
 ) -> list[SpectralLine]:
     """The lines with the frequencies that fit best of all that belong to no order, or of those near some alone."""
@@ -148,11 +148,11 @@ def _refined(
         free &= np.abs(np.subtract.outer(frequency, near_hz)).min(axis=1) <= 2 * LOBE / record.duration
     if not free.any():
         return lines
-    found = refined(record, frequency, free, view.window).tolist()
+    found = refine_frequencies(record, frequency, free, view.window).tolist()
     return [line._replace(frequency_hz=f) for line, f in zip(lines, found, strict=True)]
 
 
-def _separated(record: SpectrumRecord, fit: LineFit, excitation_hz: float, view: View) -> LineFit:
+def _separate_pairs(record: SpectrumRecord, fit: LineFit, excitation_hz: float, view: View) -> LineFit:
     """The lines, with two lines wherever two explain the curve near one that is none of a steady line.
 
     After `_MOST_FAILURES` pairs that explain nothing, from where most is left, amplitudes change: no other is tried.
@@ -195,10 +195,10 @@ def _promising_pairs(
         if remainder.size[k] > least and lines[k].peak_hz not in tried
     ]
     if worth:
-        yield from _promising(worth, fit, tried, place)
+        yield from _candidate_pairs(worth, fit, tried, place)
 
 
-def _promising(
+def _candidate_pairs(
     worth: list[int], fit: LineFit, tried: set[float], place: Floats
 ) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
     """What a pair may replace at some lines, with the best pair of each, that explain much; see above."""
@@ -231,7 +231,7 @@ def _with_pair(
     two[:1] = two[:1] if order is None else [order]
     lines = [*(line for k, line in enumerate(fit.lines) if k not in replaced), *two]
     for near_hz in ([line.frequency_hz for line in two], ()):
-        several = _on_orders(_refined(record, lines, view, near_hz), excitation_hz, record)
+        several = _on_orders(_refine_frequencies(record, lines, view, near_hz), excitation_hz, record)
         frequency = np.array([line.frequency_hz for line in several])
         amplitude = record.project(frequency, view.window)[1]
         left = Remainder.of(record, frequency, amplitude, *view, near_hz=frequency[-2:])

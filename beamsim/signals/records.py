@@ -184,13 +184,13 @@ class SpectrumRecord(ABC):
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """Mean and complex amplitudes (k,) of sinusoids (k,), and under a window of a slope, by least squares."""
         if window is None:
-            fit = _solved(*self.normal_equations(frequency_hz, RECTANGULAR))[0]
+            fit = _solve_normal_equations(*self.normal_equations(frequency_hz, RECTANGULAR))[0]
             return float(fit[0]), _complex(fit[1:], frequency_hz, self.start)
         matrix, right = self.normal_equations(np.append(_DIFFERENCE / self.duration, frequency_hz), window)
         kept = np.delete(np.eye(right.size), 2 + np.size(frequency_hz), axis=0)  # a sine of no frequency is a slope
         kept[1] /= 2.0 * np.pi * _DIFFERENCE
         matrix = kept @ matrix @ kept.T
-        fit = _solved(matrix, kept @ right)[0]
+        fit = _solve_normal_equations(matrix, kept @ right)[0]
         return float(fit[0] + matrix[0, 1] * fit[1]), _complex(fit[2:], frequency_hz, self.start)
 
 
@@ -276,7 +276,7 @@ class MotionRecord(SpectrumRecord):
         """See `SpectrumRecord`; up to the highest frequency."""
         count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
         total = window.cosines[0] * self.duration
-        seen = self.part.weighted(window.exponentials)[self.column, : 2 * count : 2]
+        seen = self.part.windowed_integrals(window.exponentials)[self.column, : 2 * count : 2]
         mean = float(seen[0].real) / total
         out = (seen - mean * self.duration * _transform_on_bins(window, count)) * (2.0 / total)
         out[0] = mean
@@ -292,7 +292,7 @@ class MotionRecord(SpectrumRecord):
     def residual(self, frequency_hz: Floats) -> float:
         """See `SpectrumRecord`."""
         matrix, right = self.normal_equations(frequency_hz, RECTANGULAR)
-        left = self.part.mean_squares[self.column] - _solved(matrix, right)[0] @ right
+        left = self.part.mean_squares[self.column] - _solve_normal_equations(matrix, right)[0] @ right
         return float(np.sqrt(max(left, 0.0)))
 
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
@@ -368,7 +368,7 @@ def amplitude_db(amplitude: Floats, peak: float) -> Floats:
     return level
 
 
-def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:
+def refine_frequencies(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:
     r"""Frequencies of lines, with which a mean, a slope and their sinusoids together fit a record best.
 
     The maximum of a curve is not the frequency of a line: the lines near it, its own image at the negative frequency,
@@ -414,7 +414,7 @@ def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: W
 def _correction(
     record: SpectrumRecord, frequency_hz: Floats, moving: Ints, window: Window, near: bool
 ) -> Floats:  # fmt: skip
-    """Changes, over one over the duration, of the frequencies with these indices, see `refined`."""
+    """Changes, over one over the duration, of the frequencies with these indices, see `refine_frequencies`."""
     k, n, turn = frequency_hz.size, moving.size, 2.0 * np.pi * _DIFFERENCE
     shift, lines = _DIFFERENCE / record.duration, frequency_hz[moving]
     # a sine of nearly no frequency is a slope
@@ -424,7 +424,7 @@ def _correction(
     fitted = np.concatenate([[0], sines[: 1 + k], cosines[1 : 1 + k]])
     ahead, behind = np.hstack([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)])
     of_fitted = matrix[fitted]
-    fit = _solved(of_fitted[:, fitted], right[fitted])[0]
+    fit = _solve_normal_equations(of_fitted[:, fitted], right[fitted])[0]
     left = right - fit @ of_fitted  # products of all functions with what the fit leaves
     sine, cosine = fit[2 : 2 + k][moving], fit[2 + k :][moving]
     by_frequency = np.hstack([np.diag(sine), np.diag(cosine)])
@@ -438,10 +438,12 @@ def _correction(
     normal = np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]])
     if near and not window.one_sided:
         bent = (sine * (left[ahead] + left[behind])[:n] + cosine * (left[ahead] + left[behind])[n:]) / turn**2
-        newton, regular = _solved(_with_second_derivatives(normal, bent, left_of_slopes, moving), wanted)
+        newton, regular = _solve_normal_equations(
+            _with_second_derivatives(normal, bent, left_of_slopes, moving), wanted
+        )
         if regular:
             return newton[-n:] / (2.0 * np.pi)
-    change = _solved(normal, wanted)[0]
+    change = _solve_normal_equations(normal, wanted)[0]
     c = (fit + change[: fit.size])[2:]
     c = c[:k][moving] + 1j * c[k:][moving]
     turning, swelling = change[fit.size : fit.size + n], change[fit.size + n :] if window.one_sided else 0.0
@@ -470,7 +472,7 @@ def _with_second_derivatives(normal: Floats, bent: Floats, left_of_slopes: Float
     return curved
 
 
-def _solved(matrix: Floats, right: Floats) -> tuple[Floats, bool]:
+def _solve_normal_equations(matrix: Floats, right: Floats) -> tuple[Floats, bool]:
     """Solution of normal equations, and whether they are positive definite and far from singular.
 
     It is that of least norm where they are not, as where two lines have one frequency.
@@ -538,7 +540,7 @@ def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None
     mean, c : the mean and (k,) complex amplitudes in the unit of x.
     """
     frequency = np.asarray(frequency_hz, dtype=float)
-    fit = _solved(*_sums(time - time[0], x, frequency, weight))[0]
+    fit = _solve_normal_equations(*_sums(time - time[0], x, frequency, weight))[0]
     return float(fit[0]), _complex(fit[1:], frequency, float(time[0]))
 
 

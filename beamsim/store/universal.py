@@ -50,7 +50,7 @@ OF_CHANNELS = {
 """Variables whose quantity is that of a channel, with the dataset of these and words for the label."""
 
 
-class Whose(NamedTuple):
+class RowOwner(NamedTuple):
     """A member that rows belong to."""
 
     called: str
@@ -271,7 +271,7 @@ def _unit_at(item: Item, labels: dict[str, int]) -> str:
     return str(each[next(iter(labels.values()))]) if each and labels else item.unit
 
 
-def _periods(items: Items, whose: Whose) -> int:
+def _periods(items: Items, whose: RowOwner) -> int:
     """Periods of the excitation in one of a branch."""
     return int(items["/branches/period_multiple"].values[whose.number])
 
@@ -296,7 +296,7 @@ def _values(items: Items, path: str, index: tuple[Any, ...]) -> NDArray[Any]:
     return values if imaginary is None else values + 1j * np.asarray(part_of(imaginary.array, index))
 
 
-def _abscissae(items: Items, axis: str) -> Iterator[tuple[Whose, Floats, slice, bool]]:
+def _abscissae(items: Items, axis: str) -> Iterator[tuple[RowOwner, Floats, slice, bool]]:
     """Times or frequencies along an axis: whose, the values, their rows, and whether they are times.
 
     Along the rows of several members they are those of one after the other.
@@ -307,7 +307,7 @@ def _abscissae(items: Items, axis: str) -> Iterator[tuple[Whose, Floats, slice, 
         if item is None or item.values.dtype.kind != "f":
             continue
         if item.scale and f"{dataset}/{name}" == axis:
-            yield Whose(""), item.values, slice(None), name == "time"
+            yield RowOwner(""), item.values, slice(None), name == "time"
             return
         if item.axes == (axis,) and (name != "time" or f"{dataset}/frequency_hz" not in items):
             for whose, rows in members_along(items, axis):
@@ -315,7 +315,7 @@ def _abscissae(items: Items, axis: str) -> Iterator[tuple[Whose, Floats, slice, 
             return
 
 
-def members_along(items: Items, axis: str) -> Iterator[tuple[Whose, slice]]:
+def members_along(items: Items, axis: str) -> Iterator[tuple[RowOwner, slice]]:
     """The members whose rows are along an axis, one after the other, and their rows."""
     numbered = [(path, item) for path, item in items.items() if item.axes == (axis,) and NAMES in item.attributes]
     if not numbered:
@@ -328,7 +328,7 @@ def members_along(items: Items, axis: str) -> Iterator[tuple[Whose, slice]]:
             number = int(numbers[begin])
             label = coordinate[number]
             called = str(label) if isinstance(label, str) else f"{last(path)} {label}"
-            yield Whose(called, number), slice(int(begin), int(end))
+            yield RowOwner(called, number), slice(int(begin), int(end))
 
 
 def _of_spectra(items: Items) -> Iterator[tuple[str, str, Function]]:

@@ -335,7 +335,9 @@ def receptance_bound(
     if all(reduced.modes == part.size for (part, _), (reduced, _) in zip(parts, blocks, strict=True)):
         return ReceptanceBound(0.0, known)
     truncations = [
-        LeftOut.of(part, reduced, damping[np.ix_(columns, columns)], np.vstack([loads, probes])[:, dofs], acting)
+        OmittedResponse.of(
+            part, reduced, damping[np.ix_(columns, columns)], np.vstack([loads, probes])[:, dofs], acting
+        )
         for (part, dofs), (reduced, columns) in zip(parts, blocks, strict=True)
     ]
     static: Floats = np.asarray(sum(part.compliances / part.model.stiffness_scale for part in truncations))
@@ -363,7 +365,7 @@ RIGID_LOAD = 1e-24  # of the squared size of a load: with less compliance it mov
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class OmittedResponse:
     """What a reduced basis leaves out of the response to m loads, in scaled units."""
 
     model: Structure
@@ -385,7 +387,7 @@ class LeftOut:
     static_inverse: Floats  # (k, k) S^T A^-1 S of the static vectors S
 
     @classmethod
-    def of(cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, acting: int) -> LeftOut:
+    def of(cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, acting: int) -> OmittedResponse:
         """What a basis leaves out; see the fields."""
         deflected = np.asarray(model.factor @ static_deflections(model, loads.T))
         compliance = np.sum(deflected**2, axis=0)

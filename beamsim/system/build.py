@@ -100,7 +100,7 @@ class TimeDependent(NamedTuple):
 _FILE_KEYS = {"matched": ("srs", "file"), "random": ("psd", "file")}  # by kind of input, where it is not ``file``
 
 
-def time_dependent_loads(model: ReducedModel, pushing: _Pushing) -> TimeDependent:
+def time_dependent_loads(model: ReducedModel, pushing: _StaticLoads) -> TimeDependent:
     """The base's motion and the time-dependent loads.
 
     They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
@@ -152,7 +152,7 @@ def _loads_of_moved(model: ReducedModel, accounts: list[Any]) -> list[tuple[Floa
     return loads
 
 
-def _influence_of_mountings(model: ReducedModel, pushing: _Pushing, signals: int) -> Floats | None:
+def _influence_of_mountings(model: ReducedModel, pushing: _StaticLoads, signals: int) -> Floats | None:
     """(m, L) displacement of each contact's place from its mounting by a unit of each signal; None where it is 0."""
     influence = model.influence(signals)
     if not influence.any():
@@ -275,7 +275,7 @@ _LEAST_FALL = 0.7
 
 def _model_with_contacts(
     scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
-) -> tuple[ReducedModel, _Pushing]:
+) -> tuple[ReducedModel, _StaticLoads]:
     """The reduced model and its contacts, by default up to higher frequencies as long as contacts need more modes."""
     model, before = build_reduced_model(scenario, also_at, shared), math.inf
     found = model, _pushing(model)
@@ -293,7 +293,7 @@ def _model_with_contacts(
     return found
 
 
-def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> StructuralSystem:
+def _build(model: ReducedModel, pushing: _StaticLoads, recovered: bool = True) -> StructuralSystem:
     scenario = model.scenario
     if model.moving_supports:
         _check_places_on_supports(model)
@@ -338,7 +338,9 @@ def _build(model: ReducedModel, pushing: _Pushing, recovered: bool = True) -> St
     )  # fmt: skip
 
 
-def _statics(model: ReducedModel, pushing: _Pushing, loads: Floats) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
+def _statics(
+    model: ReducedModel, pushing: _StaticLoads, loads: Floats
+) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
     """Contacts with the gaps that preloads need, their equilibrium under constant loads (L, n), the state at t = 0.
 
     With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
@@ -364,7 +366,7 @@ def _with_initial_branches(contacts: Contacts) -> Contacts:
 
 
 @dataclass(frozen=True)
-class _Pushing:
+class _StaticLoads:
     """What pushes on a structure in addition to loads."""
 
     tables: Mapping[str, TableOfStop]  # by path of the snubbers that have one
@@ -376,18 +378,18 @@ class _Pushing:
     sites: list[Site]  # (m,) where the contacts act
 
 
-def _pushing(model: ReducedModel) -> _Pushing:
+def _pushing(model: ReducedModel) -> _StaticLoads:
     nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
     tables = force_tables(model.scenario) if model.scenario.has_force_tables else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     of_stops = model.shapes(model.snubber_sites), model.base_participations(model.snubber_sites)
     stops = build_contacts(snubbers, curves, *of_stops, model.omega, basis.rigid)
     if not nonlinear:
-        return _Pushing(tables, stops, (), None, stops, np.arange(stops.count), model.snubber_sites)
+        return _StaticLoads(tables, stops, (), None, stops, np.arange(stops.count), model.snubber_sites)
     return _pushing_with_springs(model, tables, stops)
 
 
-def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts) -> _Pushing:
+def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts) -> _StaticLoads:
     """Stops, and springs with laws of their own, joints that relax and friction."""
     nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
     springs = describe_springs(
@@ -406,10 +408,10 @@ def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop]
         owner = contacts.owners_of_springs[0]
         sites = [sites[j] for j in owner]
         contacts = contacts.split()
-    return _Pushing(tables, stops, springs, cubic, contacts, owner, sites)
+    return _StaticLoads(tables, stops, springs, cubic, contacts, owner, sites)
 
 
-def _check_couplings(model: ReducedModel, pushing: _Pushing) -> list[str]:
+def _check_couplings(model: ReducedModel, pushing: _StaticLoads) -> list[str]:
     """Warnings of loops that joints do not close and of motions that contacts alone stop.
 
     Raises

@@ -52,7 +52,7 @@ def output_channels(
     ScenarioError
         Where an output asks for what its place or joint has not.
     """
-    asked = _Asked(model, recoveries, contact_sites, contacts, forcing)
+    asked = _OutputContext(model, recoveries, contact_sites, contacts, forcing)
     return tuple(asked.channel(path, output) for path, output in model.scenario.requested_outputs)
 
 
@@ -69,7 +69,7 @@ ROUND_OFF = 1e-14  # of the largest eigenvalue of an energy: smaller ones are le
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _OutputContext:
     """What the outputs of one scenario share."""
 
     model: ReducedModel

@@ -116,7 +116,7 @@ class MovingSupport:
         return -mass, damping @ self.static_shape(structure, basis) - viscous, -stiffness
 
 
-class Acting(NamedTuple):
+class ActingLoads(NamedTuple):
     """What the excitation consists of, each with its path."""
 
     forces: list[tuple[Path, One]]
@@ -125,7 +125,7 @@ class Acting(NamedTuple):
     base: tuple[Path, One] | None  # None where it is at rest
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Acting:
+    def of(cls, scenario: Scenario) -> ActingLoads:
         """That of a scenario; of no excitation nothing."""
         forces, supports, stops, base = [], [], [], None
         for place, each in scenario.excitation.items:
@@ -167,7 +167,7 @@ def moving_supports(scenario: Scenario, structure: Structure) -> list[MovingSupp
     supports = supports_of(structure)
     return [
         MovingSupport(path, each, _driven_support(scenario, supports, path, each.applied_to))
-        for path, each in Acting.of(scenario).supports
+        for path, each in ActingLoads.of(scenario).supports
     ]
 
 
@@ -260,7 +260,7 @@ class ReducedModel:
     structure: Structure
     basis: ReducedBasis
     shared: SharedBuilds
-    acting: Acting
+    acting: ActingLoads
     moving_supports: tuple[MovingSupport, ...] = ()  # supports that move
     default: bool = False  # whether the scenario leaves the number of modes to the program
     base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
@@ -366,7 +366,7 @@ def build_reduced_model(
         Where matrices do not know a direction that is asked for.
     """
     shared = SharedBuilds() if shared is None else shared
-    bodies, acting = tuple(scenario.all_bodies.items()), Acting.of(scenario)
+    bodies, acting = tuple(scenario.all_bodies.items()), ActingLoads.of(scenario)
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
     # a place in an element that ends at a support which moves would move with it
@@ -423,7 +423,7 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
 
 def base_direction(scenario: Scenario) -> BaseDirection | None:
     """How the excitation moves the base; None where the base is at rest."""
-    moving = Acting.of(scenario).base
+    moving = ActingLoads.of(scenario).base
     return None if moving is None else _named(scenario, moving[1].direction or "", point_of(moving[1].about))
 
 
@@ -450,7 +450,7 @@ def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:
 def force_sites(scenario: Scenario) -> list[LoadSite]:
     """Sites of every force, released ones included."""
     sites = [load_site_in(scenario, force) for force in scenario.constant_forces]
-    sites += [load_site_in(scenario, force.applied_to) for _, force in Acting.of(scenario).forces]
+    sites += [load_site_in(scenario, force.applied_to) for _, force in ActingLoads.of(scenario).forces]
     start = None if scenario.run is None else scenario.run.start
     if isinstance(start, ReleasedForceStart):
         sites.append(load_site_in(scenario, start.released_force))

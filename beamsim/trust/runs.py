@@ -34,7 +34,7 @@ from beamsim.analyses.run.motion import MOTION_ALONE, TIME_SHARES, RunMotion, mo
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RunResult, highest_of_srs, srs_over_limit
 from beamsim.analyses.run.shock_response import shock_response
-from beamsim.analyses.run.spectra import found_again, records_of, resting
+from beamsim.analyses.run.spectra import is_at_rest, lines_of_record, records_of
 from beamsim.analyses.run.summary import (
     STATIC_ENTRIES,
     spectral_lines,
@@ -135,7 +135,7 @@ class Model:
         between samples, and chance would decide which part has it.
         """
         trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered
-        part, channels = trajectory.between(begin, end), searched_channels(system.channels)
+        part, channels = trajectory.extract(begin, end), searched_channels(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
         extremes = channels.split(np.array(channel_extrema(part, channels)[:4]))
         if behind is not None:
@@ -284,7 +284,7 @@ def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Co
     for entry, quantity, _ in RMS_OF_PROBES:
         if isinstance(of_probes := errors.get(entry), dict):
             errors[entry] = {
-                name: x for name, x in of_probes.items() if not resting(name, quantity, derived.result.summary)
+                name: x for name, x in of_probes.items() if not is_at_rest(name, quantity, derived.result.summary)
             }
     off = tuple(unconverged_values(errors, errors_of(scatter, scenario, complete)))
     return Convergence(errors, off, kept, first.motion.system.kept_modes, diverged, after, times, lines=lines)
@@ -503,7 +503,7 @@ class DerivedValues:
         system, motion = model.motion.system, model.motion.known
         of_parts = [
             self._of_spectra(
-                {name: (*found_again(of[name], lines), of[name].rms()) for name, lines in self.lines.items()}
+                {name: (*lines_of_record(of[name], lines), of[name].rms()) for name, lines in self.lines.items()}
             )
             for of in self._records(system, motion, parts)
         ]

@@ -31,7 +31,7 @@ from beamsim.analyses.studies.summary import result_of
 from beamsim.analyses.studies.table import cases_to_compare
 from beamsim.analyses.studies.worst import Changes, WorstSearch
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case
+from beamsim.cases import Case, CaseOutcome, Evaluator, StopEvaluation, failed_case
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.labelled import Dataset, LabelledArray
 from beamsim.outcomes import Outcome, Progress, Stop, never, report_progress, stop_requested, stop_requests
@@ -209,14 +209,14 @@ def _evaluated(
     """
     ended: Outcome | None = None
     histories: Exceedance | None = None
-    with suppress(Ended):
+    with suppress(StopEvaluation):
         if plan.kind == "reliability":
             histories = run_histories(plan, evaluate, progress)
         elif plan.searches:
             ended = search(plan, evaluate, worst)
         else:
             evaluate([case.values for case in plan.cases if not case.realisation])
-    with suppress(Ended):
+    with suppress(StopEvaluation):
         while evaluate.ended != "interrupted":  # either may make another case the best
             if plan.kind != "reliability" and worst.search_next():
                 continue

@@ -53,7 +53,7 @@ HIGHEST = 5  # cycles with the largest values of a sweep, all of which are compa
 NEARLY = 0.9  # ... if they reach this share of the largest one
 
 
-class _Compared(NamedTuple, Generic[_Result]):
+class _ComparedValues(NamedTuple, Generic[_Result]):
     """What is compared of two results."""
 
     values: Callable[[_Result], Values]
@@ -107,7 +107,7 @@ def sweep(
 
     with stop_requests(stop):
         return _with_convergence_errors(
-            first, compute, asked, _Compared(_of_sweep, _changes_of_cycles, _least_of_level), progress
+            first, compute, asked, _ComparedValues(_of_sweep, _changes_of_cycles, _least_of_level), progress
         )
 
 
@@ -139,7 +139,7 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     with stop_requests(stop):
         return _with_convergence_errors(
-            partial(compute, scenario), compute, asked, _Compared(_of_continuation), progress
+            partial(compute, scenario), compute, asked, _ComparedValues(_of_continuation), progress
         )
 
 
@@ -172,7 +172,7 @@ def coexisting(
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, workers=workers, scheduler=scheduler)
-    of: _Compared[CoexistingResult] = _Compared(_of_continuation)
+    of: _ComparedValues[CoexistingResult] = _ComparedValues(_of_continuation)
     with stop_requests(stop):
         return _with_convergence_errors(partial(again, scenario, **kept), again, asked, of, progress)
 
@@ -205,7 +205,7 @@ def nnm(
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
     with stop_requests(stop):
         return _with_convergence_errors(
-            partial(compute, scenario, compare=compare), compute, asked, _Compared(_of_mode), progress
+            partial(compute, scenario, compare=compare), compute, asked, _ComparedValues(_of_mode), progress
         )
 
 
@@ -213,7 +213,7 @@ def _with_convergence_errors(
     first: Callable[[Progress], _Result],
     again: Callable[[Scenario, Progress], _Result],
     asked: bool,
-    of: _Compared[_Result],
+    of: _ComparedValues[_Result],
     progress: Progress,
 ) -> _Result:
     """A result with its comparison, where it is asked for and nothing is missing of the result.
@@ -244,7 +244,7 @@ def _with_convergence_errors(
 
 
 def _convergence(
-    of: _Compared[_Result],
+    of: _ComparedValues[_Result],
     own: Values,
     result: _Result,
     solve: Callable[[Scenario], _Result],

@@ -90,7 +90,7 @@ def test_the_level_of_a_later_stop_is_not_printed_as_a_fact():
     levels = contact_levels(sweep_system(masses()), np.array([HZ]))
     assert levels["tip"].loss[0] == pytest.approx(tip, rel=1e-9)  # of the motion in which floor stays closed
     assert levels["tip"].before[0] == pytest.approx(floor, rel=1e-9)
-    assert np.isnan(levels["tip"].predicted[0])
+    assert np.isnan(levels["tip"].predicted_levels[0])
 
 
 def test_a_sweep_predicts_its_first_change_and_at_each_frequency_the_first_there():
@@ -99,12 +99,12 @@ def test_a_sweep_predicts_its_first_change_and_at_each_frequency_the_first_there
     predicted = [name for name in of if "not_predicted" not in of[name]]
     assert len(predicted) == 1
     floor, tip = (contact_levels_of(result["linear"])[name] for name in ("floor", "tip"))
-    lowest = np.minimum(floor.changing, tip.changing)
+    lowest = np.minimum(floor.levels_of_change, tip.levels_of_change)
     assert of[predicted[0]]["level"] == pytest.approx(lowest.min(), rel=1e-12)
-    np.testing.assert_array_equal(np.fmin(floor.predicted, tip.predicted), lowest)
-    assert np.all(np.isnan(floor.predicted) != np.isnan(tip.predicted))
-    assert np.isnan(floor.predicted).any()
-    assert np.isnan(tip.predicted).any()
+    np.testing.assert_array_equal(np.fmin(floor.predicted_levels, tip.predicted_levels), lowest)
+    assert np.all(np.isnan(floor.predicted_levels) != np.isnan(tip.predicted_levels))
+    assert np.isnan(floor.predicted_levels).any()
+    assert np.isnan(tip.predicted_levels).any()
 
 
 def test_json_has_null_for_what_is_not_predicted(tmp_path):

@@ -149,11 +149,11 @@ def agree(folder, units, ending=".op4"):
     known = bodies_of(case(folder / "si", si))[0]
     read = bodies_of(case(folder / "units", in_units(si, *SYSTEMS[units]), SYSTEMS[units], units, ending))[0]
     for name in ("mass", "stiffness", "damping"):
-        one, other = (getattr(body.values_by_name, name) for body in (known, read))
+        one, other = (getattr(body.given, name) for body in (known, read))
         root = np.sqrt(one.diagonal())
         root[root == 0.0] = root[root > 0.0].min()
         same(one, other, np.outer(root, root))
-    places = [body.values_by_name.table.coordinates for body in (known, read)]
+    places = [body.given.table.coordinates for body in (known, read)]
     np.testing.assert_allclose(places[1], places[0], rtol=1e-13)
     time = SYSTEMS[units][3]
     for motion in (UPWARDS, BaseDirection("ry")):

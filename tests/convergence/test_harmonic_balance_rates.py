@@ -12,7 +12,7 @@ from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
 from beamsim.orbits.continuation import Branch, Settings, solve_at
-from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
+from beamsim.orbits.harmonic_balance import ForcedBalance, truncation, with_harmonics
 from beamsim.orbits.shooting import ForcedOrbits
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -61,7 +61,7 @@ def at_omega(curve):
 
 def refined(problem, point, H, omega=OMEGA):
     finer = replace(problem, harmonics=H)
-    W = resampled(point.data.deflections, H)
+    W = with_harmonics(point.data.deflections, H)
     found = solve_at(finer, np.append(to_real(W).ravel(), omega), Settings(iterations=30), omega)
     assert found is not None
     return finer, found

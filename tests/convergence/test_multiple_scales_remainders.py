@@ -12,7 +12,7 @@ from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing
-from beamsim.orbits.expansions.free import ModeAtEnergy, expand_mode, observed_orders, weakened
+from beamsim.orbits.expansions.free import ModeAtEnergy, expand_mode, observed_orders, weaken
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import SpringFamily
 
@@ -127,7 +127,7 @@ def test_steady_motion_near_resonance(oscillator, six, case):
     for e in FACTORS:
         omega = resonant.omega + e * sigma
         guess = resonant.states(resonant.response(motion, e, 1), omega, np.zeros(1))[0]
-        t, exact, orbit = steady_motion(weakened(system, e), e * resonant.load, omega, guess)
+        t, exact, orbit = steady_motion(weaken(system, e), e * resonant.load, omega, guess)
         for order in (0, 1):
             found = resonant.states(resonant.response(motion, e, order), omega, t)
             off[order].append(np.abs(found - exact)[:, :n].max())

@@ -10,7 +10,7 @@ from beamsim.errors import MethodError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
-from beamsim.orbits.expansions.free import expand_mode, weakened
+from beamsim.orbits.expansions.free import expand_mode, weaken
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats
 
@@ -47,7 +47,7 @@ def free_remainder(
     q0 = expansion.initial(factor, order)
     times = _times(duration, expansion.omega)
     undamped = replace(system, damping=np.zeros_like(system.damping), contacts=system.contacts.undamped())
-    flow = ExactFlow(weakened(undamped, factor), Forcing(np.zeros((0, n)), ()), duration)
+    flow = ExactFlow(weaken(undamped, factor), Forcing(np.zeros((0, n)), ()), duration)
     exact = simulate(flow, np.concatenate([q0, np.zeros(n)]), duration=duration).states_at(times)
     w = expansion.frequency(factor, min(order + 1, 2) if frequency_order is None else frequency_order)
     c = expansion.coefficients(factor, order)

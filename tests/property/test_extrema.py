@@ -90,7 +90,7 @@ def test_extremes_between_edges_are_those_of_each_part(motion):
     assert np.all(np.isinf(found.high[[0, -1]]))
     assert np.all(np.isinf(found.low[[0, -1]]))
     for w in range(1, edges.size - 2):
-        part = whole.between(max(edges[w], 0.0), min(edges[w + 1], whole.end))
+        part = whole.extract(max(edges[w], 0.0), min(edges[w + 1], whole.end))
         part = part.select(np.flatnonzero(part.length > 0.0)).extrema(outputs)
         size = np.maximum(np.abs(part.low), np.abs(part.high))
         np.testing.assert_array_less(np.abs(found.high[w] - part.high), 1e-9 * size + 1e-12)

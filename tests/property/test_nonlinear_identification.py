@@ -234,10 +234,10 @@ def test_a_prestress_is_found_as_a_negative_gap():
 
 def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):
     """No steady vibration beside the estimate of the gap: its deviation is unknown, not zero."""
-    residuals, best, at = Fit.residuals, Fit.best, []
+    residuals, minimise, at = Fit.residuals, Fit.minimise, []
 
     def remembering(fit, start):
-        found = best(fit, start)
+        found = minimise(fit, start)
         at[:] = [found.x[1]]
         return found
 
@@ -246,7 +246,7 @@ def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):
             raise UnpredictableError
         return residuals(fit, x, beside)
 
-    monkeypatch.setattr(Fit, "best", remembering)
+    monkeypatch.setattr(Fit, "minimise", remembering)
     monkeypatch.setattr(Fit, "residuals", failing)
     scenario = case([65.0, 78.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
     result = identify_stiffness(scenario, [signal(f, vibrations[f], noise=0.01) for f in (65.0, 78.0)])
@@ -420,7 +420,7 @@ def test_a_gain_that_is_known_is_that_of_the_recorded_values():
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """White noise, a random begin, and a wrong gain that is fitted. `python -m benchmarks.identification_coverage` has
     500 tests; of these 40 a share of 95 % gives at least 34, but for a chance of 1 in 300."""
-    held = coverage.holding(range(40))
+    held = coverage.with_states(range(40))
     assert set(held) == set(coverage.TRUTH)
     assert all(count >= 34 for count in held.values())
     assert any(count < 40 for count in held.values())

@@ -33,7 +33,7 @@ def motion():
 def test_the_events_of_a_part_are_those_within_it(motion, seed):
     begin, end = np.sort(np.random.default_rng(seed).uniform(0.0, motion.end, 2))
     expected = (motion.event_time > begin) & (motion.event_time <= end)
-    part = motion.between(begin, end)
+    part = motion.extract(begin, end)
     np.testing.assert_array_equal(part.event_time, motion.event_time[expected])
     np.testing.assert_array_equal(part.event_phase, motion.event_phase[expected])
     np.testing.assert_array_equal(part.touch_changes, motion.touch_changes[expected])
@@ -70,7 +70,7 @@ def test_every_event_leads_to_a_segment_in_its_phase(motion):
 
 
 def test_nothing_is_known_outside(motion):
-    part = motion.between(3.0, 7.0)
+    part = motion.extract(3.0, 7.0)
     for outside in (part.time[0] - 1e-6, 7.0 + 1e-6):
         with pytest.raises(ValueError, match="is not known at"):
             part.states_at(np.array([outside]))
@@ -79,7 +79,7 @@ def test_nothing_is_known_outside(motion):
         gap.states_at(np.array([0.5 * motion.end]))
     with pytest.raises(ValueError, match="is not known at"):
         motion.states_at(np.array([motion.end + 1e-6]))
-    assert motion.between(38.0, 99.0).end == motion.end
+    assert motion.extract(38.0, 99.0).end == motion.end
 
 
 # -- a record that is shorter than the motion: its last cubic goes on -----------------------------------------------
@@ -113,7 +113,7 @@ def test_a_motion_goes_on_under_the_last_cubic_of_a_short_record(pieces, omega, 
     system = PiecewiseLinearSystem(np.array([omega**2]), np.zeros((1, 1)), contacts, np.zeros(1))
     whole = simulate(ExactFlow(system, Forcing(np.ones((1, 1)), (record,)), duration), AT_START)
     for begin, end in ((0.0, duration), (0.3 * duration, 0.8 * duration), (0.93 * duration, duration)):
-        part, times = whole.between(begin, end), np.linspace(begin, end, 7)
+        part, times = whole.extract(begin, end), np.linspace(begin, end, 7)
         expected = forced_by(record, omega, times)
         size = np.abs(expected).max(axis=0)
         np.testing.assert_allclose(part.states_at(times) / size, expected / size, rtol=0, atol=1e-12)

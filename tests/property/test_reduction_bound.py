@@ -11,7 +11,7 @@ import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import UPWARDS
-from beamsim.structures.reduction import LeftOut, frequency_beyond, receptance_bound
+from beamsim.structures.reduction import OmittedResponse, frequency_beyond, receptance_bound
 from beamsim.system.build import build_system
 from beamsim.system.reduced_model import build_reduced_model
 
@@ -72,7 +72,7 @@ def truncation(case):
     structure = parts.structure
     loads = np.vstack([structure.rows(parts.snubber_sites), structure.base_load(UPWARDS)[0]])
     places = np.vstack([loads, structure.rows(parts.probe_sites)])
-    return LeftOut.of(structure, parts.basis, parts.damping, places, len(loads))
+    return OmittedResponse.of(structure, parts.basis, parts.damping, places, len(loads))
 
 
 def full_receptance(t, s):

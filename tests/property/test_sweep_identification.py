@@ -56,7 +56,7 @@ def shown(level, direction):
     """What a slow sweep shows with the true values."""
     scenario = case([row(level, direction)])
     test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-    return test.predicted(test.case(scenario), None, SharedBuilds()).numbers
+    return test.predict(test.case(scenario), None, SharedBuilds()).numbers
 
 
 def table(seed, levels=(1.0,)):
@@ -90,7 +90,7 @@ def numbers_of():
             for direction in near:
                 scenario = case([row(1.0, direction)], dict(zip(TRUTH, values, strict=True)))
                 test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-                near[direction] = test.predicted(test.case(scenario), near[direction], SharedBuilds())
+                near[direction] = test.predict(test.case(scenario), near[direction], SharedBuilds())
             first = first if first["up"] else dict(near)
             x.append(share * corner)
             rows.append(np.log(np.concatenate([each.numbers for each in near.values()])))
@@ -224,7 +224,7 @@ def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
     scenario, measured = two_masses(asked, truth[2:], truth[1], truth[0]), []
     for k, test in enumerate(scenario.identify_stiffness.nonlinear.tests):
         row = SweptPeaks.of(k, test, "free")
-        shown = row.predicted(row.case(scenario), None, SharedBuilds())
+        shown = row.predict(row.case(scenario), None, SharedBuilds())
         *jump, f_free, free, f_held, held = shown.numbers.tolist()
         up = test.direction == "up"  # after the jump down into contact the amplitude overshoots
         measured.append((*ranges[k], jump[0] if jump else None, peaks(f_free, free, f_held, held) if up else []))
@@ -257,10 +257,10 @@ def test_a_level_below_contact_tells_the_structure_and_that_a_sweep_is_too_fast(
     del tests[0]["jump"]
     scenario = case(tests)
     test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-    found = test.predicted(test.case(scenario), None, SharedBuilds())
+    found = test.predict(test.case(scenario), None, SharedBuilds())
     assert found.numbers == pytest.approx([10.0 * r[np.argmax(amplitude)], amplitude.max()], rel=1e-6)
     assert found.bandwidth == pytest.approx(TRUTH[DASHPOT] / (2 * np.pi), rel=1e-9)  # c / m / (2 pi), in Hz
-    assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.doubts(found)[-1]  # 0.1 times its square is 0.01
+    assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.fit_warnings(found)[-1]  # 0.1 times its square is 0.01
 
 
 def test_a_motion_that_loses_its_stability_on_the_way_to_a_peak_is_named():
@@ -270,7 +270,7 @@ def test_a_motion_that_loses_its_stability_on_the_way_to_a_peak_is_named():
     def doubts(direction, **more):
         scenario = case([row(1.0, direction, jump=None, **{"from": 8, "to": 16, **more})], numbers)
         test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-        return test.doubts(test.predicted(test.case(scenario), None, SharedBuilds()))
+        return test.fit_warnings(test.predict(test.case(scenario), None, SharedBuilds()))
 
     def differs(frequency):
         def rate(tau, y):

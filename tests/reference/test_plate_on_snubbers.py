@@ -82,7 +82,7 @@ def test_frequencies_preload_and_the_levels_that_open_and_close():
     assert level == pytest.approx(opens, rel=5e-4)
     linear = contact_levels(build_system(scenario), np.array([9.0]))["far"]
     assert linear.onset[0] == pytest.approx(touches, rel=5e-4)
-    assert np.isnan(linear.predicted[0])  # near opens before
+    assert np.isnan(linear.predicted_levels[0])  # near opens before
     assert result.summary["gapping"]["far"]["not_predicted"] == "near opens first"
     assert opens / STANDARD_GRAVITY == pytest.approx(0.00914, abs=1e-5)  # as the document states them
     assert touches / STANDARD_GRAVITY == pytest.approx(0.0810, abs=1e-4)

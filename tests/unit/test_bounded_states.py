@@ -63,7 +63,7 @@ def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
         bounded.product_integrals(times, other, other, weight), whole.product_integrals(times, one, one, weight),
         rtol=1e-12, atol=1e-15,
     )  # fmt: skip
-    parts = [MotionPart(m.between(3.0, END), of, 100.0) for m, of in ((whole, one), (bounded, other))]
+    parts = [MotionPart(m.extract(3.0, END), of, 100.0) for m, of in ((whole, one), (bounded, other))]
     lines = [part.integrals(np.array([1.0, 6.0, 9.0]), 0) for part in parts]
     np.testing.assert_allclose(*lines, atol=1e-13)
 

@@ -14,7 +14,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.tracing import explained
+from beamsim.orbits.tracing import explain
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -183,7 +183,7 @@ def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, 
     times = np.linspace(0.0, point.data.duration, 4000)
     penetration, _ = problem.flow.penetration_of(problem.flow.states_at(point.data, times), times)
     reason = Outcome.of(OutcomeKind.STOPPED, "not_smooth", "it stalls", at=3.0)
-    outcome = explained(reason, *stalled(share * 300.0 * penetration.max()))
+    outcome = explain(reason, *stalled(share * 300.0 * penetration.max()))
     assert outcome.code == said
     assert outcome.place.value == 3.0
 

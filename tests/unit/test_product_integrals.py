@@ -64,7 +64,7 @@ def test_mean_squares_are_those_of_a_fine_rule(damping):
     system = build_system(light_chain(damping))
     motion = motion_of(light_chain(damping), 60.0)
     outputs = all_outputs(system, motion.flow)
-    part = MotionPart(motion.between(0.0, 60.0), outputs, 0.0)
+    part = MotionPart(motion.extract(0.0, 60.0), outputs, 0.0)
     fine = quadrature(motion, 0.0, np.array([60.0]), lambda at: motion.sample(at, outputs) ** 2)[0] / 60.0
     np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
 
@@ -125,7 +125,7 @@ def pushed(springs, duration, excitation=None, **more):
 def test_mean_squares_of_powers_of_time_are_those_of_a_fine_rule(scenario, duration):
     system, motion = build_system(scenario), motion_of(scenario, duration)
     outputs = all_outputs(system, motion.flow)
-    part = MotionPart(motion.between(0.2 * duration, duration), outputs, 0.0)
+    part = MotionPart(motion.extract(0.2 * duration, duration), outputs, 0.0)
     squares = lambda at: motion.sample(at, outputs) ** 2  # noqa: E731
     fine = quadrature(motion, 0.2 * duration, np.array([duration]), squares)[0] / (0.8 * duration)
     assert not motion.exponentials
@@ -139,7 +139,7 @@ def test_mean_square_of_a_drop_in_closed_form():
     chain = {"masses": [1.0], "springs": [0.0], "snubbers": [floor]}
     scenario = Scenario.model_validate({"chain": chain, "gravity": g, "run": {"duration": 3.0, "start": "rest"}})
     system, motion = build_system(scenario), motion_of(scenario, 3.0)
-    found = MotionPart(motion.between(0.0, 3.0), accelerations(system, motion.flow), 0.0).mean_squares[0]
+    found = MotionPart(motion.extract(0.0, 3.0), accelerations(system, motion.flow), 0.0).mean_squares[0]
     omega, phase = np.sqrt(k), np.arctan2(g, np.sqrt(k * 2 * g * height))
     touching, square = (np.pi + 2 * phase) / omega, 2 * g * height * k + g**2
     pressed = square * (0.5 * touching - 0.5 * np.sin(2 * phase) / omega)
@@ -154,7 +154,7 @@ def test_fourier_integrals_are_those_of_a_fine_rule():
     motion = simulate(flow, system.initial_state)
     assert motion.exponentials
     outputs = all_outputs(system, flow)
-    part = MotionPart(motion.between(5.0, 30.0), outputs, 50.0)
+    part = MotionPart(motion.extract(5.0, 30.0), outputs, 50.0)
     load = float(np.abs(flow.sources.exponent).max())
     free = float(np.abs(flow.states[0].exponent.imag).max())
     omega = np.array([0.0, load, load * (1.0 + 1e-9), load * (1.0 + 1e-4), free, free * (1.0 + 1e-7), 40.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from beamsim.signals.records import SampledRecord, Window, refined
+from beamsim.signals.records import SampledRecord, Window, refine_frequencies
 
 RATE, SAMPLES = 200.0, 400
 WINDOW = Window.named("blackmanharris")
@@ -28,7 +28,7 @@ def test_decaying_lines_near_each_other_have_the_frequencies_of_least_squares(de
     record += 0.5 * np.exp(-1.3 * decay * time) * np.sin(2 * np.pi * true[1] * time + 1.0)
     record += 0.3 * np.sin(2 * np.pi * true[2] * time)
     start = true + np.array([0.05, -0.075, 0.05])
-    found = refined(SampledRecord(time, record, RATE), start, np.ones(3, dtype=bool), WINDOW)
+    found = refine_frequencies(SampledRecord(time, record, RATE), start, np.ones(3, dtype=bool), WINDOW)
     best = least_squares(misfit, found, "3-point", args=(time, record), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     np.testing.assert_allclose(found, best, rtol=0, atol=1e-7)  # Hz; a bin is 0.5 Hz
     assert np.abs(found - start).min() > 0.01

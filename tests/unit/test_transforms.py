@@ -23,7 +23,7 @@ def part_of(changes, stop, highest, duration=5.0):
     system = build_system(Scenario.model_validate({"chain": chain, "run": run, **changes}))
     flow = exact_flow(system, duration)
     motion = simulate(flow, system.initial_state)
-    return MotionPart(motion.between(0.2 * duration, duration), all_outputs(system, flow), highest)
+    return MotionPart(motion.extract(0.2 * duration, duration), all_outputs(system, flow), highest)
 
 
 def test_sums_over_uneven_times():
@@ -65,9 +65,9 @@ def test_between_the_known_frequencies():
 def test_integrals_are_those_that_are_computed_one_by_one(changes, stop, highest):
     part = part_of(changes, stop, highest)
     step = np.pi / part.duration
-    exact = part.motion.fourier_integrals(part.rows_of, step * np.arange(part.known.shape[1]))
+    exact = part.motion.fourier_integrals(part.rows_of, step * np.arange(part.all_integrals.shape[1]))
     size = np.sqrt(part.mean_squares) * part.duration
-    assert np.all(np.abs(part.known - exact).max(axis=1) <= 1e-11 * size)
+    assert np.all(np.abs(part.all_integrals - exact).max(axis=1) <= 1e-11 * size)
     between = np.array([0.3, 0.77 * highest, highest])
     direct = part.motion.fourier_integrals(part.rows_of, between)
     for column in range(size.size):
@@ -87,7 +87,7 @@ def test_deviations_about_a_level_keep_their_digits():
     system = build_system(Scenario.model_validate({"chain": chain, "gravity": 9.81, "run": run}))
     flow = exact_flow(system, 50.0)
     outputs = all_outputs(system, flow)
-    part = MotionPart(simulate(flow, system.initial_state).between(0.0, 50.0), outputs, 0.0)
+    part = MotionPart(simulate(flow, system.initial_state).extract(0.0, 50.0), outputs, 0.0)
     swings = np.abs(part.means) > 90.0
     assert swings.any()
     for begin, found in zip((0.0, 37.5), part.quarter_deviations, strict=True):

@@ -206,7 +206,7 @@ def rosenbrock(at):
 
 @pytest.mark.parametrize("most", [3, 8, 20])
 def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(most):
-    from beamsim.analyses.identify.fit import Fit, Sought
+    from beamsim.analyses.identify.fit import Fit, FitParameter
     from beamsim.outcomes import check_stop, stop_requests
 
     evaluated = []
@@ -216,7 +216,7 @@ def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(
         evaluated.append(rosenbrock(x))
         return evaluated[-1]
 
-    numbers = [Sought(name, ((name,),), (0.0,), (0.0, np.inf), np.nan, shift=1.0) for name in ("a", "b")]
+    numbers = [FitParameter(name, ((name,),), (0.0,), (0.0, np.inf), np.nan, shift=1.0) for name in ("a", "b")]
     with stop_requests(lambda: len(evaluated) >= most):
         part = Fit(numbers, measured).best(np.array([0.2, 0.9]))
     assert len(evaluated) == most

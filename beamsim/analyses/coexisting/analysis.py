@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.coexisting.result import DISTURBANCES, MOTIONS, STARTS, CoexistingResult
-from beamsim.cases import Case, CaseOutcome, Ended, Evaluator, failed_case, probability
+from beamsim.cases import Case, CaseOutcome, Evaluator, StopEvaluation, failed_case, probability
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.periodic_flow import PeriodicFlow
@@ -47,9 +47,9 @@ from beamsim.responses.branches import (
     response,
     response_datasets,
 )
-from beamsim.responses.orbit_energies import balanced
+from beamsim.responses.orbit_energies import check_balance
 from beamsim.responses.parameters import ResponseModel, response_model
-from beamsim.responses.points import Wanted, with_points_at
+from beamsim.responses.points import TargetPoint, with_points_at
 from beamsim.results.result import check_reduction, dashpots_of, warnings_along
 from beamsim.results.values import peaks_in
 from beamsim.scenario import Scenario
@@ -149,7 +149,7 @@ def coexisting(
 
     solving = worker_pool(computation, sys.maxsize, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
-        with suppress(Ended):
+        with suppress(StopEvaluation):
             evaluate(starts)
         ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
         for index, outcome in evaluate.outcomes.items():
@@ -219,7 +219,7 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
             branches.append(joined(*halves))
     branches += side_branches(branches, reach, min(LONGEST_SIDE, marches.settings.longest_period), budget)
     for hz, of in motions.items():
-        wanted = [Wanted("frequency", 2.0 * np.pi * hz, lambda point: point.parameter, 2.0 * np.pi * hz)]
+        wanted = [TargetPoint("frequency", 2.0 * np.pi * hz, lambda point: point.parameter, 2.0 * np.pi * hz)]
         for branch in branches:
             for _, point in with_points_at(branch, wanted)[1]:
                 motion = _Motion(hz, branch.problem, point)
@@ -248,7 +248,7 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[
         if m.stable and m.kind == "periodic"
     ]
     first, smallest = len(evaluate.rows), list[_Disturbance]()
-    with suppress(Ended):
+    with suppress(StopEvaluation):
         evaluate([(m.hz, k + 1, *m.section.states.ravel().tolist()) for _, m, k in asked])
     for index, (number, m, k) in enumerate(asked, first):
         if index in evaluate.outcomes and not evaluate.outcomes[index].failed:
@@ -373,7 +373,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     if stop_requested():
         waiting = int(np.sum(result["starts"]["cycles"].values == 0))
         outcome = interruption(f"with {waiting} starts left", *outcome.unless_complete)
-    return check_reduction(balanced(outcome, result["points"]), marches.scenario, modes)
+    return check_reduction(check_balance(outcome, result["points"]), marches.scenario, modes)
 
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio

@@ -160,10 +160,10 @@ def _with_record_starts(
             "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
         )
     if tracking.reference is not None:
-        records = [Followed(tracking.reference)]
+        records = [ReferenceRecord(tracking.reference)]
     else:
         records = [
-            Followed(
+            ReferenceRecord(
                 signal,
                 _detector_readings(
                     curve, _computed_cycles(curve, place, quantity, signal.label), "fundamental", signal.label
@@ -333,7 +333,7 @@ STEP = 0.15  # of the frequency, between trials of the beginning
 
 
 @dataclass(frozen=True)
-class Followed:
+class ReferenceRecord:
     """A record that shows where a sweep begins, and the phases that its fundamental should have."""
 
     signal: MeasuredSignal
@@ -341,7 +341,7 @@ class Followed:
 
 
 @dataclass(frozen=True)
-class Tracked:
+class RecordCycles:
     """A record cut into the cycles of a sweep."""
 
     cycle: Ints  # (C,) their numbers in the curve
@@ -354,7 +354,7 @@ class Tracked:
 LEAST_MOVE = 1e-6  # of the frequency: the beginning of a record is not moved by less
 
 
-def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
+def beginning(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
     """Time of the records at which a curve of the sweep begins, s: where their frequency is that of the sweep.
 
     The phase of a fundamental drifts from cycle to cycle by the relative error of the frequency. Phases of responses
@@ -379,7 +379,7 @@ def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
 EXCITATION_OFF = 0.03  # of the frequency, in the median over the cycles: then an excitation does not follow the sweep
 
 
-def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float) -> None:
+def _check_beginning(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> None:
     """Refuse records whose frequency is not that of the sweep.
 
     Raises
@@ -398,7 +398,7 @@ def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: floa
         )
 
 
-def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
+def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycles:
     """Fundamental, peak and rms of each cycle that lies in the record.
 
     Parameters
@@ -444,7 +444,7 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     weight /= weight.sum(axis=1, keepdims=True)
     fundamental = np.asarray(values @ np.exp(-2j * np.pi * share) * (2.0 / count), dtype=complex)
     rising = np.argsort(curve.frequency_hz[inside], kind="stable")
-    return Tracked(
+    return RecordCycles(
         cycle=inside[rising],
         frequency_hz=curve.frequency_hz[inside][rising],
         fundamental=fundamental[rising],
@@ -461,7 +461,7 @@ def filtered(values: Any, cycles: int) -> Any:
 AT_REST = 1e-4  # of the largest value of a record: cycles that are as small tell no phase
 
 
-def _drift(curve: SweepCurve, record: Followed, begin: float) -> tuple[Floats, Floats]:
+def _drift(curve: SweepCurve, record: ReferenceRecord, begin: float) -> tuple[Floats, Floats]:
     """(C - 1,) frequencies of cycles, and relative errors of the frequency there; nan where nothing moves."""
     of = track(curve, record.signal, begin)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
@@ -473,13 +473,13 @@ def _drift(curve: SweepCurve, record: Followed, begin: float) -> tuple[Floats, F
     return of.frequency_hz[1:], np.where(moves, forward * np.angle(turned) / (2 * np.pi), np.nan)
 
 
-def _off(curve: SweepCurve, records: Sequence[Followed], begin: float) -> float:
+def _off(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> float:
     """Median magnitude of the relative error of the frequency, which cannot exceed a half."""
     error = np.concatenate([_drift(curve, record, begin)[1] for record in records])
     return float(np.median(np.nan_to_num(np.abs(error), nan=0.5)))
 
 
-def _delay(curve: SweepCurve, record: Followed, begin: float) -> Floats:
+def _delay(curve: SweepCurve, record: ReferenceRecord, begin: float) -> Floats:
     """(C - 1,) time by which the record is ahead of the sweep, by the frequency of each cycle, s."""
     frequency, error = _drift(curve, record, begin)
     rising = np.argsort(curve.frequency_hz, kind="stable")

@@ -25,10 +25,10 @@ from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.tracing import (
     Budget,
     Tracer,
+    branching_points,
     coexisting_branches,
     coincides,
     gaps_between,
-    leavings,
     missing,
     progress_that_grows,
     reaches_of,
@@ -52,9 +52,9 @@ from beamsim.responses.branches import (
     response,
     response_datasets,
 )
-from beamsim.responses.orbit_energies import balanced
+from beamsim.responses.orbit_energies import check_balance
 from beamsim.responses.parameters import ResponseModel, response_model
-from beamsim.responses.points import Wanted, cut, with_points_at
+from beamsim.responses.points import TargetPoint, cut, with_points_at
 from beamsim.results.result import check_reduction, dashpots_of, warnings_along
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine
@@ -190,7 +190,7 @@ def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) 
         remarks += _doubt(points, settings.method)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
     outcome = worst.copy_with(*(remark for remark in remarks if remark is not worst))
-    return check_reduction(balanced(outcome, points), model.scenario, model.system.modes)
+    return check_reduction(check_balance(outcome, points), model.scenario, model.system.modes)
 
 
 def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
@@ -200,7 +200,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     reach, wide_reach = reaches_of(first, last, beyond=f.moved is None)
     tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
-    if not branches and budget.spent() is not INTERRUPTED:
+    if not branches and budget.exhaustion() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
         raise model.scenario.located(
             ScenarioError.at(
@@ -217,7 +217,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
         if not isinstance(settings.method, HarmonicBalance):
             branches += side_branches(branches, wide_reach, settings.longest_period, budget)
     values_at = [f.to_unknown(value) for value in f.points_at]
-    wanted = [Wanted(f.kind, value, lambda point: point.parameter, value) for value in values_at]
+    wanted = [TargetPoint(f.kind, value, lambda point: point.parameter, value) for value in values_at]
     pieces: list[OrbitBranch] = []
     for branch in branches:
         for piece in cut(branch, min(first, last), max(first, last)):
@@ -242,10 +242,10 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     if gaps:
         why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
         uncovered = Outcome.of(
-            OutcomeKind.INCOMPLETE, "not_covered", "no motion was followed", f.shown(why), at=ranges(gaps)
+            OutcomeKind.INCOMPLETE, "not_covered", "no motion was followed", f.in_user_unit(why), at=ranges(gaps)
         )
         parts.append(uncovered)
-    failed = [f.shown(part) for t in traced for part in t.outcome.outcomes_with_code(SEARCH_FAILED)]
+    failed = [f.in_user_unit(part) for t in traced for part in t.outcome.outcomes_with_code(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.sub_outcomes for known in parts)]
     exceeded = budget.exceeded(incomplete=bool(gaps) or model.settings.side_branches == "required")
     if exceeded is not None:
@@ -267,7 +267,7 @@ def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterat
     settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
     reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
-    bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
+    bifurcations = sum(len(branching_points(branch, settings.longest_period)) for branch in traced)
     if bifurcations and (by_balance or settings.side_branches == "none"):
         yield Outcome.of(
             OutcomeKind.NOTED, "not_branched", f"from {bifurcations} bifurcations no branch was followed: {reason}",

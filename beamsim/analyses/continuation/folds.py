@@ -226,7 +226,7 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
         if branch.problem.multiple != 1:
             continue
         for fold in (s for s in branch.special if s.kind in ("fold", "nonsmooth_fold")):
-            if budget.spent() or any(
+            if budget.exhaustion() or any(
                 _passes_frequency(curve, fold.parameter, _value_in_scenario(model, level)) for curve in curves
             ):
                 continue
@@ -287,7 +287,7 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
         level=float("nan") if second.kind == "level" else level,
         branch=corner.branch,
         start_hz=fold.parameter / (2 * np.pi),
-        outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
+        outcome=second.in_user_unit(both_directions(halves[-1].outcome, halves[0].outcome)),
         frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
         parameter=np.array([second.from_unknown(p.parameter) for p in points]),
         residual=np.array([p.residual for p in points]),

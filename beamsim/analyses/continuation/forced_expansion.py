@@ -24,7 +24,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.labelled import Dataset
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
-from beamsim.orbits.expansions.free import observed_orders, weakened
+from beamsim.orbits.expansions.free import observed_orders, weaken
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.responses.loads import periodic_forcing
 from beamsim.results.branch import rows_by_owner
@@ -284,7 +284,7 @@ def _difference(
     omega = resonant.omega + factor * motion.sigma
     load = np.array(factor * resonant.load[None, :], dtype=np.complex128)
     loads = PeriodicForcing(np.ones(1, dtype=np.int64), load, none, none.astype(np.complex128), none, omega)
-    problem = ForcedOrbits(VariationalFlow(weakened(system.dynamics, factor), loads, omega))
+    problem = ForcedOrbits(VariationalFlow(weaken(system.dynamics, factor), loads, omega))
     orders = [resonant.response(motion, factor, order) for order in (0, 1)]
     guess = np.zeros(problem.flow.size)
     guess[: 2 * n] = resonant.states(orders[1], omega, none)[0]

@@ -98,7 +98,7 @@ EXPANSION = (MULTIPLE_SCALES, MULTIPLE_SCALES_POINTS, MULTIPLE_SCALES_FACTORS)
 
 OF_STABLE = (
     *(value.summary_entry("of all stable motions, ") for value in VALUES
-      if value.followed and value.key != DISPLACEMENT),
+      if value.in_sweeps and value.key != DISPLACEMENT),
     Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
              form=by_name(record({"value": Number, "parameter": Number}))),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
@@ -154,7 +154,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-class Several(NamedTuple):
+class CoexistenceRange(NamedTuple):
     """Where several motions are stable."""
 
     level: float
@@ -265,9 +265,9 @@ class ContinuationResult(Result):
         name = max(means, key=lambda name: means[name])
         return name, means[name]
 
-    def coexisting(self) -> list[Several]:
+    def coexisting(self) -> list[CoexistenceRange]:
         """Where several motions of a level are stable, by level and increasing parameter."""
-        found: list[Several] = []
+        found: list[CoexistenceRange] = []
         levels = [float(branch["level"].item()) for branch in self.branches]
         for level in {repr(level): level for level in levels}.values():
             of_level = (b for b, other in zip(self.branches, levels, strict=True) if repr(other) == repr(level))
@@ -283,5 +283,5 @@ class ContinuationResult(Result):
                 if known is not None and known.high == low and len(known.peaks) == len(peaks):
                     found[-1] = known._replace(high=high)
                 else:
-                    found.append(Several(level, low, high, at, peaks))
+                    found.append(CoexistenceRange(level, low, high, at, peaks))
         return found

@@ -43,7 +43,7 @@ class UnpredictableError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Sought:
+class FitParameter:
     """A parameter to be identified, located in its scenario."""
 
     parameter: str
@@ -83,9 +83,9 @@ class Sought:
         return any(place[-1] == "gap" for place in self.places)
 
 
-def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[Sought], list[Path]]:
+def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[FitParameter], list[Path]]:
     """The numeric parameters, and the places of the non-numeric ones (supports)."""
-    numbers: list[Sought] = []
+    numbers: list[FitParameter] = []
     words: list[Path] = []
     for item in items:
         places = find_parameters(scenario, item.parameter)
@@ -95,11 +95,11 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
         values = tuple(float(value_at(scenario, place)) for place in places)
         prior = np.nan if item.prior is None else item.prior
         shift = 0.0 if values[0] > 0.0 else 0.01
-        numbers.append(Sought(item.parameter, tuple(places), values, bounds_of(scenario, item), prior, shift))
+        numbers.append(FitParameter(item.parameter, tuple(places), values, bounds_of(scenario, item), prior, shift))
     return numbers, words
 
 
-def varied(scenario: Scenario, numbers: Sequence[Sought], x: Floats) -> Scenario:
+def with_parameters(scenario: Scenario, numbers: Sequence[FitParameter], x: Floats) -> Scenario:
     """The scenario with other values of the parameters.
 
     Parameters
@@ -175,7 +175,7 @@ def estimates_dataset(
 
 
 @dataclass(frozen=True)
-class Best:
+class LeastSquares:
     """Where the sum of squares is least."""
 
     x: Floats  # (p,)
@@ -196,13 +196,13 @@ class Fit:
         Returns (r,) weighted residuals, or raises `UnpredictableError` where there are none.
     """
 
-    def __init__(self, numbers: Sequence[Sought], measured: Callable[[Floats, bool], Floats]) -> None:
+    def __init__(self, numbers: Sequence[FitParameter], measured: Callable[[Floats, bool], Floats]) -> None:
         self.numbers, self.measured = tuple(numbers), measured
         limits = np.array([number.limits for number in numbers]).reshape(-1, 2)
         self.lower, self.upper = limits[:, 0], limits[:, 1]
         self.evaluations = 0
         self._last: tuple[Floats, Floats] | None = None
-        self._least: Best | None = None  # of all that was evaluated
+        self._least: LeastSquares | None = None  # of all that was evaluated
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
         """Those of the measurements, then those of the priors; `differencing` as for the measurements."""
@@ -216,7 +216,7 @@ class Fit:
             self._last = (x.copy(), np.concatenate([self.measured(x, differencing), priors]))
             misfit = float(self._last[1] @ self._last[1])
             if self._least is None or misfit < self._least.misfit:
-                self._least = Best(self._last[0], misfit, converged=False)
+                self._least = LeastSquares(self._last[0], misfit, converged=False)
         return self._last[1]
 
     def jacobian(self, x: Floats) -> Floats:
@@ -239,7 +239,7 @@ class Fit:
                 out[:, i] = (at_one - at_other) / (one - other)
         return out
 
-    def best(self, start: Floats, fixed: Bools | None = None, tolerance: float = 1e-10) -> Best:
+    def minimise(self, start: Floats, fixed: Bools | None = None, tolerance: float = 1e-10) -> LeastSquares:
         """The least sum of squares within the bounds.
 
         Parameters
@@ -263,13 +263,13 @@ class Fit:
         """
         try:
             with stop_requests(at_once=True):
-                return self._searched(start, fixed, tolerance)
+                return self._search(start, fixed, tolerance)
         except Interrupted:
             if self._least is None:
                 raise
             return self._least
 
-    def _searched(self, start: Floats, fixed: Bools | None, tolerance: float) -> Best:
+    def _search(self, start: Floats, fixed: Bools | None, tolerance: float) -> LeastSquares:
         """See `best`."""
         from scipy.optimize import least_squares
 
@@ -277,7 +277,7 @@ class Fit:
         free = np.ones(start.size, dtype=bool) if fixed is None else ~fixed
         first = self.residuals(start)
         if not free.any():
-            return Best(start, float(first @ first), True)
+            return LeastSquares(start, float(first @ first), True)
 
         def whole(y: Floats) -> Floats:
             x = start.copy()
@@ -298,10 +298,10 @@ class Fit:
             bounds=(self.lower[free], self.upper[free]), x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=tolerance,
             max_nfev=MOST_EVALUATIONS,
         )  # fmt: skip
-        return Best(whole(found.x), float(2 * found.cost), found.status != 0)
+        return LeastSquares(whole(found.x), float(2 * found.cost), found.status != 0)
 
     def estimates(
-        self, best: Best, jacobian: Floats, scale: float, coverage: float, without: Collection[int] = ()
+        self, best: LeastSquares, jacobian: Floats, scale: float, coverage: float, without: Collection[int] = ()
     ) -> tuple[tuple[ParameterEstimate, ...], Floats, list[str]]:
         """The parameters with their intervals.
 
@@ -338,9 +338,11 @@ class Fit:
         determined = [i for i in range(len(self.numbers)) if i not in without]
         sought = [self.numbers[i] for i in determined]
         of_determined = covariance[np.ix_(determined, determined)]
-        return tuple(estimates), covariance, _confounded(sought, jacobian[:, determined], of_determined)
+        return tuple(estimates), covariance, _confounding_warnings(sought, jacobian[:, determined], of_determined)
 
-    def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
+    def profiles(
+        self, best: LeastSquares, covariance: Floats, scale: float, points: int
+    ) -> tuple[ProfileLikelihood, ...]:
         r"""How far :math:`\chi^2` is above its minimum over each parameter, the others fitted again.
 
         Parameters
@@ -366,7 +368,7 @@ class Fit:
                     continue
                 start = best.x + covariance[:, i] / covariance[i, i] * (at - best.x[i])
                 try:
-                    again = self.best(start, np.arange(start.size) == i, tolerance=1e-4)
+                    again = self.minimise(start, np.arange(start.size) == i, tolerance=1e-4)
                 except UnpredictableError:
                     continue
                 if stop_requested():
@@ -439,7 +441,7 @@ def inverse_information(jacobian: Floats) -> Floats:
     return inverse
 
 
-def _confounded(sought: Sequence[Sought], jacobian: Floats, covariance: Floats) -> list[str]:
+def _confounding_warnings(sought: Sequence[FitParameter], jacobian: Floats, covariance: Floats) -> list[str]:
     """Warnings about parameters that the measurements cannot distinguish.
 
     Parameters

@@ -84,7 +84,7 @@ class Prediction:
         return channel_extrema(self.motion, channels)
 
 
-class Compared(NamedTuple):
+class TestComparison(NamedTuple):
     """A prediction compared with a measurement of r values."""
 
     values: Any  # predicted, in the time of the measurement and with its gain
@@ -120,7 +120,7 @@ class Test:
         """Number of measured values that say nothing of the parameters."""
         return int(self.free_phase)
 
-    def doubts(self, prediction: Prediction) -> list[str]:
+    def fit_warnings(self, prediction: Prediction) -> list[str]:
         """A warning where the motion says nothing of the snubbers."""
         if prediction.touching or not prediction.system.snubbers:
             return []
@@ -129,7 +129,7 @@ class Test:
             "the snubber"
         ]
 
-    def fitted_as(
+    def fitted_test(
         self, kind: str, part: Misfit, delay: float, rows: Mapping[str, Mapping[str, Any]], **more: Any
     ) -> FittedTest:
         """This test with what a fit finds of it.
@@ -250,9 +250,9 @@ class Transient(Test):
     @cached_property
     def measured(self) -> Floats:
         """(n,) of the record, filtered."""
-        return self.prepared(np.asarray(self.record.y, dtype=float))
+        return self.prepare(np.asarray(self.record.y, dtype=float))
 
-    def prepared(self, values: Floats) -> Floats:
+    def prepare(self, values: Floats) -> Floats:
         """Values (n,) through the filter of the record: a linear operation, the same on measurement and motion."""
         return np.asarray(condition(replace(self.record, y=values), self.preparation).y)
 
@@ -267,7 +267,7 @@ class Transient(Test):
         record = replace(self.record, x=self.time[:count], y=self.record.y[:count])
         return replace(self, record=record, duration=self.duration - cut)
 
-    def sharpened(self, misfit: float, parameters: int) -> Self:
+    def with_fit_noise(self, misfit: float, parameters: int) -> Self:
         """With the noise that a fit of so many parameters leaves, where the record alone does not tell it as well."""
         left = misfit / max(self.size - self.lost - parameters, 1)
         return self if self.stated or left > SLACK else replace(self, sigma=self.sigma * max(left, 1e-24) ** 0.5)
@@ -290,7 +290,7 @@ class Transient(Test):
         case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
         return case.with_source(scenario.source)  # without text, where keys would be those of other sections
 
-    def predicted(self, case: Scenario, near: Prediction | None, shared: SharedBuilds) -> Prediction:
+    def predict(self, case: Scenario, near: Prediction | None, shared: SharedBuilds) -> Prediction:
         """The exact motion.
 
         Parameters
@@ -321,7 +321,7 @@ class Transient(Test):
             raise UnpredictableError(f"{self.name}: {motion.outcome.text}")
         return Prediction(system, motion, motion.event_time.size > 0)
 
-    def compared(self, prediction: Prediction, gain: float, near: Compared | None) -> Compared:
+    def compare(self, prediction: Prediction, gain: float, near: TestComparison | None) -> TestComparison:
         """Compare a prediction with the measurement, at the delay that fits best.
 
         Parameters
@@ -344,14 +344,14 @@ class Transient(Test):
             return gain * np.where((times < 0.0) & (self.quantity != "displacement"), 0.0, found)
 
         def residuals(predicted: Floats) -> Floats:
-            difference = (self.prepared(predicted) - self.measured) / self.sigma
+            difference = (self.prepare(predicted) - self.measured) / self.sigma
             return np.asarray(difference - difference.mean())
 
         interval = float(np.median(np.diff(self.time)))
         step = 1e-4 * interval
 
         def slopes(late: float) -> Floats:
-            change = self.prepared(values(late + step) - values(late - step))
+            change = self.prepare(values(late + step) - values(late - step))
             return np.asarray((change - change.mean()) / (2.0 * step * self.sigma))
 
         def rest(samples: Floats) -> Floats:
@@ -372,17 +372,17 @@ class Transient(Test):
             found = least_squares(rest, [delay / interval], slope, xtol=1e-9, ftol=1e-12, gtol=None)
             delay = float(found.x[0]) * interval
         predicted = values(delay)
-        shown = self.prepared(predicted)
+        shown = self.prepare(predicted)
         zero = float(np.mean(self.measured - shown))
         by_delay = slopes(delay) if self.free_phase else shown * 0.0
-        return Compared(shown + zero, delay, residuals(predicted), by_delay)
+        return TestComparison(shown + zero, delay, residuals(predicted), by_delay)
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
+    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
         """Its part of the misfit, and the comparison with the scenario's and with the estimated values."""
         samples = {
             "time": self.time, "measured": self.measured, "before": before.values, "predicted": found.values,
         }  # fmt: skip
-        return self.fitted_as("transient", part, found.delay, {"sample": samples}, noise=self.sigma)
+        return self.fitted_test("transient", part, found.delay, {"sample": samples}, noise=self.sigma)
 
 
 def fit_of(scenario: Scenario) -> NonlinearFit:
@@ -641,12 +641,12 @@ class SweptPeaks(Test):
         level = self.test.level if test.file else test.level
         return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
-    def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
-        """Jump and peaks; see `Transient.predicted`."""
+    def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
+        """Jump and peaks; see `Transient.predict`."""
         test, curve = self.test, self._curve(case, shared)
         try:
             found = None if near is None else self._matching_features(curve, near)
-            jump, tops = found or self._whole(curve)
+            jump, tops = found or self._features_of_branch(curve)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise UnpredictableError(f"{self.name}: {error}") from error
         numbers = [] if test.jump is None or jump is None else [jump.point.parameter / (2 * np.pi)]
@@ -681,22 +681,22 @@ class SweptPeaks(Test):
             return jump, tuple(curve.matching_feature(top, jump, k) for k, top in enumerate(near.tops))
         return None
 
-    def _whole(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
+    def _features_of_branch(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
         """Jump and peaks on the whole branch."""
         _, jump = curve.followed
         if self.test.jump is not None and jump is None:
             raise UnpredictableError(f"{self.name}: the model does not jump")
         return jump, curve.highest()
 
-    def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
-        """Compare predicted numbers with the table; see `Transient.compared`."""
+    def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
+        """Compare predicted numbers with the table; see `Transient.compare`."""
         heights = np.array([what.startswith("peak") for what in self.what])
         numbers = prediction.numbers * np.where(heights, gain, 1.0)
         residuals = (numbers - self.measured) / self.sigma
-        return Compared(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
+        return TestComparison(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
-        """See `Transient.fitted`."""
+    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
+        """See `Transient.summarise_fit`."""
         prediction: SweepPrediction = found.values
         curve = prediction.curve
         peaks = {
@@ -708,7 +708,9 @@ class SweptPeaks(Test):
             "peak": np.array([curve.heights(point)[0] for point in curve.points]),
         }
         rows = {"peak": peaks, "point": branch}
-        return self.fitted_as("sweep", part, found.delay, rows, level=curve.orbits.level, direction=self.test.direction)
+        return self.fitted_test(
+            "sweep", part, found.delay, rows, level=curve.orbits.level, direction=self.test.direction
+        )
 
     def _unstable(self, prediction: SweepPrediction) -> float | None:
         """Hz, the first motion that is followed and not stable, up to the last one that is compared."""
@@ -721,7 +723,7 @@ class SweptPeaks(Test):
         first = min(lost, default=np.inf)
         return curve.way * first / (2 * np.pi) if first <= last else None
 
-    def doubts(self, prediction: Any) -> list[str]:
+    def fit_warnings(self, prediction: Any) -> list[str]:
         """Also warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
         stable, or the sweep is too fast (0.1 times the square of the bandwidth, in Hz, by integrated ones)."""
         warnings, most = [], 0.1 * prediction.bandwidth**2
@@ -745,4 +747,4 @@ class SweptPeaks(Test):
                 "peaks and jumps are late and not those of steady vibrations; fit the time history of the sweep as a "
                 "transient"
             )
-        return [*super().doubts(prediction), *(f"{self.name}: {each}" for each in warnings)]
+        return [*super().fit_warnings(prediction), *(f"{self.name}: {each}" for each in warnings)]

@@ -60,19 +60,19 @@ class FittedModes:
         sigma = self.sigma if self.sigma.all() else np.ones(self.omega.size)
         return np.asarray(1.0 / (sigma * self.omega))
 
-    def predicted(self, stiffness: float | Floats) -> Floats:
+    def predicted_frequencies(self, stiffness: float | Floats) -> Floats:
         """(..., m) frequencies of these modes, rad/s, with springs of such stiffnesses."""
         return np.asarray(self.point.frequencies(stiffness, max(self.mode))[..., np.array(self.mode) - 1])
 
     def misfit(self, stiffness: float | Floats) -> Floats:
         """(...) weighted sum of squares, chi^2, at some stiffnesses, N/m."""
-        return np.asarray(np.sum(((self.predicted(stiffness) - self.omega) * self.weight) ** 2, axis=-1))
+        return np.asarray(np.sum(((self.predicted_frequencies(stiffness) - self.omega) * self.weight) ** 2, axis=-1))
 
     def slope(self, stiffness: float) -> Floats:
         """(m,) d omega / dk over the standard deviation, m/N."""
-        return np.asarray(self.point.slope(self.predicted(stiffness)) * self.weight)
+        return np.asarray(self.point.slope(self.predicted_frequencies(stiffness)) * self.weight)
 
-    def reached(self, number: int, omega: Floats) -> Floats:
+    def stiffness_at(self, number: int, omega: Floats) -> Floats:
         """Stiffnesses, N/m, with which one of the modes, from 0, has angular frequencies of any shape.
 
         0 below the range of the mode, infinite above it.
@@ -85,7 +85,7 @@ class FittedModes:
     @cached_property
     def individual(self) -> Floats:
         """(m,) stiffness from each mode alone, N/m; see `reached`."""
-        return np.array([float(self.reached(number, omega)) for number, omega in enumerate(self.omega)])
+        return np.array([float(self.stiffness_at(number, omega)) for number, omega in enumerate(self.omega)])
 
     @cached_property
     def range(self) -> Interval:
@@ -98,7 +98,8 @@ class FittedModes:
         beyond its range, nan where no uncertainty is known."""
         ends = NormalDist().inv_cdf(0.5 + coverage / 2) * np.array([-1.0, 1.0])
         both = [
-            self.reached(k, w * (1.0 + s * ends)) for k, (w, s) in enumerate(zip(self.omega, self.sigma, strict=True))
+            self.stiffness_at(k, w * (1.0 + s * ends))
+            for k, (w, s) in enumerate(zip(self.omega, self.sigma, strict=True))
         ]
         return np.array(both) if self.sigma.all() else np.full((self.omega.size, 2), np.nan)
 
@@ -125,7 +126,7 @@ def _fit_between(modes: FittedModes, low: float, high: float) -> float:
     start = x[1:-1][np.argmin(modes.misfit(np.exp(x[1:-1])))]
 
     def residuals(y: Floats) -> Floats:
-        return np.asarray((modes.predicted(float(np.exp(y[0]))) - modes.omega) * modes.weight)
+        return np.asarray((modes.predicted_frequencies(float(np.exp(y[0]))) - modes.omega) * modes.weight)
 
     def slopes(y: Floats) -> Floats:
         k = float(np.exp(y[0]))
@@ -270,7 +271,7 @@ def spread_of(modes: FittedModes, stiffness: float, coverage: float) -> tuple[fl
     z = NormalDist().inv_cdf(0.5 + coverage / 2)
     first = (stiffness - z * deviation, stiffness + z * deviation)
     if len(modes.mode) == 1:
-        low, high = modes.reached(0, modes.omega[0] * (1 + np.array([-z, z]) * modes.sigma[0])).tolist()
+        low, high = modes.stiffness_at(0, modes.omega[0] * (1 + np.array([-z, z]) * modes.sigma[0])).tolist()
         return deviation, first, (low, high)
     return deviation, first, _profile_interval(modes, stiffness, deviation / stiffness, z)
 
@@ -320,7 +321,11 @@ def monte_carlo(
         Standard deviation, N/m, nan of fewer than two usable samples; interval, N/m; share, from 0 to 1.
     """
     omega = modes.omega * (1 + modes.sigma * generator.standard_normal((samples, modes.omega.size)))
-    k = modes.reached(0, omega[:, 0]) if len(modes.mode) == 1 else _least_on_table(modes, stiffness, relative, omega)
+    k = (
+        modes.stiffness_at(0, omega[:, 0])
+        if len(modes.mode) == 1
+        else _least_on_table(modes, stiffness, relative, omega)
+    )
     usable = np.isfinite(k) & (k > 0)
     low, high = np.quantile(k, [0.5 - coverage / 2, 0.5 + coverage / 2], method="nearest")
     deviation = float(np.std(k[usable], ddof=1)) if usable.sum() > 1 else np.nan
@@ -336,7 +341,7 @@ STIFFNESSES = 1201  # of that table
 def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega: Floats) -> Floats:
     width = min(HALF_WIDTH * relative, 20.0)
     x = np.log(stiffness) + np.linspace(-width, width, STIFFNESSES)
-    table = modes.predicted(np.exp(x))
+    table = modes.predicted_frequencies(np.exp(x))
     # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
     w2 = modes.weight**2
     value = np.sum(table**2 * w2, axis=1)[None, :] - 2 * (omega * w2) @ table.T
@@ -410,7 +415,9 @@ def sensitivities(
         return []
     share = modes.slope(stiffness) ** 2
     share /= share.sum()
-    each = [stiffness_sensitivities(scenario, snubber, float(omega)) for omega in modes.predicted(stiffness)]
+    each = [
+        stiffness_sensitivities(scenario, snubber, float(omega)) for omega in modes.predicted_frequencies(stiffness)
+    ]
     relative = {
         place: float(sum(w * part.get(place, 0.0) for w, part in zip(share, each, strict=True)))
         for place in dict.fromkeys(place for part in each for place in part)
@@ -457,7 +464,7 @@ def permanent_contact(
     measured = _measured_modes(section, point)
     warnings = list(_check_reach(measured, section.measured_without))
     if len(measured.mode) > 1 and section.method != "thesis" and measured.sigma.all():
-        measured, remarks = _widened(measured)
+        measured, remarks = _widen(measured)
         warnings += remarks
     outcome, source, values = _estimate(section, measured)
     stiffness, deviation = values["stiffness"], values["standard_deviation"]
@@ -520,7 +527,7 @@ def _pad_modulus(pad: Pad | None, stiffness: float, interval: Interval) -> dict[
     return {"pad_youngs_modulus_pa": modulus, "pad_youngs_modulus_interval_pa": interval_pa}
 
 
-def _widened(measured: FittedModes) -> tuple[FittedModes, list[str]]:
+def _widen(measured: FittedModes) -> tuple[FittedModes, list[str]]:
     """Several modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
     freedom = len(measured.mode) - 1
     largest = float(measured.misfit(fit_stiffness(measured)))
@@ -543,7 +550,7 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
     else:
         k = fit_stiffness(measured)
         outcome = _at_end_of_range(measured, k)
-    predicted = measured.predicted(k)
+    predicted = measured.predicted_frequencies(k)
     relative = (predicted - measured.omega) / measured.omega
     source = "given" if measured.sigma.all() else ""
     weighted = measured

@@ -8,14 +8,14 @@ from itertools import product
 import numpy as np
 
 from beamsim.analyses.identify.fit import (
-    Best,
     Fit,
-    Sought,
+    FitParameter,
+    LeastSquares,
     UnpredictableError,
     at_bounds,
     estimates_dataset,
     sought_numbers,
-    varied,
+    with_parameters,
 )
 from beamsim.analyses.identify.layouts import BEFORE, UPDATE
 from beamsim.analyses.identify.result import ComparedModes, Findings
@@ -89,7 +89,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     profiles = fit.profiles(best, covariance, scale, points=POINTS_OF_PROFILE) if scale > 0.0 else ()
     if len(tried) > 1 and tried[1][3].misfit < best.misfit + NEARLY_AS_WELL * scale:
         warnings.append(f"the supports {tried[1][0]} fit nearly as well: these frequencies do not distinguish them")
-    updated = varied(case, numbers, best.x)
+    updated = with_parameters(case, numbers, best.x)
     misfits = {text: found.misfit for text, _, _, found in tried} | dict.fromkeys(refused, np.inf) if words else {}
     misfit_before = float(np.sum(_fit(scenario, section, numbers).residuals(start) ** 2))
     more = {
@@ -111,8 +111,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
 
 
 def _fits_of_words(
-    scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought], words: Sequence[Path]
-) -> tuple[list[tuple[str, Scenario, Fit, Best]], dict[str, Problem]]:
+    scenario: Scenario, section: IdentifyStiffness, numbers: list[FitParameter], words: Sequence[Path]
+) -> tuple[list[tuple[str, Scenario, Fit, LeastSquares]], dict[str, Problem]]:
     """The fits with every combination of words, kinds of supports, the best one first, and why others have none.
 
     Parameters
@@ -126,7 +126,7 @@ def _fits_of_words(
         try:
             case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
             fit = _fit(case, section, numbers)
-            tried.append((text, case, fit, fit.best(np.zeros(len(numbers)))))
+            tried.append((text, case, fit, fit.minimise(np.zeros(len(numbers)))))
         except ScenarioError as error:  # a support that holds the snubber's point, for example
             refused[text] = error.problems[0]
         except UnpredictableError:
@@ -138,11 +138,11 @@ def _fits_of_words(
     return sorted(tried, key=lambda each: each[3].misfit), refused
 
 
-def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:
+def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[FitParameter]) -> Fit:
     measured, sigma = np.array(section.measured_without), _sigma(section)
 
     def residuals(x: Floats, _: bool) -> Floats:
-        predicted = free_frequencies(varied(scenario, numbers, x), section.snubber, measured.size)
+        predicted = free_frequencies(with_parameters(scenario, numbers, x), section.snubber, measured.size)
         predicted = predicted[predicted > 0]
         if predicted.size < measured.size:
             raise UnpredictableError("the model has fewer modes than were measured")

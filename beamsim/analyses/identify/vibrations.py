@@ -23,25 +23,25 @@ import numpy as np
 
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
-    Best,
     Fit,
+    FitParameter,
+    LeastSquares,
     ParameterEstimate,
-    Sought,
     UnpredictableError,
     at_bounds,
     estimates_dataset,
     sought_numbers,
-    varied,
     widening,
+    with_parameters,
 )
 from beamsim.analyses.identify.layouts import NONLINEAR
 from beamsim.analyses.identify.records import (
-    Compared,
     FittedTest,
     Misfit,
     Prediction,
     SweptPeaks,
     Test,
+    TestComparison,
     Transient,
     fit_of,
     sweeps_of,
@@ -117,12 +117,12 @@ def fit_nonlinear(
     begin = processor_time()
     nonlinear = not_none(section.nonlinear)
     tests = _tests(scenario, nonlinear, signals)
-    scenario = _prepared(scenario, tests)
+    scenario = _prepare(scenario, tests)
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
-    search = _searched(vibrations, nonlinear, progress)
-    found = _judged(vibrations, search, section, begin)
-    records = zip(nonlinear.recorded.values(), signals, strict=True)
+    search = _search_starts(vibrations, nonlinear, progress)
+    found = _judge_fit(vibrations, search, section, begin)
+    records = zip(nonlinear.tests_with_files.values(), signals, strict=True)
     of_records = [f"{test.label}: {text}" for test, signal in records for text in signal.warnings]
     return replace(found, warnings=(*of_records, *found.warnings), outcome=_clipped(nonlinear, signals, found.outcome))
 
@@ -135,7 +135,7 @@ def _clipped(settings: NonlinearFit, signals: Sequence[MeasuredSignal], outcome:
     settings, signals : the tests, and the signals of those that are records.
     outcome : of the fit to them.
     """
-    records = zip(settings.recorded.values(), signals, strict=True)
+    records = zip(settings.tests_with_files.values(), signals, strict=True)
     names = [test.label for test, signal in records if clipping_warnings(signal)]
     if not names:
         return outcome
@@ -150,15 +150,15 @@ class _FitFromStarts:
     """Where the search for the least misfit ended."""
 
     fit: Fit
-    best: Best
-    before: list[Compared]  # with the scenario's values
+    best: LeastSquares
+    before: list[TestComparison]  # with the scenario's values
     misfit_before: float  # with these
     tried: int  # starts
     agreeing: int  # of them that ended in the lowest misfit
     warnings: list[str]
 
 
-def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _FitFromStarts:
+def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _FitFromStarts:
     """The least misfit of all starts, and what noise it tells: `vibrations.tests` have it afterwards.
 
     Parameters
@@ -179,18 +179,18 @@ def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progres
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
     if len(fits) > 1 and not stop_requested():  # the noise of transients is what is left, but for a wrong model
-        vibrations.tests = _sharpened(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
+        vibrations.tests = _with_fit_noise(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
         fit.residuals(best.x)
-        best = fit.best(best.x)
+        best = fit.minimise(best.x)
     warnings = []
     if agreeing == 1 < len(solutions):
         warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
     return _FitFromStarts(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, begin: float) -> Findings:
+def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, begin: float) -> Findings:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters
@@ -221,8 +221,8 @@ def _judged(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifySt
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
     with deferred_stop():
-        records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
-        doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.doubts(last)]
+        records = [t.summarise_fit(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
+        doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.fit_warnings(last)]
     warnings += [*remarks, *unknown.values(), *_yielding(vibrations.scenario, fit.numbers), *doubts]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
@@ -286,7 +286,7 @@ def _of_other_sign(names: Sequence[str]) -> list[Outcome]:
 
 
 def _outcome(
-    interrupted: str, best: Best, without_derivative: Sequence[str], doubtful: Sequence[Outcome]
+    interrupted: str, best: LeastSquares, without_derivative: Sequence[str], doubtful: Sequence[Outcome]
 ) -> Outcome:  # fmt: skip
     """How the fit ended: where it was interrupted, what is doubtful, and the parameters without a derivative."""
     if interrupted:
@@ -340,13 +340,13 @@ class _Steady(Test):
         excitation = of_kind(Harmonic, scenario.excitation).at(self.frequency_hz, level)
         return scenario.model_copy(update={"excitation": excitation, "run": None})
 
-    def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
-        """The steady vibration; see `Transient.predicted`."""
+    def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
+        """The steady vibration; see `Transient.predict`."""
         guess = None if near is None else near.start
         return steady_vibration(case, guess, multiple=self.multiple, shared=shared)
 
-    def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
-        """Harmonics in the time of the measurement; see `Transient.compared`."""
+    def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
+        """Harmonics in the time of the measurement; see `Transient.compare`."""
         predicted = gain * prediction.harmonics(self.probe_index, self.quantity, self.harmonics.order.size)
         phase = self._phase(predicted)
         if near is not None:  # without a jump by a turn
@@ -354,14 +354,14 @@ class _Steady(Test):
         predicted = predicted * np.exp(1j * self.harmonics.order * phase)
         turned = 1j * self.omega * self.harmonics.order * predicted / self.sigma
         by_delay = np.concatenate([turned.real, turned.imag]) if self.harmonics.has_phase else np.zeros(self.size)
-        return Compared(predicted, phase / self.omega, self._residuals(predicted), by_delay)
+        return TestComparison(predicted, phase / self.omega, self._residuals(predicted), by_delay)
 
-    def doubts(self, prediction: Any) -> list[str]:
+    def fit_warnings(self, prediction: Any) -> list[str]:
         """A warning where the predicted motion is another than the recorded one, or says nothing of the snubbers."""
         size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.multiple))
         repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > NO_LINE * size[-1])).tolist())
         if repeats == self.multiple:
-            return super().doubts(prediction)
+            return super().fit_warnings(prediction)
         return [
             f"{self.name}: the record repeats after {count_text(self.multiple, 'period')} of the excitation, and the "
             f"predicted motion after {repeats}: several are possible, or the numbers are far off; begin nearer to the "
@@ -384,8 +384,8 @@ class _Steady(Test):
         difference = (predicted - self.harmonics.value) / self.sigma
         return np.concatenate([difference.real, difference.imag])
 
-    def fitted(self, part: Misfit, before: Compared, found: Compared) -> FittedTest:
-        """See `Transient.fitted`."""
+    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
+        """See `Transient.summarise_fit`."""
         turn = 2 * np.pi / self.omega
         shift = turn * round(found.delay / turn)
         part = part._replace(delay=(part.delay[0] - shift, part.delay[1] - shift))
@@ -394,13 +394,13 @@ class _Steady(Test):
         harmonics |= {f"{name}_real": each.real for name, each in compared.items()}
         harmonics |= {f"{name}_imag": each.imag for name, each in compared.items()}
         rows = {"harmonic": harmonics}
-        return self.fitted_as("steady", part, found.delay - shift, rows, frequency_hz=self.frequency_hz)
+        return self.fitted_test("steady", part, found.delay - shift, rows, frequency_hz=self.frequency_hz)
 
 
 AnyTest = _Steady | Transient | SweptPeaks
 
 
-def _check_count(numbers: Sequence[Sought], tests: Sequence[AnyTest]) -> None:
+def _check_count(numbers: Sequence[FitParameter], tests: Sequence[AnyTest]) -> None:
     measured, delays = sum(test.size for test in tests), sum(test.free_phase for test in tests)
     if sum(np.isnan(number.prior) for number in numbers) + delays > measured:
         raise ScenarioError.at(
@@ -411,7 +411,7 @@ def _check_count(numbers: Sequence[Sought], tests: Sequence[AnyTest]) -> None:
 
 
 def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[MeasuredSignal]) -> list[AnyTest]:
-    given = settings.recorded
+    given = settings.tests_with_files
     if len(signals) != len(given):
         raise ScenarioError.at(
             "identify_stiffness.nonlinear.tests",
@@ -431,7 +431,7 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
             at = f"identify_stiffness.nonlinear.tests[{index}].file"
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
     probes = [probe.name for probe in scenario.effective_probes]
-    for index, table in settings.used.items():
+    for index, table in settings.used_tests.items():
         file: Keys = ("identify_stiffness", "nonlinear", "tests", index, "file")
         try:
             rows = sweeps_of(table, scenario.folder_of(*file), probes) if isinstance(table, SweepTest) else []
@@ -486,7 +486,7 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
 MODES_UP_TO = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
 
 
-def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
+def _prepare(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
     """The scenario with the modes that steady tests need, and files that tests find whatever they are."""
     reduction, steady = scenario.reduction, [test for test in tests if isinstance(test, _Steady)]
     if steady and reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
@@ -502,11 +502,11 @@ class _Vibrations:
 
     tests: list[AnyTest]
     scenario: Scenario
-    numbers: list[Sought]
+    numbers: list[FitParameter]
     responses: list[int] = field(default_factory=lambda: [0])  # so many, also those of first parts
     last: list[Prediction] = field(default_factory=list)
-    guesses: list[tuple[Prediction, Compared]] = field(default_factory=list)
-    compared: list[Compared] = field(default_factory=list)
+    guesses: list[tuple[Prediction, TestComparison]] = field(default_factory=list)
+    compared: list[TestComparison] = field(default_factory=list)
     shared: SharedBuilds = field(default_factory=SharedBuilds)
 
     def start(self) -> None:
@@ -539,19 +539,19 @@ class _Vibrations:
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
         """Those of all tests; raises `UnpredictableError` where one has no prediction."""
-        scenario = varied(self.scenario, self.numbers, x)
+        scenario = with_parameters(self.scenario, self.numbers, x)
         predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
         for t, test in enumerate(self.tests):
             near, before = self.guesses[t] if self.guesses else (None, None)
             try:
-                predictions.append(test.predicted(test.case(scenario), near, self.shared))
+                predictions.append(test.predict(test.case(scenario), near, self.shared))
             except UnpredictableError:
                 if stop_requested():  # and a branch that ends for that is none that fails
                     raise Interrupted from None
                 raise
             check_stop()
             self.responses[0] += 1
-            compared.append(test.compared(predictions[t], gains[test.number], before if differencing else None))
+            compared.append(test.compare(predictions[t], gains[test.number], before if differencing else None))
         self.last, self.compared = predictions, compared
         if not differencing:  # both sides of a difference start from one motion: Newton's residual error cancels
             self.guesses = list(zip(predictions, compared, strict=True))
@@ -565,7 +565,7 @@ class _Vibrations:
             test.name
             for test, motion, as_written in zip(self.tests, self.last, self.compared, strict=True)
             if isinstance(test, Transient)
-            and np.sum(test.compared(motion, -gains[test.number], None).residuals ** 2)
+            and np.sum(test.compare(motion, -gains[test.number], None).residuals ** 2)
             < OTHER_SIGN * np.sum(as_written.residuals**2)
         ]
 
@@ -629,18 +629,18 @@ def _rows(tests: Sequence[AnyTest]) -> list[slice]:
 ROUGHLY = 1e-3  # tolerance of a fit from which the next one starts
 
 
-def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[Best], int]:
+def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[LeastSquares], int]:
     """The minima found by the last fit, each from where those before it end, and the number of starts tried."""
     generator = np.random.default_rng(settings.seed)
-    solutions: list[Best] = []
+    solutions: list[LeastSquares] = []
     for tried in range(1, settings.starts + 1):
         start = np.zeros(len(fits[-1].numbers))  # the values of the scenario
         if tried > 1:
             start += settings.spread * generator.standard_normal(start.size)
         try:
             for rough in fits[:-1]:
-                start = rough.best(start, tolerance=ROUGHLY).x
-            solutions.append(fits[-1].best(start))
+                start = rough.minimise(start, tolerance=ROUGHLY).x
+            solutions.append(fits[-1].minimise(start))
         except UnpredictableError:
             continue
         report_progress(progress, tried / (settings.starts + 1))
@@ -655,11 +655,11 @@ def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress
     return solutions, tried
 
 
-def _sharpened(tests: Sequence[AnyTest], residuals: Floats, parameters: int) -> list[AnyTest]:
-    """The tests with the noise that the best fit tells, see `Transient.sharpened`."""
+def _with_fit_noise(tests: Sequence[AnyTest], residuals: Floats, parameters: int) -> list[AnyTest]:
+    """The tests with the noise that the best fit tells, see `Transient.with_fit_noise`."""
     parts = zip(tests, _rows(tests), strict=True)
     return [
-        test.sharpened(float(np.sum(residuals[rows] ** 2)), parameters) if isinstance(test, Transient) else test
+        test.with_fit_noise(float(np.sum(residuals[rows] ** 2)), parameters) if isinstance(test, Transient) else test
         for test, rows in parts
     ]
 
@@ -714,7 +714,7 @@ def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, f
     return misfit / freedom, warnings
 
 
-def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
+def _yielding(scenario: Scenario, numbers: Sequence[FitParameter]) -> list[str]:
     """Warnings about gaps of snubbers that yield."""
     sought = {place[:-1] for number in numbers for place in number.places if place[-1] in ("gap", "preload")}
     return [
@@ -805,7 +805,7 @@ def steady_vibration(
     return SteadyVibration(system, motion, point.data.event_time.size > 0, point.u[:-1])
 
 
-def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Floats) -> dict[int, str]:
+def _unreached(scenario: Scenario, numbers: Sequence[FitParameter], penetration: Floats) -> dict[int, str]:
     """Numbers of the parameters that are segments of a table which no test reaches, and why.
 
     Parameters

@@ -21,7 +21,7 @@ from beamsim.analyses.nnm.full_period import difference, follow_full_period
 from beamsim.analyses.nnm.layouts import JUMPS
 from beamsim.analyses.nnm.orbits import ModeBranch, mode_branch, mode_datasets, orbit_motion, special_points
 from beamsim.analyses.nnm.paths import UNITS, ModeBranches, ModePath, mode_path
-from beamsim.analyses.nnm.phase_resonance import HeldMode, hold_mode
+from beamsim.analyses.nnm.phase_resonance import PhaseResonanceLevels, hold_mode
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.analyses.nnm.summary import expansion_summary, nnm_summary, phase_resonance_summary, relaxed_summary
 from beamsim.errors import ScenarioError
@@ -40,8 +40,8 @@ from beamsim.outcomes import (
     interruption,
     stop_requested,
 )
-from beamsim.responses.orbit_energies import balanced
-from beamsim.responses.points import Wanted, with_points_at
+from beamsim.responses.orbit_energies import check_balance
+from beamsim.responses.points import TargetPoint, with_points_at
 from beamsim.results.branch import SpecialRow
 from beamsim.results.result import check_reduction, forces_beyond_tables
 from beamsim.scenario import Scenario
@@ -51,7 +51,7 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
+RequestedPoint = tuple[int, TargetPoint, BranchPoint]  # number of its branch, what was asked for, and the point
 
 COMPARISONS = ("multiple_scales", "relaxed_minimisation")
 
@@ -129,7 +129,7 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     forces = {name: of.values for name, of in motion.by_label("force").items()}
     result = NormalModeResult(
         scenario=scenario,
-        outcome=check_reduction(balanced(outcome, datasets["points"]), scenario, system.modes),
+        outcome=check_reduction(check_balance(outcome, datasets["points"]), scenario, system.modes),
         datasets={"modes": system.modes} | datasets,
         warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [forces])),
         wall_time_s=clock.perf_counter() - begin,
@@ -222,11 +222,11 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
     numbers: dict[str, Callable[[BranchPoint], float]] = {
         "energy": lambda p: float(p.data.energy), "frequency": lambda p: 1.0 / problem.split(p.u)[1],
     }  # fmt: skip
-    wanted: list[Wanted] = []
+    wanted: list[TargetPoint] = []
     for quantity, values in (("energy", settings.energies), ("frequency", settings.frequencies)):
         for value in values:
             unknown = job.to_unknown(float(value)) if quantity == problem.parameter else None
-            wanted.append(Wanted(quantity, float(value), numbers[quantity], unknown))
+            wanted.append(TargetPoint(quantity, float(value), numbers[quantity], unknown))
     branches: list[OrbitBranch] = []
     requested: list[RequestedPoint] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):
@@ -345,7 +345,7 @@ def _motion(system: StructuralSystem, branches: Sequence[ModeBranch], mode: Floa
     return orbit_motion(system, flow, branch.states[point], period, mode, shown, point + 1)
 
 
-def _outcome(work: _MethodResults, resonance: HeldMode | None) -> Outcome:
+def _outcome(work: _MethodResults, resonance: PhaseResonanceLevels | None) -> Outcome:
     """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
     ends = [work.followed.backbone.outcome]
     if work.full_period is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.labelled import Dataset
-from beamsim.responses.frames import DrawnLine, Frames, by_stop, lines_of_nodes, paced_by_contact
+from beamsim.responses.frames import DrawnLine, Frames, lines_of_nodes, paced_by_contact, values_by_stop
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import IN_PLANE, Place, Stations, ends_of
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
@@ -45,7 +45,7 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset
     places = [end for site in sites.values() for end in ends_of(site)]
     nearest = [_nearest(stations, place) for place in places]
     of_ends = at(deflection[:, nearest]) if nearest else np.zeros((times.size, 0))
-    ends = by_stop(sites, of_ends)
+    ends = values_by_stop(sites, of_ends)
     force = {name: np.interp(times, time, values) for name, values in force_at.items()}
     opening = {s.name: _opening(s, ends[s.name]) for s in model.snubbers}
     return Frames(tuple(lines), times, slow, at(deflection[:, np.concatenate(columns)]), ends, force, opening)

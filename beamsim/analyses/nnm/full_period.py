@@ -156,7 +156,7 @@ def non_brake_branch(
                 break
             points.append(point)
             before = slowest
-            orbits.hold(point.u)
+            orbits.fix_phase(point.u)
         else:
             outcome = branch.outcome
     return OrbitBranch(orbits, points, outcome, kind="non_brake", mode=origin.mode, ratio=origin.ratio)
@@ -189,7 +189,7 @@ def over_full_period(
     outcome = reached_end(points[-1].parameter)
     for brake_point in points:
         at_rest = np.concatenate([brake_point.u[: brake.n], np.zeros(brake.n), brake_point.u[-2:]])
-        orbits.hold(at_rest)
+        orbits.fix_phase(at_rest)
         guesses = [*(point.u for point in last[-1:]), at_rest]
         if len(last) == 2 and last[1].parameter != last[0].parameter:
             share = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
@@ -293,7 +293,7 @@ def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
         yield from pairwise(tongue.points)
     for a, b in pairwise(points):
         if a.parameter in branches.gaps:
-            start = b.towards(a.parameter - b.parameter)
+            start = b.orient(a.parameter - b.parameter)
             yield from pairwise(Branch(branches.problem, start, low, high, Settings(most_points=60)))
 
 

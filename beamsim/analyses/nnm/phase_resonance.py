@@ -86,7 +86,7 @@ class ResponseAboutResonance:
 
 
 @dataclass(frozen=True)
-class HeldMotion:
+class UncontrolledMotion:
     """The damped structure from a state of the mode on, under the predicted force, over P whole periods."""
 
     time: Floats  # (nt,) s, the end left out
@@ -107,7 +107,7 @@ class ResonantMotion:
     predicted_frequency_hz: float
     predicted_energy: float
     predicted_amplitude: Floats  # (probes,)
-    held: HeldMotion | None  # None where it chatters
+    held: UncontrolledMotion | None  # None where it chatters
     # of the exact motion, if it was found
     found: bool = False
     frequency_hz: float = np.nan
@@ -122,7 +122,7 @@ class ResonantMotion:
 
 
 @dataclass(frozen=True)
-class HeldMode:
+class PhaseResonanceLevels:
     """A nonlinear mode held by a force, at several levels."""
 
     outcome: Outcome  # whether every level's motion was found
@@ -181,7 +181,7 @@ def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
     return [0 if of is None else getattr(of, name).size for of in of_levels]
 
 
-def _values_by_level(motions: Sequence[HeldMotion | None]) -> dict[str, Any]:
+def _values_by_level(motions: Sequence[UncontrolledMotion | None]) -> dict[str, Any]:
     """What is known of held motions level by level; NaN where there is none."""
     known = next(each for each in motions if each is not None)
     values: dict[str, Any] = {}
@@ -337,7 +337,7 @@ class _Levels:
 
 def hold_mode(
     system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress
-) -> HeldMode:
+) -> PhaseResonanceLevels:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
     Parameters
@@ -376,7 +376,7 @@ def hold_mode(
         report_progress(progress, (index + 1) / len(levels))
         if stop_requested():
             break
-    return HeldMode(
+    return PhaseResonanceLevels(
         outcome=_check_balance(_levels_outcome(motions, len(levels), unit), motions, unit),
         quantity=str(excitation.quantity),
         unit=unit,
@@ -536,7 +536,7 @@ def _ways(
 def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
-    first = point.towards(1.0)
+    first = point.orient(1.0)
     halves: list[OrbitBranch] = []
     for start in (first, first.reversed()):
         branch = Branch(problem, start, low, high, Settings(most_points=600))
@@ -555,7 +555,7 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
     )
 
 
-def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
+def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> UncontrolledMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     flow = problem.flow.with_loads(motion.force.omega, motion.level)
     system = shared.damped.dynamics
@@ -575,7 +575,7 @@ def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, per
     field = shared.damped.deflection
     whole = states.reshape(periods * RATE, -1)[:, :n]
     displacement = np.array([whole @ probe.shape for probe in shared.damped.probes])
-    return HeldMotion(
+    return UncontrolledMotion(
         time=np.arange(periods * RATE) * (T / RATE),
         displacement=displacement,
         frequency_hz=line_frequencies(T, periods),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.nnm.comparisons import ExpansionComparison, RelaxedComparison
-from beamsim.analyses.nnm.phase_resonance import HeldMode
+from beamsim.analyses.nnm.phase_resonance import PhaseResonanceLevels
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.labelled import Dataset
 from beamsim.typing import Bools, Floats
@@ -156,7 +156,7 @@ _SAME_OF_LEVELS = (
 )  # fmt: skip
 
 
-def phase_resonance_summary(resonance: HeldMode) -> dict[str, Any]:
+def phase_resonance_summary(resonance: PhaseResonanceLevels) -> dict[str, Any]:
     """Forced motions at phase resonance, level by level."""
     return {
         "quantity": resonance.quantity,
@@ -167,7 +167,7 @@ def phase_resonance_summary(resonance: HeldMode) -> dict[str, Any]:
     }
 
 
-def _level_summaries(resonance: HeldMode) -> Iterator[dict[str, Any]]:
+def _level_summaries(resonance: PhaseResonanceLevels) -> Iterator[dict[str, Any]]:
     for m in resonance.motions:
         peak, at = np.nan, np.nan
         if m.curve is not None:

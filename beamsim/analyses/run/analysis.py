@@ -44,7 +44,7 @@ from beamsim.hdf5 import open_hdf5
 from beamsim.inputs.statements import INPUTS, InputStatement
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop, interruption
-from beamsim.responses.histories import reached
+from beamsim.responses.histories import times_reached
 from beamsim.responses.jumps import WithoutLimit, keys_of, without_limit
 from beamsim.results.result import (
     check_reduction,
@@ -61,7 +61,7 @@ from beamsim.scenario.run import OrbitStart, Reduction, Run, StressLife
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
-from beamsim.system.reduced_model import Acting, SharedBuilds
+from beamsim.system.reduced_model import ActingLoads, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -145,7 +145,7 @@ def solve_run(
     motion = motion_of(system, settings, times, progress, stop, needed)
     sampled = motion.histories if everything or needed.statistics else None
     evaluation = Evaluation(stop)
-    if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
+    if sampled is not None and sampled.time.size < times_reached(motion.marched.end, times).size:
         evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
     values, spectra = values_of_motion(motion), None
@@ -246,7 +246,7 @@ def _asked_for(
         notes += _shock_response(motion, settings.srs, needed, evaluation, datasets)
     if settings.sensitivities:
         notes += _sensitivities(motion, evaluation, datasets)
-    if (matched := Acting.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
+    if (matched := ActingLoads.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
         datasets["matched"] = matched_spectrum(system, matched[0], matched[1])
         notes += _misfit(datasets["matched"])
     fields["datasets"] = result.datasets | datasets

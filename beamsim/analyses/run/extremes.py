@@ -31,7 +31,7 @@ MOST_ROWS = 8  # of a channel with many places, those with the largest extremes
 MOST_RIVALS = 500  # extremes that compete for a value, the largest ones
 
 
-class Varied(NamedTuple):
+class Variation(NamedTuple):
     """What a number of the scenario changes: see `sensitivities_of`."""
 
     rates: Differences
@@ -244,7 +244,7 @@ class LocalExtremes:
         return [Peak(0, MISSED, first, float(motion.time[first]), 1), Peak(0, MISSED, last, end, 0)]
 
     def entering(
-        self, ends: Sequence[Peak], kept: Sequence[int], varied: Sequence[Varied], found: MotionDerivative
+        self, ends: Sequence[Peak], kept: Sequence[int], varied: Sequence[Variation], found: MotionDerivative
     ) -> Iterator[tuple[float, float, Floats]]:
         """Changes of contacts that are before the beginning of the record, or after its end.
 
@@ -295,7 +295,7 @@ class LocalExtremes:
         ]
         return log, instants
 
-    def slopes(self, peaks: Sequence[Peak], varied: Sequence[Varied], found: MotionDerivative) -> Floats:
+    def slopes(self, peaks: Sequence[Peak], varied: Sequence[Variation], found: MotionDerivative) -> Floats:
         """(M, P) derivatives of extremes.
 
         Parameters

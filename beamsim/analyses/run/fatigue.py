@@ -20,7 +20,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Stop
-from beamsim.responses.histories import reached
+from beamsim.responses.histories import times_reached
 from beamsim.results.values import STRESS, Extreme
 from beamsim.scenario.run import StressLife
 from beamsim.signals.rainflow import damage, distinct_cycles, equivalent_range, reversals
@@ -59,7 +59,7 @@ class PlateStress(ChunkObserver):
 
     def evaluate(self, chunk: Trajectory) -> None:
         """See `ChunkObserver`."""
-        last = reached(chunk.end, self._times).size
+        last = times_reached(chunk.end, self._times).size
         if not self._parts or last == self._found:
             return
         at_once = 256  # samples

@@ -169,7 +169,7 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
     if motion.trajectory is None or begin > motion.trajectory.end:
         return unknown
     random = scenario.excitation.stationary and motion.outcome.complete
-    counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
+    counted = motion.trajectory.extract(begin, motion.trajectory.end) if begin else motion.trajectory
     return evaluation.compute("sliding", lambda: sliding_values(system, counted, contacts, random=random), unknown)
 
 

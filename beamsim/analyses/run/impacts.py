@@ -63,7 +63,7 @@ class ImpactObserver(ChunkObserver):
         """See `ChunkObserver`."""
         begin = self._run.from_
         if chunk.end > begin or not begin:
-            later = chunk.between(begin, chunk.end) if begin > chunk.time[0] else chunk
+            later = chunk.extract(begin, chunk.end) if begin > chunk.time[0] else chunk
             self._of_chunks.append([_contacts(later, j) for j in range(len(self._system.snubbers))])
             self._end = chunk.end
 

@@ -34,7 +34,7 @@ from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.outcomes import check_stop
 from beamsim.responses.gapping import (
-    in_order,
+    order_by_level,
     pressed_phases,
     static_penetration,
     transfer,
@@ -273,7 +273,7 @@ def _by_snubber(
             preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
             of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | changes[j] | preloads
     measures = {name: of[measure] for name, of in of_snubber.items()}
-    return in_order(of_snubber, measures, min(of[measure] for of in changes)) if of_snubber else {}
+    return order_by_level(of_snubber, measures, min(of[measure] for of in changes)) if of_snubber else {}
 
 
 def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:

@@ -29,7 +29,7 @@ from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Progress, Stop, check_stop, never, part_of, stop_requests
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, energies_of_segments
-from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, reached, samples_until
+from beamsim.responses.histories import Histories, HistoryRecorder, LowPassed, samples_until, times_reached
 from beamsim.responses.jumps import ForceJumps, jumps_of_motion
 from beamsim.results.values import (
     ACCELERATION,
@@ -384,30 +384,30 @@ def exact_motion_of(
         part_of(progress if march.one_chunk else None, shares.extremes, shares.histories),
     )
     channels = system.channels.without(STRESS)
-    recorder = HistoryRecorder(flow, channels, times, Overdue(stop), samples) if sampled else None
+    recorder = HistoryRecorder(flow, channels, times, GracePeriod(stop), samples) if sampled else None
     impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
-        for part in _evaluated(march, values, Overdue(stop), extremes):
+        for part in _evaluated(march, values, GracePeriod(stop), extremes):
             for observer in (recorder, impacts, stresses, plates, latest, states):
                 if observer is not None:
                     observer.add(part)
     return RunMotion(
-        system=system, method="exact", outcome=values.balance.checked(with_limit(march.outcome, limit)), marched=march,
+        system=system, method="exact", outcome=values.balance.check(with_limit(march.outcome, limit)), marched=march,
         energy_error=values.balance.error, extremes=values.extremes, extreme_states=values.extreme_states,
         contact_share=march.contact_share, histories=None if recorder is None else recorder.histories,
         contact=values.contact, states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,
         trajectory=part if latest is None else latest.trajectory, impacts=impacts, stresses=stresses, plates=plates,
         memory={"memory_bytes": round(settings.memory)}
-        | ({"contact_states_kept": len(flow.states)} if flow.dropped else {}),
+        | ({"contact_states_kept": len(flow.states)} if flow.has_dropped_states else {}),
         **({} if latest is None else latest.fields(march, settings)),
     )  # fmt: skip
 
 
 def _evaluated(
-    march: MotionInChunks, values: ChunkValues, overdue: Overdue, progress: Progress
+    march: MotionInChunks, values: ChunkValues, overdue: GracePeriod, progress: Progress
 ) -> Iterator[Trajectory]:
     """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
     for chunk in march.chunks():
@@ -429,7 +429,7 @@ class _StateRecorder:
 
     def add(self, chunk: Trajectory) -> None:
         """Take the states at the times in the next chunk."""
-        first, self._known = self._known, reached(chunk.end, self._times).size
+        first, self._known = self._known, times_reached(chunk.end, self._times).size
         self._of_chunks.append(chunk.states_at(np.minimum(self._times[first : self._known], chunk.end)))
 
     @property
@@ -470,7 +470,7 @@ class _LatestPart:
         """The part, shorter where the motion ended early."""
         whole = self._chunks[0] if len(self._chunks) == 1 else Trajectory.joined(self._chunks)
         begin = whole.end - self.length_s
-        return whole.between(begin, whole.end) if begin > whole.time[0] else whole
+        return whole.extract(begin, whole.end) if begin > whole.time[0] else whole
 
 
 def _longer(
@@ -497,7 +497,7 @@ def _memory_note(march: MotionInChunks, settings: Run, latest: _LatestPart) -> s
 
 
 @dataclass
-class Overdue:
+class GracePeriod:
     """Whether more than `GRACE_S` of processor time was spent since an interruption was noticed.
 
     Parameters

@@ -59,7 +59,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
-from beamsim.system.reduced_model import Acting
+from beamsim.system.reduced_model import ActingLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, not_none
 
@@ -239,7 +239,7 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
     """The input that is shown: the base's, or else that of the first force or support."""
-    acting = Acting.of(system.scenario)
+    acting = ActingLoads.of(system.scenario)
     _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     shaken = system.base_acceleration is not None
     history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.extremes import Contenders, LocalExtremes, Varied
+from beamsim.analyses.run.extremes import Contenders, LocalExtremes, Variation
 from beamsim.analyses.run.layouts import SENSITIVITIES
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.errors import Problem, ScenarioError
@@ -274,7 +274,7 @@ def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
 
 def _variation_of_number(
     scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
-) -> tuple[Varied, Varied]:
+) -> tuple[Variation, Variation]:
     """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
 
     Parameters
@@ -296,7 +296,7 @@ def _variation_of_number(
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
     both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
-    one, other = (Varied(each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
+    one, other = (Variation(each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
     return one, other
 
 
@@ -328,7 +328,7 @@ def _neighbouring_flow(
     if flow.sources.amplitude.shape != other.sources.amplitude.shape:
         message = f"{number.path} changes the number of pieces or sines of the input"
         raise ScenarioError(Problem("run.sensitivities", message, "vary it in a study: kind: one_at_a_time"))
-    if not flow.is_like(other):
+    if not flow.has_same_layout(other):
         message = f"{number.path} changes the number of nodes or modes of the model"
         remedy = "give reduction.modes, or a number of elements with which no node of the mesh is at its place"
         raise ScenarioError(Problem("run.sensitivities", message, remedy))

@@ -51,7 +51,7 @@ def spectral(system: StructuralSystem) -> ChannelSet:
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
-def resting(name: str, quantity: str, values: Mapping[str, Any]) -> bool:
+def is_at_rest(name: str, quantity: str, values: Mapping[str, Any]) -> bool:
     """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
 
     Parameters
@@ -179,7 +179,7 @@ def _spectra(
     for number, (label, record, shape) in enumerate(zip(labels, records, shapes, strict=True)):
         check_stop()
         curves.append(np.abs(record.amplitudes(shape)))
-        if resting(label.name, label.quantity, values) or not np.isfinite(levels[number].peak):
+        if is_at_rest(label.name, label.quantity, values) or not np.isfinite(levels[number].peak):
             continue
         fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
         kinds = ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)]
@@ -259,21 +259,21 @@ def coverage_notes(motion: RunMotion) -> list[str]:
         return _aliasing_notes(motion)
     settings = not_none(system.scenario.run).spectrum
     duration = analysed_duration(trajectory.end, system.excitation_frequency_hz, settings.last, settings.periods)
-    shown, highest = MOST_FREQUENCIES / duration, _highest_kept(system)
+    shown, highest = MOST_FREQUENCIES / duration, _highest_mode_hz(system)
     if shown >= highest or _highest_shown(system, trajectory, duration) < shown or not spectral(system).channels:
         return []
     ends = f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has"
     return [f"{ends} {highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"]
 
 
-def _highest_kept(system: StructuralSystem) -> float:
+def _highest_mode_hz(system: StructuralSystem) -> float:
     """Frequency of the highest mode kept, Hz."""
     return float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
 
 
 def _aliasing_notes(motion: RunMotion) -> list[str]:
     """A note where spectra are made of samples of a time-stepped motion that do not cover every mode kept."""
-    time, highest = not_none(motion.histories).time, _highest_kept(motion.system)
+    time, highest = not_none(motion.histories).time, _highest_mode_hz(motion.system)
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     if rate >= 2.0 * highest or motion.trajectory is not None or not spectral(motion.system).channels:
         return []
@@ -303,7 +303,7 @@ def records_of(
     """
     duration = span[1] - span[0]
     highest = _highest_shown(system, trajectory, duration) if up_to_hz is None else up_to_hz
-    part = MotionPart(trajectory.between(*span), outputs_of(trajectory.flow, channels.linear), 2.0 * np.pi * highest)
+    part = MotionPart(trajectory.extract(*span), outputs_of(trajectory.flow, channels.linear), 2.0 * np.pi * highest)
     size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
 
@@ -339,7 +339,7 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     return "hann"
 
 
-def found_again(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]:
+def lines_of_record(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a signal, the mean first, in another record.
 
     The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency,

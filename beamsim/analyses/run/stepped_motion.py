@@ -75,7 +75,7 @@ def stepped_motion_of(
     return RunMotion(
         system=system,
         method=f"reference ({method})",
-        outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
+        outcome=balance.check(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         histories=histories,
         energy_error=balance.error,
         marched=trajectory,

@@ -18,7 +18,7 @@ from beamsim.analyses.studies.plan import StudyPlan
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.scatter import Scatter
 from beamsim.analyses.studies.table import costs
-from beamsim.cases import Ended, Evaluator, probability
+from beamsim.cases import Evaluator, StopEvaluation, probability
 from beamsim.labelled import Dataset
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, report_progress
 from beamsim.scenario.excitation import MatchedInput, RandomInput
@@ -82,7 +82,7 @@ class Exceedance:
 def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
     """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
     histories = Exceedance(plan, evaluate, progress)
-    with suppress(Ended):
+    with suppress(StopEvaluation):
         histories.estimator.estimated()
     return histories
 

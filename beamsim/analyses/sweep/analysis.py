@@ -429,12 +429,12 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     entries: dict[str, Any] = {
         value.entry: {name: {} for name in curves}
         for value in VALUES
-        if (value.followed and value.unit not in ROTATIONAL) or (units and value is OUTPUT)
+        if (value.in_sweeps and value.unit not in ROTATIONAL) or (units and value is OUTPUT)
     }
     frequencies: dict[str, dict[str, dict[str, float]]] = {}
     for curve in curves.values():
         for value, name, largest, frequency in curve.largest():
-            if value.followed or value is RESPONSE or value.entry in entries:
+            if value.in_sweeps or value is RESPONSE or value.entry in entries:
                 of = entries.setdefault(value.entry, {name: {} for name in curves})
                 of[curve.name][name] = largest / value.scale
                 frequencies.setdefault(value.entry, {}).setdefault(curve.name, {})[name] = frequency

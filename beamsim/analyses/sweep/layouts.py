@@ -12,9 +12,9 @@ from beamsim.results.values import VALUES
 _CURVE, _CYCLE, _LEVEL, _POINT, _SAMPLE = ("curve",), ("cycle",), ("level_index",), ("point",), ("sample",)
 _PROBE, _SNUBBER, _FRICTION, _OUTPUT = ("probe",), ("snubber",), ("friction",), ("output",)
 _DIMENSIONS = {"probes": "probe", "snubbers": "snubber"}
-FOLLOWED = {value.quantity: _DIMENSIONS[value.section] for value in VALUES if value.followed}
+FOLLOWED = {value.quantity: _DIMENSIONS[value.section] for value in VALUES if value.in_sweeps}
 """Quantities that sweeps follow in any case, each with the dimension of the places that have it."""
-UNITS = {value.quantity: value.unit for value in reversed(VALUES) if value.followed} | {"force": "{force_unit}"}
+UNITS = {value.quantity: value.unit for value in reversed(VALUES) if value.in_sweeps} | {"force": "{force_unit}"}
 
 
 def _statistics(quantity: str) -> dict[str, Variable]:

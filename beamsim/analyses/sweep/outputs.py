@@ -95,7 +95,7 @@ class SweepLevel:
     @cached_property
     def channels(self) -> ChannelSet:
         """Those whose extremes, means and harmonics are asked for."""
-        asked = {value.key for name, value in LIMITED.items() if value.followed or name in self.limited}
+        asked = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in self.limited}
         if not self.settings.accelerations:
             asked.discard(ACCELERATION)
 

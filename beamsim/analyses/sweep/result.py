@@ -336,7 +336,7 @@ _SUMMARY = (
     Entry("truncation", "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude",
              "solver"),
     *CorrectionSize.ENTRIES,
-    *(value.summary_entry(by_curve=True) for value in VALUES if value.followed or value is RESPONSE),
+    *(value.summary_entry(by_curve=True) for value in VALUES if value.in_sweeps or value is RESPONSE),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "snubbers", form=dict[str, ByName]),
     OUTPUT.summary_entry(by_curve=True),

@@ -15,7 +15,7 @@ from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
+from beamsim.orbits.steady import CycleStepper, Exponent, Periodicity, largest_exponent, settle
 from beamsim.outcomes import (
     COMPLETE,
     Outcome,
@@ -34,7 +34,7 @@ from beamsim.typing import Floats, of_kind
 
 MOST_MEASURED = 240
 
-_SteadyPoint = tuple[float, Settled, Exponent | None, CycleRecord]  # Hz, and the steady motion there
+_SteadyPoint = tuple[float, Periodicity, Exponent | None, CycleRecord]  # Hz, and the steady motion there
 
 
 def frequencies_of(settings: SteppedSine) -> Floats:
@@ -112,7 +112,7 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
 
 def steady_at(
     level: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
-) -> tuple[Settled, Exponent | None, CycleRecord]:
+) -> tuple[Periodicity, Exponent | None, CycleRecord]:
     """The steady motion at the next frequency, with the exponent of one that does not repeat.
 
     Parameters

@@ -24,7 +24,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, combined, part_of, stop_requested
-from beamsim.responses.histories import between_samples, reached, samples_until, share_above_half_rate
+from beamsim.responses.histories import between_samples, samples_until, share_above_half_rate, times_reached
 from beamsim.results.values import Margins, with_verdicts
 from beamsim.results.values import parse_limit as limited_value
 from beamsim.scenario.quantities import power_of
@@ -123,7 +123,7 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     settings = of_kind(SweptSine, level.settings)
     beginning = 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
-    notch_limits: tuple[Limited, ...] = ()
+    notch_limits: tuple[LimitColumn, ...] = ()
     if settings.notch_to is not None:
         notch_limits = limited_of(settings.notch_to, level)
         notching = notched_level(level, notch_limits, part_of(progress, 0.0, CONTROL))
@@ -166,12 +166,12 @@ def _record_cycles(
     samples: list[Floats] = []
     for chunk in march.chunks():
         output_of = level.rows(chunk.motion.flow)
-        if chunk.reached:
+        if chunk.cycle_count:
             phases = SinePhase.of_windows(chunk.windows)
             record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, level.searched_columns)
-            parts.append(record.select(slice(chunk.reached)))
+            parts.append(record.select(slice(chunk.cycle_count)))
         sampled = sum(values.shape[0] for values in samples)
-        here = reached(march.end, times)[sampled:]
+        here = times_reached(march.end, times)[sampled:]
         samples.append(chunk.motion.sample(here - float(windows.edge[chunk.first]), output_of))
     if rate is None:
         return parts, None, None
@@ -212,7 +212,7 @@ SAME_STEP = 1e-9  # relative change of the specification that is no step
 
 
 @dataclass(frozen=True)
-class Limited:
+class LimitColumn:
     """A limit and the column of the sweep's outputs to which it applies."""
 
     name: str
@@ -229,7 +229,7 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[Limited, ...]:
+def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitColumn, ...]:
     """The limits with the columns of a level to which they apply.
 
     Parameters
@@ -254,11 +254,11 @@ def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[Limited,
     limited, base_force = [], level.system.scenario.base_force or BASE_FORCE.name
     for name, limit in limits.items():
         of = not_none(limited_quantity(name, base_force))
-        limited.append(Limited(name, float(limit), of, columns[of]))
+        limited.append(LimitColumn(name, float(limit), of, columns[of]))
     return tuple(limited)
 
 
-def notched_level(level: SweepLevel, limited: Sequence[Limited], progress: Progress) -> Notching:
+def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: Progress) -> Notching:
     """Follow the first leg and lower its level to the limits; what the response is then is left to `compared`.
 
     Parameters
@@ -331,7 +331,7 @@ def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
 
 
 def with_notching(
-    notching: Notching, limited: Sequence[Limited], curve: SweepCurve
+    notching: Notching, limited: Sequence[LimitColumn], curve: SweepCurve
 ) -> tuple[SweepCurve, Outcome | None]:
     """The response under a notched level, with its largest values, and which limit governs where.
 
@@ -368,7 +368,7 @@ def with_notching(
     return replace(curve, tables={**curve.tables, **tables}), _not_held(curve, limited, share)
 
 
-def _not_held(curve: SweepCurve, limited: Sequence[Limited], shares: Floats) -> Outcome | None:
+def _not_held(curve: SweepCurve, limited: Sequence[LimitColumn], shares: Floats) -> Outcome | None:
     over = shares > 1.0 + ALLOWED_EXCESS
     if not over.any():
         return None
@@ -417,7 +417,9 @@ def _number(outcome: Outcome, name: str) -> float:
     return of_kind(float, outcome.numbers[name])
 
 
-def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, share: Floats) -> Sequence[NotchedRange]:
+def _ranges(
+    notching: Notching, limited: Sequence[LimitColumn], curve: SweepCurve, share: Floats
+) -> Sequence[NotchedRange]:
     """Ranges of frequency in which the level is lowered, each with the limit that governs most of it."""
     order = np.argsort(curve.frequency_hz)
     f = curve.frequency_hz[order]

@@ -103,7 +103,7 @@ class ModeExpansion:
         return np.asarray(self.coefficients(factor, order).sum(axis=0))
 
 
-def weakened(system: PiecewiseLinearSystem, factor: float) -> PiecewiseLinearSystem:
+def weaken(system: PiecewiseLinearSystem, factor: float) -> PiecewiseLinearSystem:
     """The system with its springs, dashpots and damping multiplied by a factor."""
     return replace(system, damping=factor * system.damping, contacts=system.contacts.scaled(factor))
 

@@ -69,7 +69,7 @@ def relaxed_path(
             done = minimize(
                 _deviation, x, args=(orbits, factor, omega, weight), jac=True, method="L-BFGS-B", bounds=bounds,
                 options={"maxiter": remaining, "maxfun": 20 * remaining, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
-                callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
+                callback=lambda intermediate_result: _check_reached(intermediate_result.fun, tolerance),
             )  # fmt: skip
             x, remaining = done.x, remaining - max(int(done.nit), 1)
             # 0.99: of the functional or less counts as gained
@@ -99,6 +99,6 @@ def _deviation(w: Floats, orbits: BrakeOrbits, factor: float, omega: Floats, wei
     return total, by * weight
 
 
-def _enough(value: float, tolerance: float) -> None:
+def _check_reached(value: float, tolerance: float) -> None:
     if value <= tolerance:
         raise StopIteration
