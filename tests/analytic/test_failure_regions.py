@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from sampling import needs
 from scipy.stats import gamma, norm
 
 from beamsim.analyses.studies import sampling
@@ -11,7 +12,7 @@ from beamsim.analyses.studies.estimators import Estimator
 from beamsim.analyses.studies.reliability import interval
 from beamsim.outcomes import COMPLETE, OutcomeKind
 
-pytest.importorskip("openturns")
+pytestmark = needs("openturns")
 
 EIGHT = np.array([3.7, 3.8, 3.9, 4.0, 3.7, 3.8, 3.9, 4.0])  # magnitudes of eight variables
 CORNER, PLANE = np.array([1.0, 1.2, 0.8, 1.5, 0.9]), 3.9

@@ -101,7 +101,7 @@ def test_without_an_objective_the_smallest_margin_is_largest():
     assert result.summary["objective"] == "largest margin"
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_at_their_worst(seed):
     """The softest stop that they allow goes deepest, the stiffest one has the largest force; no sample has either.
 
@@ -139,7 +139,7 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
     assert 0 < front.sum() < both.count
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_front_reaches_its_ends_in_closed_form(seed):
     """The least force is that of the softest stop, the least displacement that of the stop that the limit allows.
 
@@ -178,7 +178,7 @@ def test_a_front_says_what_there_was_no_room_for():
     assert re.search("found to be better|still improved|not searched", result.outcome.text)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
     """Of one product in four, in 6 % of its gaps: nothing nearby points there, and half of the front is there."""
 

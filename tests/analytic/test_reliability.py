@@ -8,6 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from sampling import needs
 from scipy.optimize import brentq
 from scipy.stats import norm
 
@@ -20,7 +21,7 @@ from beamsim.scenario import load_scenario
 from beamsim.trust.studies import CaseSolver, design_study
 from tests.fabricated import solved_case
 
-pytest.importorskip("openturns")
+pytestmark = needs("openturns")
 
 FORCE, DISPLACEMENT = "snubbers/stop/peak_force", "probes/mass/peak_displacement"
 TEN = 10  # springs, each of 1 kN/m

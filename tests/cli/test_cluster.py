@@ -8,10 +8,11 @@ import time
 from contextlib import contextmanager
 
 import pytest
+from sampling import needs
 
 from beamsim.version import __version__
 
-pytest.importorskip("distributed")
+pytestmark = needs("distributed")
 CASE = """\
 chain: {masses: [1 kg], springs: [1 kN/m]}
 snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]

@@ -123,30 +123,66 @@ def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
     assert [item["verdict"] for item in result.summary["margins"].values()] == ["ok", "ok"]
 
 
+def integrated(gap, stiffness, steps=800, duration=0.4):
+    """Largest forces and displacements of shaken masses with a stop, all at once, by the method of Runge and Kutta."""
+
+    def rates(t, x, v):
+        contact = stiffness * np.maximum(-x - gap, 0.0)
+        return v, -8.0 * np.sin(2 * np.pi * 9.0 * t) - 4e3 * x - 6.0 * v + contact
+
+    step, x, v, lowest, highest = duration / steps, *np.zeros((4, gap.size))
+    for t in np.arange(steps) * step:
+        v1, a1 = rates(t, x, v)
+        v2, a2 = rates(t + step / 2, x + step / 2 * v1, v + step / 2 * a1)
+        v3, a3 = rates(t + step / 2, x + step / 2 * v2, v + step / 2 * a2)
+        v4, a4 = rates(t + step, x + step * v3, v + step * a3)
+        x, v = x + step / 6 * (v1 + 2 * v2 + 2 * v3 + v4), v + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        lowest, highest = np.minimum(lowest, x), np.maximum(highest, x)
+    return stiffness * np.maximum(-lowest - gap, 0.0), np.maximum(highest, -lowest)
+
+
 def test_a_search_finds_in_600_cases_what_a_grid_of_10000_finds():
-    """Gap and stiffness at which force and displacement, each over its size, are least together: a rugged valley."""
-    limits = {"snubbers.tip.gap": (-0.2e-3, 0.5e-3), "snubbers.tip.stiffness": (20e3, 500e3)}
-    gaps, stiffnesses = np.linspace(-0.2e-3, 0.5e-3, 100), np.geomspace(20e3, 500e3, 100)
-    short = {"run.duration": "0.4 s", "run.sample_rate": "5 kHz", "run.convergence": "off"}
-    scenario = beamsim.load_scenario(config_path("one_sided_65hz"), short)
-    grid = [axis.ravel() for axis in np.meshgrid(gaps, stiffnesses, indexing="ij")]
-    asked = ["peak_force", "probes/tip/peak_displacement"]
-    table = beamsim.ensemble(scenario, dict(zip(limits, grid, strict=True)), asked).table
-    sums = table["snubbers/tip/peak_force"] / 20.0 + table["probes/tip/peak_displacement"] / 1e-3
+    """Gap and stiffness at which force and displacement, each over its size, are least together: a rugged valley.
+
+    The grid is integrated apart from the program, which solves the best hundred of it.
+    """
+    case = {
+        "chain": {
+            "masses": [1.0], "springs": [4e3], "dashpots": [6.0],
+            "snubbers": [{"name": "stop", "mass": 1, "side": "below", "stiffness": 2e4, "gap": 1e-4}],
+        },
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 8.0, "frequency": 9.0},
+        "probes": [{"name": "mass", "mass": 1}],
+        "run": {"duration": 0.4, "sample_rate": 1e3, "start": "rest", "convergence": "off"},
+    }  # fmt: skip
+    limits = {"chain.snubbers.stop.gap": (0.0, 1e-3), "chain.snubbers.stop.stiffness": (4e3, 60e3)}
+    gaps, stiffnesses = np.linspace(0.0, 1e-3, 100), np.geomspace(4e3, 60e3, 100)
+    asked, sizes = ["peak_force", "probes/mass/peak_displacement"], (36.0, 0.46e-3)
+
+    def total(*figures):
+        return sum(of / size for of, size in zip(figures, sizes, strict=True))
+
+    grid = np.stack([axis.ravel() for axis in np.meshgrid(gaps, stiffnesses, indexing="ij")])
+    rough = total(*integrated(*grid))
+    table, around = rough.reshape(100, 100), [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]
+    lower = [table[1:-1, 1:-1] < table[i : 98 + i, j : 98 + j] for i, j in around]
+    assert np.count_nonzero(np.all(lower, axis=0)) > 1  # valleys of their own
+    grid, rough = grid[:, best := np.argsort(rough)[:100]], rough[best]
+    solved = beamsim.ensemble(beamsim.load_scenario(case), dict(zip(limits, grid, strict=True)), asked).table
+    sums = total(solved["snubbers/stop/peak_force"], solved["probes/mass/peak_displacement"])
+    assert sums == pytest.approx(rough, rel=5e-3)
     among = sums.argmin()
     parameters = [{"path": path, "from": low, "to": high} for path, (low, high) in limits.items()]
     parameters[1]["spacing"] = "logarithmic"
     optimise = {
-        "minimise": dict(zip(asked, ("20 N", "1 mm"), strict=True)),
-        "most_cases": 600,
-        "parameters": parameters,
-    }
-    result = beamsim.design_study(beamsim.load_scenario(scenario, {"optimise": optimise}))
+        "minimise": dict(zip(asked, ("36 N", "0.46 mm"), strict=True)), "most_cases": 600, "parameters": parameters
+    }  # fmt: skip
+    result = beamsim.design_study(beamsim.load_scenario({**case, "optimise": optimise}))
     best = result.summary["best"][0]
     gap, stiffness = best["parameters"].values()
     assert result.complete
     assert result.count <= 600
     assert best["value"] <= sums[among]
     assert best["value"] == pytest.approx(sums[among], rel=0.02)
-    assert abs(gap - grid[0][among]) <= 1.01 * (gaps[1] - gaps[0])
+    assert abs(gap - grid[0][among]) <= 2.0 * (gaps[1] - gaps[0])
     assert abs(np.log(stiffness / grid[1][among])) <= 2.0 * np.log(stiffnesses[1] / stiffnesses[0])

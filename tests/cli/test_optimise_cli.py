@@ -116,7 +116,7 @@ def test_a_killed_search_goes_on_where_it_was():
 def test_cases_that_are_sweeps_are_solved_by_processes():
     shaken = CASE.replace("run: {duration: 50 ms, start: {displacement: [0], velocity: [0.5 m/s]}}", (
         "excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 5 Hz}\n"
-        "sweep: {kind: stepped, from: 8 Hz, to: 12 Hz, points: 3}"
+        "sweep: {kind: stepped, from: 8 Hz, to: 12 Hz, points: 2, most_cycles: 30}"
     ))  # fmt: skip
     Path("case.yaml").write_text(shaken.replace("most_cases: 60", "most_cases: 20"))
     for workers in (1, 2):

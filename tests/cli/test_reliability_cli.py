@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import needs
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -14,7 +15,7 @@ from beamsim.store.studies import journal_path
 from beamsim.trust.studies import CaseSolver
 from tests.helpers.commands import invoke
 
-pytest.importorskip("openturns")
+pytestmark = needs("openturns")
 
 CASE = """\
 title: Stop of a mass

@@ -112,11 +112,17 @@ def _chain(snubbers=(), **sections):
     return Scenario.model_validate({"chain": chain, "run": run, **sections})
 
 
-def _read_sweeps(path):
-    test = {"name": "lab", "kind": "sweep", "file": path.name, "from": 7, "to": 1600, "scatter": 0.02}
+@cache
+def _sweeps_of(name):
+    """The test of a scenario that reads a file of sweeps."""
+    test = {"name": "lab", "kind": "sweep", "file": name, "from": 7, "to": 1600, "scatter": 0.02}
     fit = {"estimate": ["snubbers.tip.stiffness"], "tests": [test]}
     case = load_scenario(_beam(), {"identify_stiffness": {"snubber": "tip", "nonlinear": fit}})
-    return sweeps_of(case.identify_stiffness.nonlinear.tests[0], path.parent, ["end"])
+    return case.identify_stiffness.nonlinear.tests[0]
+
+
+def _read_sweeps(path):
+    return sweeps_of(_sweeps_of(path.name), path.parent, ["end"])
 
 
 def _csv(path):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
-from shipped import PATHS, config_path, shipped
+from shipped import LOADER, PATHS, config_path, shipped
 
 from beamsim.scenario import Scenario, load_scenario, units
 from beamsim.scenario.base import Schema, as_plain_data, nested_annotations, walk
@@ -111,14 +110,18 @@ def ends_of(of: Bounded) -> tuple[list[float], list[float]]:
     return inside, outside
 
 
-def fields_of(section: type[Schema]) -> Iterator[Field]:
+@cache
+def fields_of(section: type[Schema]) -> tuple[Field, ...]:
     """The fields of a section that take numbers, whether or not they may be left out."""
+    found = []
     for key, name in section.keys().items():
         field = section.model_fields[name]
         parts = [*field.metadata, *nested_annotations(field.annotation)]
         numeric = [each for each in parts if isinstance(each, (Bounded, Whole, RateType))]
         if numeric and not any(isinstance(each, type) and issubclass(each, Schema) for each in parts):
-            yield Field(section, key, numeric[0], any(each is tuple or "tuple" in str(each)[:5] for each in parts))
+            several = any(each is tuple or "tuple" in str(each)[:5] for each in parts)
+            found.append(Field(section, key, numeric[0], several))
+    return tuple(found)
 
 
 @cache
@@ -142,7 +145,7 @@ def cases() -> dict[str, Scenario]:
     """The shipped cases, and those of `tests/data/refusals.yaml` and `MORE`, which have what these lack."""
     of_refusals = {
         group["about"]: load_scenario(group["case"])
-        for group in yaml.safe_load(REFUSALS.read_text(encoding="utf-8"))
+        for group in yaml.load(REFUSALS.read_text(encoding="utf-8"), LOADER)
         if isinstance(group["case"], dict) and "extends" not in group["case"]
     }
     more = {name: load_scenario(config_path(case), changes) for name, (case, changes) in MORE.items()}

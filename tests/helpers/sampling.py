@@ -1,10 +1,14 @@
-"""Of many alike cases of a test the first ones are tests of their own, among the fast ones; all others are one test."""
+"""Which tests there are: of many alike cases the first ones are tests of their own, all others are one test.
+
+Those of an optional package are skipped without it.
+"""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
 from functools import wraps
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +16,11 @@ import pytest
 
 Test = Callable[..., None]
 OTHERS = "others"
+
+
+def needs(package: str) -> pytest.MarkDecorator:
+    """Skip tests where an optional package is missing; it is not loaded by processes that run none of them."""
+    return pytest.mark.skipif(find_spec(package) is None, reason=f"needs {package}")
 
 
 class _Others(tuple[Any, ...]):

@@ -27,6 +27,29 @@ def shipped(path: Path) -> Scenario:
     return load_scenario(path)
 
 
+def _sort(value, key=""):
+    """What a part of a scenario is but for titles, names, files and the size of its numbers."""
+    if isinstance(value, dict):
+        return {name: _sort(part, name) for name, part in value.items() if name not in ("title", "name", "file")}
+    if isinstance(value, (list, tuple)):
+        parts = [_sort(part, key) for part in value]
+        return parts if parts and isinstance(parts[0], dict) else sorted({repr(part) for part in parts})
+    return (value > 0) - (value < 0) if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+
+
+@cache
+def _sort_of(path: Path) -> str:
+    return repr(_sort(shipped(path).model_dump(exclude_unset=True, by_alias=True)))
+
+
+def one_of_each_sort(paths: list[Path]) -> list[Path]:
+    """The first of those shipped configs that differ only in names and in the size of numbers, such as frequencies."""
+    first: dict[str, Path] = {}
+    for path in paths:
+        first.setdefault(_sort_of(path), path)
+    return list(first.values())
+
+
 def asked(path):
     """The commands that a config has a section for: of its own, or where it has none, of the file that it extends."""
     scenario, own = shipped(path), yaml.load(path.read_text(encoding="utf-8"), LOADER)

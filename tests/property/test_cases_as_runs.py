@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from sampling import first_apart
-from shipped import PATHS, shipped
+from shipped import PATHS, one_of_each_sort, shipped
 
 import beamsim
 from beamsim.analyses.studies.plan import plan_draws
@@ -33,7 +33,7 @@ def solves_cases(path):
     return scenario.run is not None if scenario.sweep is None else scenario.sweep.kind != "coexisting"
 
 
-CASES = [path for path in [*PATHS, *EXAMPLES] if solves_cases(path)]
+CASES = one_of_each_sort([path for path in [*PATHS, *EXAMPLES] if solves_cases(path)])
 
 
 def shortened(path):

@@ -96,31 +96,15 @@ def test_four_parameters_from_three_noiseless_tests(vibrations):
 
 
 def test_several_starts_and_profiles(vibrations):
-    signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
-    found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals)
+    chosen, sought = {f: vibrations[f] for f in (65.0, 78.0)}, ("snubbers.tip.stiffness", "snubbers.tip.gap")
+    signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(chosen.items())]
+    start = {"snubbers[0].stiffness": 145e3, "snubbers[0].gap": 1.7e-5}
+    found = identify_stiffness(case(chosen, sought, start, starts=3, profiles=True), signals)
     assert found["nonlinear"]["starts_agreeing"].item() >= 2
     for profile, p in zip(profiles(found), estimates(found, "nonlinear"), strict=True):
         # chi^2 rises by z^2 at z standard deviations where the model is linear enough
         z2 = ((profile.value - p.value) / p.standard_deviation) ** 2
         assert profile.misfit == pytest.approx(z2, rel=0.15, abs=0.05)
-
-
-def test_intervals_cover_the_truth(vibrations):
-    """In 24 noisy trials the true values lie within the 95 % intervals at least 20 times, for every parameter."""
-    chosen = {f: vibrations[f] for f in (65.0, 78.0)}
-    sought = ("snubbers.tip.stiffness", "snubbers.tip.gap", "beam.damping.ratio")
-    start = {"snubbers[0].stiffness": 145e3, "snubbers[0].gap": 1.7e-5, "beam.damping.ratio": 0.011}
-    scenario = case(chosen, sought, start)
-    covered = np.zeros(len(sought))
-    both = 0
-    for trial in range(24):
-        signals = [signal(f, c, noise=0.02, seed=1000 * trial + k) for k, (f, c) in enumerate(chosen.items())]
-        found = estimates(identify_stiffness(scenario, signals), "nonlinear")
-        inside = [p.interval[0] <= SOUGHT[p.parameter] <= p.interval[1] for p in found]
-        covered += inside
-        both += all(inside)
-    assert covered.min() >= 20  # 23 on average, less than one time in a hundred below
-    assert both >= 17  # three intervals at once: 0.95^3 if they were independent
 
 
 def test_the_coverage_can_fail(vibrations):

@@ -266,7 +266,7 @@ def test_random_systems(seed):
 
 def test_many_random_systems():
     """At 1e-10 the integrator's error in seed 109 is 3.5e-4 at two times just after contacts; at 1e-12 it is 3e-7."""
-    assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 130)) > 3000
+    assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 110)) > 300
 
 
 def test_the_comparison_of_random_systems_can_fail(monkeypatch):

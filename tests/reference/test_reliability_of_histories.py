@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from sampling import needs
 from scipy.stats import binomtest
 
 import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.trust.studies import design_study
 
-pytest.importorskip("openturns")
+pytestmark = needs("openturns")
 SHOCK = """\
 title: Oscillator with a stop under a shock of its base
 chain: {masses: [1 kg], springs: [1 kN/m], damping: {kind: modal, ratio: 2 %}}
@@ -18,7 +19,7 @@ snubbers: [{name: stop, mass: 1, side: above, stiffness: 20 kN/m, gap: 10 mm}]
 probes: [{name: mass, mass: 1}]
 excitation: {kind: half_sine, applied_to: base, level: -4 g, duration: 20 ms}
 run: {duration: 80 ms, sample_rate: 1 kHz, start: rest}
-limits: {peak_force: 75 N}
+limits: {peak_force: 85 N}
 vary:
   kind: reliability
   parameters:
@@ -36,9 +37,10 @@ excitation:
   applied_to: base
   psd: [{frequency: 5 Hz, density: 0.01 g^2/Hz}, {frequency: 40 Hz, density: 0.01 g^2/Hz}]
 run: {duration: 0.5 s, sample_rate: 1 kHz, start: rest}
-limits: {peak_force: 110 N}
+limits: {peak_force: 85 N}
 vary:
   kind: reliability
+  samples: 700
   parameters: [{path: snubbers.stop.gap, deviation: 0.2 mm}]
 """
 G = 9.80665
@@ -116,15 +118,15 @@ def test_a_million_histories_of_an_oscillator_with_a_stop():
 
 
 def test_noise_by_subset_simulation():
-    """About four in ten thousand; 36 normal amplitudes and a gap."""
+    """About one in a hundred; 36 normal amplitudes and a gap. `tests/analytic/test_reliability.py` has smaller ones."""
     rng = np.random.default_rng(3)
-    beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 110.0)) for _ in range(100))
-    assert 50 < beyond < 400
+    beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 85.0)) for _ in range(20))
+    assert 200 < beyond < 600
     result = design_study(load_scenario(NOISE))
     of = result.summary["reliability"]
     assert result.complete
     assert (of["method"], of["coefficient_of_variation"] <= 0.3, of["histories"] <= 20_000) == ("subset", True, True)
-    assert overlap(beyond, 200_000, of)
+    assert overlap(beyond, 40_000, of)
 
 
 def test_ten_forces_whose_sum_is_beyond_a_limit_once_in_a_million():

@@ -36,6 +36,7 @@ import beamsim  # noqa: E402
 
 NUMBERS = Path(__file__).resolve().with_name("numbers.yaml")
 DIGITS = 12
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 TOLERANCES = {"closed form": 1e-8, "iterated": 1e-6}
 """By the word under ``agrees``: what numbers may differ by, relative to their size. Whole numbers, flags and words are
@@ -46,7 +47,7 @@ flat."""
 
 def load() -> dict[str, Any]:
     """The cases by name: what is run, how well it agrees, and the numbers by name."""
-    cases: dict[str, Any] = yaml.safe_load(NUMBERS.read_text(encoding="utf-8"))
+    cases: dict[str, Any] = yaml.load(NUMBERS.read_text(encoding="utf-8"), LOADER)
     return cases
 
 

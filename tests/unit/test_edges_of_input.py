@@ -79,7 +79,7 @@ def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):
         names = []
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
     rng = np.random.default_rng(hash_of(stored + how))
-    for name in rng.choice(names, 3, replace=False):
+    for name in rng.choice(names, 1):
         path.write_bytes(source)
         damaged(path, name, how)
         for command in (

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from shipped import LOADER
 
 import beamsim
 from beamsim.errors import ScenarioError
@@ -13,7 +14,7 @@ from beamsim.system.build import build_system
 
 ROOT = Path(__file__).parents[2]
 MISTAKES, FILES = (
-    yaml.safe_load((ROOT / "tests/data" / name).read_text(encoding="utf-8"))
+    yaml.load((ROOT / "tests/data" / name).read_text(encoding="utf-8"), LOADER)
     for name in ("refusals.yaml", "file_refusals.yaml")
 )
 OTHERS = {"build": build_system, "read_tests": read_tests}

@@ -6,40 +6,6 @@ import sys
 
 import pytest
 
-RECORDS = """
-import hashlib
-import beamsim
-
-base = {
-    "beam": {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa",
-             "density": "2700 kg/m^3", "elements": 40, "damping": {"kind": "modal", "ratio": "1 %"}},
-    "snubbers": [{"name": "tip", "position": "270 mm", "side": "below", "stiffness": "20 kN/m", "gap": "0 mm"}],
-    "excitation": {"kind": "random", "applied_to": "base", "seed": 7,
-                   "psd": [{"frequency": f, "density": "0.01 g^2/Hz"} for f in ("20 Hz", "400 Hz")]},
-    "run": {"duration": "0.5 s", "convergence": "off"},
-}
-result = beamsim.run(beamsim.load_scenario(base))
-digest = hashlib.sha256()
-# of the response BLAS may round differently on other threads
-digest.update(result["histories"]["base_acceleration"].values.tobytes())
-print(digest.hexdigest(), result["histories"]["snubber_closed"].sel(snubber="tip").values.sum())
-"""
-
-
-def test_records_do_not_depend_on_the_number_of_threads():
-    found = set()
-    for threads in ("1", "2", "4"):
-        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-        done = subprocess.run(
-            [sys.executable, "-c", RECORDS], env=os.environ | dict.fromkeys(names, threads), capture_output=True,
-            text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        found.add(done.stdout)
-    (only,) = found
-    assert int(only.split()[1]) > 10  # the stop is met
-
-
 STUDIES = """
 import hashlib
 import sys
@@ -59,13 +25,26 @@ GAP = {"path": "snubbers.stop.gap", "deviation": "0.5 mm"}
 STUDIES = {
     "ensemble": {"excitation": NOISE, "vary": {"kind": "latin_hypercube", "samples": 6, "seed": 3,
                  "responses": ["peak_force"], "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
-    "reliability": {"excitation": SINE, "vary": {"kind": "reliability", "seed": 3, "samples": 100, "most_cases": 600,
+    "reliability": {"excitation": SINE, "vary": {"kind": "reliability", "seed": 3, "samples": 100, "most_cases": 300,
                     "parameters": [GAP]}},
     "optimise": {"excitation": SINE, "optimise": {"minimise": "peak_force", "seed": 3, "most_cases": 25,
                  "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
 }
 
+BEAM = {
+    "beam": {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa",
+             "density": "2700 kg/m^3", "elements": 40, "damping": {"kind": "modal", "ratio": "1 %"}},
+    "snubbers": [{"name": "tip", "position": "270 mm", "side": "below", "stiffness": "20 kN/m", "gap": "0 mm"}],
+    "excitation": {"kind": "random", "applied_to": "base", "seed": 7,
+                   "psd": [{"frequency": f, "density": "0.01 g^2/Hz"} for f in ("20 Hz", "400 Hz")]},
+    "run": {"duration": "0.5 s", "convergence": "off"},
+}
+
 if __name__ == "__main__":
+    histories = beamsim.run(beamsim.load_scenario(BEAM))["histories"]
+    # of the response BLAS may round differently on other threads
+    digest = hashlib.sha256(histories["base_acceleration"].values.tobytes())
+    print("run complete", histories["snubber_closed"].sel(snubber="tip").values.sum(), digest.hexdigest())
     for name, study in STUDIES.items():
         result = beamsim.design_study(beamsim.load_scenario(CASE | study), workers=int(sys.argv[1]))
         digest, values = hashlib.sha256(), 0
@@ -78,12 +57,12 @@ if __name__ == "__main__":
 
 
 def test_studies_do_not_depend_on_the_number_of_workers_and_threads(tmp_path):
-    """Every number of an ensemble, a reliability study and an optimisation has the same bits."""
+    """A random record, and every number of an ensemble, a reliability study and an optimisation have the same bits."""
     pytest.importorskip("openturns")
     script = tmp_path / "studies.py"
     script.write_text(STUDIES)
     found = set()
-    for workers, threads in (("1", "1"), ("2", "2"), ("3", "1"), ("1", "2")):
+    for workers, threads in (("1", "1"), ("1", "4"), ("3", "1")):
         names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
         done = subprocess.run(
             [sys.executable, script, workers], env=os.environ | dict.fromkeys(names, threads), capture_output=True,
@@ -92,5 +71,5 @@ def test_studies_do_not_depend_on_the_number_of_workers_and_threads(tmp_path):
         assert done.returncode == 0, done.stderr
         found.add(done.stdout)
     (only,) = found
-    assert only.count("\n") == 3
-    assert all(int(line.split()[2]) > 20 for line in only.splitlines()), only
+    assert only.count("\n") == 4
+    assert all(int(line.split()[2]) > 10 for line in only.splitlines()), only
