@@ -104,21 +104,39 @@ def products_of_exponentials(
     both, none = 0.5 * np.concatenate([right, right.conj()]), np.zeros(exponent.size, dtype=np.int64)
     rate, power, inverse = _pairs(exponent, none, acting, tau)
     forms = np.stack([(left[acting] * w) @ both.T for w in weight.T])
-    grown, mixed = np.split(forms * inverse, 2, axis=2)
-    alike, apart = mixed + grown, mixed - grown
-    of_parts = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
-
-    def at(amplitude: Complexes) -> Floats:
-        one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, acting], amplitude))
-        return np.stack([((one @ form) * other).sum(axis=1) for form in of_parts], axis=1)
-
-    out, (row, column) = -at(amplitude)[of], np.nonzero(inverse == 0.0)
+    by_ends = forms * inverse
+    out, (row, column) = -sums_of_products(amplitude, acting, by_ends)[of], np.nonzero(inverse == 0.0)
     whole = np.hstack([amplitude, amplitude.conj()])
     for part in blocks(tau.size, 4 * exponent.size + 2 * row.size):
-        out[part] += at(amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent)))
+        at_end = amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent))
+        out[part] += sums_of_products(at_end, acting, by_ends)
         alone = amplitude[of[part]][:, acting[row]] * whole[of[part]][:, column]
         alone *= _integrals(rate[row, column], power[row, column], tau[part])
         out[part] += (alone @ forms[:, row, column].T).real
+    return out
+
+
+def sums_of_products(amplitude: Complexes, acting: Ints, factors: Complexes) -> Floats:
+    """Real parts of sums of products of amplitudes with each other and with their conjugates.
+
+    Parameters
+    ----------
+    amplitude : (n, F).
+    acting : (A,) which of them are the first one of a product.
+    factors : (Q, A, 2 F) of the products with all and with their conjugates, in each of Q sums.
+
+    Returns
+    -------
+    (n, Q).
+    """
+    grown, mixed = np.split(factors, 2, axis=2)
+    alike, apart = mixed + grown, mixed - grown
+    forms = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
+    one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, acting], amplitude))
+    out = np.empty((amplitude.shape[0], forms.shape[0]))
+    for column, form in zip(out.T, forms, strict=True):
+        some = form.any(axis=1)  # inputs alone do work
+        column[:] = ((one[:, some] @ form[some]) * other).sum(axis=1)
     return out
 
 

@@ -31,6 +31,7 @@ from beamsim.flow.moments import (
     moments_by_time,
     products_of_exponentials,
     summed_products,
+    sums_of_products,
     weighted_moments,
 )
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
@@ -495,9 +496,8 @@ class Trajectory:
                 integrals = left @ (np.hstack([moments[k], moments[k].conj()]) if real else moments[k])
                 integrals = integrals.reshape(acting.size, K, 2, B).transpose(2, 0, 1, 3)
                 weighted = (integrals * weight.T[:, None, None, :, None]).reshape(Q, 2, acting.size, K * B)
-                zeta = amplitude[groups[k]]
-                products = zeta[:, acting] @ (weighted @ both_of_units.swapaxes(1, 2)) * np.stack([zeta, zeta.conj()])
-                out[groups[k]] = 0.5 * products.sum(axis=(1, 3)).real.T
+                forms = np.concatenate([*(weighted @ both_of_units.swapaxes(1, 2)).swapaxes(0, 1)], axis=2)
+                out[groups[k]] = 0.5 * sums_of_products(amplitude[groups[k]], acting, forms)
             at = np.repeat(np.arange(len(groups)), [entries.size for entries in groups])
             some = ~np.isin(at, many)
             entries, at = np.concatenate(groups)[some], at[some]

@@ -27,7 +27,7 @@ from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats, Ints
 
-VALUES_AT_ONCE = 2**16  # outputs and states at the times that are computed together, less than a second
+VALUES_AT_ONCE = 2**20  # outputs and states at the times that are computed together, less than a second
 FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
 ROUND_OFF = 1e-12  # relative, of the last output time
 NOTABLE = 1e-3  # share of the root mean square that is named: 60 dB, below which no line is listed
