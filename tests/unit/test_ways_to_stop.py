@@ -79,8 +79,8 @@ def no_grace(monkeypatch):
 @pytest.mark.parametrize(
     ("function", "times", "left_out"),
     [
-        ("computed", 1, None),
-        ("computed", 4, None),
+        ("compute", 1, None),
+        ("compute", 4, None),
         ("record", 200, "the histories after"),
         ("spectra_of", 20, "the spectra"),
         ("summary_of_run", 1, "the level that changes contact"),
