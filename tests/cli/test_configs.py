@@ -4,7 +4,7 @@ Those whose whole screens are quoted in documents are in test_quoted_screens.py.
 """
 
 import pytest
-from shipped import PATHS, asked, one_of_each_sort, shipped, unfit
+from shipped import PATHS, asked, shipped, unfit
 
 import beamsim
 from beamsim.system.build import build_system
@@ -43,7 +43,7 @@ def test_config_loads(path):
 
 
 COMMANDS = {}
-"""Shipped configs by command: one of each sort."""
+"""Shipped configs by command."""
 for path in PATHS:
     for command in asked(path):
         COMMANDS.setdefault(command, []).append(path)
@@ -52,7 +52,7 @@ for path in PATHS:
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_configs_do_what_they_ask_for_and_their_screens_say_what_came_out(command, tmp_path):
     """No verdict, heading, sentence or remedy of the screen contradicts a number of the file."""
-    paths = [path for path in one_of_each_sort(COMMANDS[command]) if not is_whole(path, command)]
+    paths = [path for path in COMMANDS[command] if not is_whole(path, command)]
     checked = {path.stem: faults(path, command, tmp_path / path.stem) for path in paths}
     assert checked
     assert {name: found for name, found in checked.items() if found} == {}
