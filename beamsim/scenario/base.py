@@ -76,7 +76,7 @@ def path_text(path: Path) -> str:
 
 
 class InvalidValueError(ValueError):
-    """A value that is not taken; raised by validators, and located by whoever knows where the value stands.
+    """An invalid value; raised by validators, and located by the caller, who knows its path.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ class Schema(BaseModel):
         return {key: key if hasattr(cls, key) else name for key, name in cls.keys().items()}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """The same with other values by key or name of the field, which are not checked."""
+        """A copy with other values, given by key or name of the field; they are not checked."""
         keys = self.keys()
         changed = {keys.get(name, name): value for name, value in (update or {}).items()}
         return super().model_copy(update=changed, deep=deep)
@@ -332,7 +332,7 @@ def kinds_of(schema: type[Schema]) -> tuple[str, ...]:
 
 
 def tag_of(member: Any) -> str:
-    """What an error's location calls a member of a union, in angle brackets."""
+    """Name of a member of a union in the location of an error, in angle brackets."""
     metadata = getattr(member, "__metadata__", ())
     inner = get_args(member)[0] if metadata else member
     for item in metadata:
@@ -385,7 +385,7 @@ class _UnionMembers:
     strict: bool  # whether there is a message for a value that is written as none of them
 
     def tag(self, value: Any) -> str | None:
-        """Which member a raw value, or a part of a scenario, is; None where it is none."""
+        """Tag of the member of the union to which a raw value, or a part of a scenario, belongs; None if to none."""
         if isinstance(value, Schema):
             return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
         sections, usual = self.sections, [tag for tag, schema in self.sections.items() if not schema.known_by]
@@ -416,7 +416,7 @@ BY_FORM = Variants()
 
 @dataclass(frozen=True)
 class ShortFor:
-    """Marks mappings for which a text alone is short: it stands under a key, where it is one of the words if any."""
+    """Marks mappings that may be written as a text alone, which then is the value of one key."""
 
     key: str
     words: tuple[str, ...] = ()
@@ -524,7 +524,7 @@ MEANT = {
 
 
 def closest_name(name: str, names: Iterable[str]) -> str:
-    """What was meant by a name: one that means the same, else one that is spelled alike; empty if there is none.
+    """The known name that a name probably means: a synonym, else a similar spelling; empty if there is none.
 
     Another number is no spelling mistake.
 
@@ -541,7 +541,7 @@ def closest_name(name: str, names: Iterable[str]) -> str:
 
 
 def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_without_any: str = "") -> Iterator[Problem]:
-    """A problem where a name is none of those that are known.
+    """A problem if a name is not one of the known ones.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, Writ
 
 
 class CrossSection(NamedTuple):
-    """What a section of one material gives for bending."""
+    """A cross-section of one material, with its bending stiffness and mass."""
 
     area: float  # m^2
     second_moment: float  # about the bending axis, m^4
@@ -214,11 +214,11 @@ class Bending(NamedTuple):
 
 
 class Bent(Schema):
-    """What gives a segment of a beam its bending stiffness and mass."""
+    """Source of the bending stiffness and mass of a segment of a beam."""
 
     @property
     def bending(self) -> Bending:
-        """What follows from it."""
+        """Bending stiffness, mass and stress factor that follow from the section."""
         raise NotImplementedError
 
     def material_warnings(self, where: Path) -> Iterator[str]:
@@ -418,7 +418,7 @@ class Supports(Schema):
 
     @property
     def kinds(self) -> tuple[Support, Support]:
-        """What the left and the right end hold."""
+        """Kinds of support of the left and the right end."""
         left, right = (end.kind if isinstance(end, ElasticSupport) else end for end in (self.left, self.right))
         return left, right
 
@@ -439,7 +439,7 @@ _SHEARED = "Euler-Bernoulli theory (no shear) is doubtful when the depth is more
 
 
 class BeamBody(Body):
-    """What beams answer, whatever their bending stiffness was given by."""
+    """Common part of all beams, however their bending stiffness is given."""
 
     body_kind: ClassVar[str] = "beam"
     how_to_load: ClassVar[str] = "give line: whole, with a level in N/m"
@@ -463,12 +463,12 @@ class BeamBody(Body):
 
     @property
     def bending(self) -> Bending:
-        """That of the whole beam; of segments the largest stiffness and the mean mass."""
+        """Bending properties of the whole beam; with segments the largest stiffness and the mean mass."""
         raise NotImplementedError
 
     @property
     def uniform_segments(self) -> tuple[UniformSegment, ...]:
-        """What the beam is made of, from left to right."""
+        """The uniform segments of the beam, from left to right."""
         raise NotImplementedError
 
     @property
@@ -488,7 +488,7 @@ class BeamBody(Body):
 
     @property
     def rough_frequency_hz(self) -> float:
-        """That of the first mode, about, Hz."""
+        """Approximate frequency of the first mode, Hz."""
         return math.pi / 2.0 * math.sqrt(self.bending.bending_stiffness / self.bending.mass_per_length) / self.length**2
 
     @property
@@ -509,7 +509,7 @@ class BeamBody(Body):
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
-        """Those of its segments."""
+        """Depths of the segments."""
         return tuple((each.start, each.end, each.bending.depth) for each in self.uniform_segments if each.bending.depth)
 
     def refine(self) -> Self:
@@ -535,7 +535,7 @@ class BeamBody(Body):
             yield from self.position_problems(at, (*at, "nodes", index), x, "")
 
     def _problem_of_one_element(self, at: Path) -> Problems:
-        """That one element between two clamped ends cannot move, unless something makes more of it."""
+        """A problem if the beam is one element between two clamped ends, which cannot move."""
         inside = any(0.0 < x < self.length for x in self.mass_points)
         if not inside and len(self.uniform_segments) == 1 and not self.nodes:
             yield problem(at, "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more")

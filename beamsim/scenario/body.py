@@ -161,7 +161,7 @@ class Sited(PointOfBody):
 
     @property
     def place(self) -> AtPlace:
-        """Where it is."""
+        """The place."""
         if self.at is not None:
             return self.at
         return AtPlace.model_construct(position=self.position, mass=self.mass, node=self.node, direction=self.direction)
@@ -173,22 +173,22 @@ class Sited(PointOfBody):
 
     @property
     def probed_places(self) -> tuple[AtPlace, ...]:
-        """Where a probe is by default."""
+        """Places of default probes."""
         return self.places
 
     @property
     def place_paths(self) -> tuple[Path, ...]:
-        """Where it is written, below what sits there."""
+        """Paths of the place in the scenario, below the item that is there."""
         return (() if self.at is None else ("at",),)
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """What is wrong with its place in the short form; that of ``at`` is asked itself."""
+        """Problems of a place in the short form; a place under ``at`` reports its own."""
         yield from super().problems(scenario, at)
         if self.at is None:
             yield from self.place.problems(scenario, at)
 
     def support_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
-        """That it sits where its body is held, and so does not move."""
+        """A warning if it is at a support of its body, and so does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
         if body is not None and place.position is not None and body.support_at(place.position):
@@ -249,11 +249,11 @@ class BetweenPlaces(Schema):
 
     @property
     def place_paths(self) -> tuple[Path, ...]:
-        """Where both are written, below what is between them."""
+        """Paths of both places in the scenario, below the item that acts between them."""
         return ("between", 0), ("between", 1)
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """What is wrong with numbers of masses; places that are written out are asked themselves."""
+        """Problems of numbers of masses; places that are written out report their own."""
         yield from super().problems(scenario, at)
         key, ends = self.ends
         for index, end in enumerate(ends):
@@ -353,7 +353,7 @@ class MovedSupport(Schema):
 
     @property
     def label(self) -> str:
-        """What text calls it: support left."""
+        """Its label in texts: support left."""
         holder = f"support {self.support}" if self.joint is None else f"joint {self.joint}"
         of = f" of {self.body}" if self.body else ""
         return holder + of + (f" {self.direction}" if self.direction not in (None, "z") else "")
@@ -413,7 +413,7 @@ class MovedStop(Schema):
 
     @property
     def label(self) -> str:
-        """What text calls it: stop bumper."""
+        """Its label in texts: stop bumper."""
         return f"stop {self.snubber}"
 
     rotates: ClassVar[bool] = False
@@ -615,7 +615,7 @@ class Body(Schema):
 
     @property
     def called(self) -> str:
-        """What it is, in messages."""
+        """Its kind in messages."""
         return "imported matrices" if self.is_read_from_files else f"a {self.body_kind}"
 
     @property
@@ -729,17 +729,17 @@ class Body(Schema):
         return float(number)
 
     def support_at(self, position: WrittenPosition) -> str:
-        """What keeps a point of the body from deflecting, such as "the clamped left end"; empty where nothing does."""
+        """The support that keeps a point from deflecting, such as "the clamped left end"; empty if there is none."""
         return ""
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """What is wrong with the body by itself, such as points of it that are not on it."""
+        """Problems of the body alone, such as points that are not on it."""
         for path, part in walk(self, at) if self.sides else ():
             if (position := getattr(part, "position", None)) is not None:
                 yield from self.position_problems(at, (*path, "position"), position, "")
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a position on the body.
+        """Problems of a position on the body.
 
         Parameters
         ----------
@@ -762,14 +762,14 @@ class Body(Schema):
             yield self._without_effect(where, at, position, f"{held}, which cannot deflect: {what}")
 
     def _without_effect(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Problem:
-        """That something sits where the body is held."""
+        """A warning that something acts where the body is supported."""
         point = self.point(position)
         shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
         remedy = f"move it, or change {path_text((*where, 'supports'))}"
         return problem(at, f"= {shown} m is {what} has no effect there", remedy)
 
     def _dimension_problem(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
-        """That a position has as many numbers as on bodies of another kind."""
+        """A problem: the position has as many numbers as on bodies of another kind."""
         if not self.sides:
             return self._misplaced(where, at, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
@@ -795,7 +795,7 @@ class Body(Schema):
             yield self._too_far(where, at, distinct(x, side), axis)
 
     def _too_far(self, where: Path, at: Path, numbers: tuple[str, str], axis: int) -> Problem:
-        """That a position is beyond the last one of a side, both in words."""
+        """A problem: a position is beyond the end of a side; both are given as text."""
         (given, last), (key, begins) = numbers, (("length", "left"), ("width", "bottom"))[axis]
         return problem(
             at,
@@ -804,7 +804,7 @@ class Body(Schema):
         )
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """What is wrong with the number of a mass of the body.
+        """Problems of the number of a mass of the body.
 
         Parameters
         ----------
@@ -823,12 +823,12 @@ class Body(Schema):
         yield self._misplaced(where, at, "imported matrices")
 
     def _misplaced(self, where: Path, at: Path, of: str) -> Problem:
-        """That a place is named as on bodies of another kind."""
+        """A problem: the place is written as on bodies of another kind."""
         this = "the structure" if len(where) == 1 else path_text(where)
         return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
     def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
-        """What is wrong with a position at which a mode shape was measured.
+        """Problems of a position at which a mode shape was measured.
 
         Parameters
         ----------
@@ -847,7 +847,7 @@ class Body(Schema):
         return index
 
     def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """What is wrong with the numbers of a displacement or velocity to start from; by default that there are any.
+        """Problems of the numbers of an initial displacement or velocity; by default none may be given.
 
         Parameters
         ----------

@@ -69,12 +69,12 @@ class Chain(Body):
 
     @property
     def mode_count(self) -> int:
-        """As many as masses."""
+        """Number of modes: one for each mass."""
         return self.count
 
     @property
     def rough_frequency_hz(self) -> float:
-        """That of the lightest mass on the stiffest linear or piecewise-linear spring, Hz."""
+        """Frequency of the lightest mass on the stiffest linear or piecewise-linear spring, Hz."""
         slopes = list(self.springs)
         for spring in (*self.springs_to_ground, *self.springs_between):
             if spring.kind == "linear":

@@ -415,7 +415,7 @@ class SnubberBase(Named):
 
     @property
     def yields(self) -> bool:
-        """Whether it loses work as it is pressed, however slowly."""
+        """True if it dissipates energy even when it is pressed slowly."""
         return self.hardening is not None or self.unloading is not None
 
     @property
@@ -461,7 +461,7 @@ class SnubberAtPlaces(SnubberBase):
 
 
 def _large_gap(at: Path, gap: float, largest: float) -> str:
-    """That a gap at a path is larger than structures deflect, m."""
+    """A warning that a gap, m, is larger than structures usually deflect."""
     return (
         f"{path_text(at)} = {gap:g} m is a large {'gap' if gap > 0 else 'prestress'} for a structure of this size "
         f"(more than {largest:.3g} m)"
@@ -687,7 +687,7 @@ class Joint(Named):
         return False
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """A rotation of points that only deflect, and a body that is joined to itself."""
+        """Problems: rotation of points that only deflect; a body that is joined to itself."""
         bodies = scenario.all_bodies
         names = [place.body or scenario.default_body for place in self.places]
         for name in names:
@@ -713,7 +713,7 @@ class Joint(Named):
 
 
 class HingeMaxwell(Maxwell):
-    """The same between angles."""
+    """A Maxwell branch between the angles of a hinge."""
 
     stiffness: q.RotationalStiffness
     """Stiffness of its spring: what a sudden turn adds."""
@@ -752,14 +752,14 @@ class OfHinge(Schema):
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """Those of the hinge."""
+        """The places of the hinge."""
         return self._places
 
     probed_places: ClassVar[tuple[AtPlace, ...]] = ()
     """None: a probe records displacements."""
 
     def placed(self, name: str, places: tuple[AtPlace, ...]) -> Self:
-        """The same under a name, at the places of its hinge."""
+        """A named copy at the places of its hinge."""
         copy = self.model_copy(update={"name": name})
         copy._places = places
         return copy

@@ -142,7 +142,7 @@ class TableShape(Shape):
             raise InvalidValueError("are not as many as the positions", "give a value at each position", ("values",))
 
     def on_the_body(self, body: Body) -> Self:
-        """The same with positions in m."""
+        """A copy with positions in m."""
         return self.model_copy(update={
             key: tuple(body.metres(each, axis) for each in positions)
             for axis, (key, positions) in enumerate((("x", self.x), ("y", self.y))) if positions is not None

@@ -103,7 +103,7 @@ def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
 
 
 class Input(Schema):
-    """What every excitation answers; here for free motion."""
+    """Common part of all excitations; by itself it is free motion."""
 
     @property
     def shock(self) -> bool:
@@ -173,7 +173,7 @@ class Driven(Input):
 
     @property
     def quantity(self) -> Quantity:
-        """What the levels are: as stated, otherwise as their units say, otherwise the default of the place."""
+        """Quantity of the levels: as stated, else by their units, else the default of the place."""
         readings: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
         return next((of for of in readings if of is not None), self.level_quantities[0])
 
@@ -306,7 +306,7 @@ class _LevelAt(Schema):
 
     @property
     def quantity(self) -> str | None:
-        """What the level is; None where nothing says it."""
+        """Quantity of the level; None if neither unit nor key states it."""
         return self.quantity_ or q.meant(self.level)
 
     def check(self) -> None:
@@ -448,7 +448,7 @@ class Harmonic(Driven, Tone):
         return (self.frequency,)
 
     def at(self, frequency_hz: float, level: float | None = None) -> Harmonic:
-        """The same at another frequency, Hz, and level."""
+        """A copy at another frequency, Hz, and level."""
         kept = self.level if level is None else q.LevelValue(level, self.quantity)
         return self.model_copy(update={"frequency": frequency_hz, "level": kept})
 
@@ -500,7 +500,7 @@ class Shock(Driven):
 
     @property
     def most_integrals(self) -> int:
-        """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
+        """Largest number of integrations from base acceleration to level without a jump of the velocity."""
         return 0
 
     shock: ClassVar[bool] = True
@@ -549,7 +549,7 @@ class Step(Shock):
 
     @property
     def highest_frequency_hz(self) -> float:
-        """That of the cosine with which it rises, Hz."""
+        """Frequency of the cosine with which it rises, Hz."""
         return super().highest_frequency_hz if self.rise is None else 0.5 / self.rise
 
     @property
@@ -714,12 +714,12 @@ class SampledInput(Driven, RecordPreparation):
 
     @property
     def stationary(self) -> bool:
-        """As it is declared."""
+        """Whether the record is declared to be stationary."""
         return self.stationary_
 
     @property
     def quantity(self) -> Quantity:
-        """What the values are: as stated, otherwise as the unit says, otherwise the default of the place."""
+        """Quantity of the values: as stated, else by the unit, else the default of the place."""
         return self.quantity_ or self._quantity_of_unit or self.level_quantities[0]
 
     @property
@@ -936,7 +936,7 @@ class MatchedInput(Driven):
         return 0.0 if isinstance(self.srs, CurveFile) else self.srs[-1][0]
 
     def check(self) -> None:
-        """Refuse a curve that is none, and what is no acceleration of the base along a line."""
+        """Refuse an invalid curve, and anything but an acceleration of the base along a line."""
         super().check()
         if not isinstance(self.srs, CurveFile):  # no record has a spectrum with a step
             demand_rising((f for f, _ in self.srs), "Hz", lambda k: ("srs", k, 0))
@@ -997,7 +997,7 @@ class Forces(Input):
 
     @property
     def harmonics(self) -> tuple[Harmonic, ...]:
-        """Those that are sines."""
+        """The inputs that are sines."""
         return tuple(force for force in self.forces if isinstance(force, Harmonic))
 
     # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
@@ -1009,7 +1009,7 @@ class Forces(Input):
 
     @property
     def frequency(self) -> float:
-        """That of the sines, Hz."""
+        """Frequency of the sines, Hz."""
         return self.harmonics[0].frequency
 
     def at(self, frequency_hz: float, level: float | None = None) -> Forces:
@@ -1019,7 +1019,7 @@ class Forces(Input):
         return self.model_copy(update={"forces": forces})
 
     def problems_of_sines(self, section: str) -> Problems:
-        """What of them cannot be swept by a section of the scenario: the base, what is no sine, a second frequency."""
+        """Problems of forces that a section cannot sweep: at the base, not a sine, a second frequency."""
         frequency = self.harmonics[0].frequency if self.harmonics else 0.0
         for index, force in enumerate(self.forces):
             at = ("excitation", "forces", index)
@@ -1077,6 +1077,6 @@ def sine_problems(excitation: Any, section: str) -> Problems:
 
 
 def not_harmonic(at: Path, needed: str, excitation: Any) -> Problem:
-    """That a section at a path needs something of another excitation."""
+    """A problem: a section at a path needs another excitation."""
     remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
     return problem(at, f"needs {needed}, but this one is {excitation.kind}", remedy)

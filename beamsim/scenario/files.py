@@ -32,7 +32,7 @@ SHORT_FOR_FILE = ShortFor("file")
 
 
 class RecordPreparation(Schema):
-    """What is done to the values of a record, in the order of the keys."""
+    """Preparation of the values of a record, in the order of the keys."""
 
     factor: q.NonzeroNumber = 1.0
     """Factor by which the values are multiplied; -1 for a sensor that was mounted upside down."""

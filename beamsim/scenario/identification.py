@@ -55,7 +55,7 @@ RelaxationPoint = tuple[q.Time, q.Stiffness]
 
 
 class PadData(Schema):
-    """What was measured on the pad; one of dynamic, relaxation and file."""
+    """Measurement of a pad: one of dynamic, relaxation and file."""
 
     dynamic: tuple[DynamicPoint, ...] | None = None
     """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
@@ -201,7 +201,7 @@ class MeasuredShapes(Schema):
 
 
 class _AnyTest(Schema):
-    """What tests share."""
+    """Common part of all tests."""
 
     name: q.Name | None = None
     """What it is called in tables and in leave_out; by default its file."""
@@ -222,7 +222,7 @@ def _problems_of_probe(scenario: Whole, at: Path, name: str | None) -> Problems:
 
 
 class _RecordedTest(_AnyTest, RecordPreparation):
-    """What tests share whose measurement is a file."""
+    """Common part of tests whose measurement is a file."""
 
     file: q.FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; its path is
@@ -248,7 +248,7 @@ class _RecordedTest(_AnyTest, RecordPreparation):
 
     @property
     def label(self) -> str:
-        """What it is called."""
+        """Its label in texts."""
         return self.name or self.file
 
 
@@ -312,12 +312,12 @@ class MeasuredPeak(Schema):
 
     @property
     def quantity(self) -> Literal["absolute_acceleration", "displacement"]:
-        """What was measured."""
+        """The measured quantity."""
         return "displacement" if self.absolute_acceleration is None else "absolute_acceleration"
 
     @property
     def value(self) -> float:
-        """How large it is, SI."""
+        """Its value, SI."""
         value = self.displacement if self.absolute_acceleration is None else self.absolute_acceleration
         assert value is not None
         return value
@@ -360,7 +360,7 @@ class SweepTest(_AnyTest, FrequencyRange):
 
     @property
     def label(self) -> str:
-        """What it is called."""
+        """Its label in texts."""
         return self.name
 
 
@@ -398,7 +398,7 @@ class NonlinearFit(Schema):
 
     @property
     def tests_with_files(self) -> dict[int, SteadyTest | TransientTest]:
-        """Those of them whose measurement is a file."""
+        """The tests whose measurement is a file, by number."""
         return {k: test for k, test in self.used_tests.items() if not isinstance(test, SweepTest)}
 
     def problems(self, scenario: Whole, at: Path) -> Problems:

@@ -194,5 +194,5 @@ class MatricesBody(Body):
         return () if self.recovery is None else self.recovery.rows
 
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
-        """None: which nodes there are is in the files."""
+        """No problems: only the files know the nodes."""
         yield from ()

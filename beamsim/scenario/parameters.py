@@ -81,14 +81,14 @@ def in_metres(scenario: Whole, place: Path, value: Any) -> Any:
 
 
 class Side(NamedTuple):
-    """What a position is measured along."""
+    """A side of a body, along which positions are measured."""
 
     body: str  # its name
     axis: int  # number of the side of the body, from 0
 
 
 def side_at(scenario: Whole, place: Path) -> Side | None:
-    """What the position at a place is measured along; None where there is none, or of no body."""
+    """Side along which the position at a path is measured; None if there is no position, or no body."""
     body = scenario.all_bodies.get(body_of(scenario, place))
     if body is None or not isinstance(field_type_at(scenario, place), PositionType):
         return None
@@ -122,7 +122,7 @@ def _inside(owner: Any, part: str | int) -> Any:
 
 
 def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
-    """The same scenario with other values at these places, as if they had been written there.
+    """A copy of the scenario with other values at these paths, as if they had been written there.
 
     Parts are not compared with each other; see `beamsim.scenario.Scenario.rechecked`.
 
@@ -157,7 +157,7 @@ def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
 
 
 def replace_values(part: Part, values: Mapping[Path, object]) -> Part:
-    """The same scenario, or part, with other values at these places, which may be a little outside of their bounds."""
+    """A copy of a scenario, or part, with other values at these paths; they may be slightly out of bounds."""
     for place, value in values.items():
         owners: list[Any] = [part]
         for key in place[:-1]:
@@ -219,7 +219,7 @@ def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:
 
 
 def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
-    """What reads the value at a place; None for words and plain flags."""
+    """Type that reads the value at a path; None for words and flags."""
     last = max(k for k, part in enumerate(place) if isinstance(part, str))
     owner = value_at(scenario, place[:last])
     if not isinstance(owner, Schema):
@@ -228,13 +228,13 @@ def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
 
 
 def field_type(owner: Schema, key: str, indices: Path = ()) -> FieldType | None:
-    """What reads the value of a key of a section, or the number at these indices of it."""
+    """Type that reads the value of a key of a section, or the number at these indices of it."""
     field = type(owner).model_fields[type(owner).keys()[key]]
     return next(_types(field.annotation, field.metadata, indices), None)
 
 
 def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[FieldType]:
-    """What reads a value, or the number at these indices of it: of a pair the second may be of another sort."""
+    """Types that read a value, or the number at these indices; the second number of a pair may be of another type."""
     yield from (item for item in metadata if isinstance(item, FieldType))
     parts = get_args(annotation)
     if get_origin(annotation) is tuple:
@@ -276,7 +276,7 @@ def _keys_below(value: Any) -> str:
 
 
 def dimension_at(scenario: Whole, place: Path) -> Dimension | None:
-    """What a number at a place is; None of whole numbers and words."""
+    """Dimension of a number at a path; None for whole numbers and words."""
     field = field_type_at(scenario, place)
     if isinstance(field, q.LevelType):
         return dimension_of_level(scenario, place, dict(field.quantities))
@@ -284,7 +284,7 @@ def dimension_at(scenario: Whole, place: Path) -> Dimension | None:
 
 
 def dimension_of_level(scenario: Whole, place: Path, known: Mapping[str, Dimension]) -> Dimension:
-    """What a level at a place is, of those that are known: as its unit says there, else of what stands around it."""
+    """Dimension of a level at a path: by its unit, else by the keys around it."""
     excitation: Any = scenario.excitation
     if "0" in known:  # numbers of a shape, by the power of x
         body = scenario.all_bodies[str(place[-3]) if "bodies" in place else scenario.default_body]
@@ -327,7 +327,7 @@ def yaml_with_units(scenario: Whole) -> str:
 
 
 def listing_problems(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:
-    """What is wrong with each of the numbers that a section lists, and those that are listed twice.
+    """Problems of the numbers that a section lists, and of those that it lists twice.
 
     Parameters
     ----------

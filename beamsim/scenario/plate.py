@@ -125,7 +125,7 @@ class PlateBending(NamedTuple):
 
 
 class PlateBody(Body):
-    """What plates answer, whatever their bending stiffness was given by; x runs along the length, y along the width."""
+    """Common part of all plates, however their bending stiffness is given; x is along the length, y along the width."""
 
     base_directions: ClassVar[tuple[str, ...]] = ("z", "rx", "ry")
     body_kind: ClassVar[str] = "plate"
@@ -191,7 +191,7 @@ class PlateBody(Body):
 
     @property
     def rough_frequency_hz(self) -> float:
-        """That of the first mode, about, Hz."""
+        """Approximate frequency of the first mode, Hz."""
         stiffness = max(self.bending.rigidity.dx, self.bending.rigidity.dy)
         return math.pi / 2.0 * math.sqrt(stiffness / self.bending.mass_per_area) / max(self.length, self.width) ** 2
 

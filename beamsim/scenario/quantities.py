@@ -102,7 +102,7 @@ class Bounded(FieldType):
         return number + 0.0  # -0.0 becomes 0.0
 
     def _bounds_text(self, low: float | None, high: float | None) -> str:
-        """What a number must do to lie between bounds, of which one may be missing."""
+        """The condition that a number must meet to lie between bounds, as text; one bound may be missing."""
         if high is None:
             bound = f"{low:g} or more" if self.above is None else f"above {low:g}"
             return {"0 or more": "not be negative", "above 0": "be positive"}.get(bound, f"be {bound}")
@@ -148,7 +148,7 @@ class Quantity(Bounded):
 
     @property
     def range(self) -> tuple[float, float]:
-        """That of the dimension."""
+        """The usual range of the dimension."""
         return self.dimension.smallest, self.dimension.largest
 
     def read(self, value: Any) -> float:
@@ -191,7 +191,7 @@ class UsualRange:
         return self.smallest * size <= value <= self.largest * size
 
     def question(self, value: float, size: float, written: float | str) -> str:
-        """What is doubtful about a value, and what else may have been meant; empty if nothing is.
+        """A question about a doubtful value, with what may have been meant; empty if it is plausible.
 
         Parameters
         ----------
@@ -368,7 +368,7 @@ class LevelType(Bounded):
 
     @property
     def range(self) -> tuple[float, float]:
-        """That of all quantities together, since a bare number may be any of them."""
+        """The usual range of all quantities together, since a bare number may be any of them."""
         dimensions = [dimension for _, dimension in self.quantities]
         return min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
 
@@ -481,7 +481,7 @@ class Whole(FieldType):
 
     @property
     def _remedy(self) -> str:
-        """What to write."""
+        """The remedy: what to write."""
         if self.maximum < LARGEST_COUNT:
             return f"write a whole number from {self.minimum} to {self.maximum}"
         return f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
@@ -552,7 +552,7 @@ def printable(text: str, longest: int) -> str:
 
 
 def _in_one_line(text: str) -> str:
-    """The same without line breaks and tabs, see `printable`."""
+    """A text without line breaks and tabs, see `printable`."""
     line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip()
     for character in line:
         if unicodedata.category(character) in ("Cc", "Cs") or ord(character) & 0xFFFE == 0xFFFE:

@@ -53,7 +53,7 @@ class MotionOutput(Output, Sited):
 
 
 class BendingOutput(Output, Sited):
-    """What bends a beam or plate at a point."""
+    """Bending moment of a beam or plate at a point."""
 
     kind: Literal["bending_moment", "stress", "strain"]
     """E I w'' of a beam, positive where its top is in compression, or the moment per width of a plate; bending stress
@@ -92,7 +92,7 @@ class BendingOutput(Output, Sited):
 
 
 class ReactionOutput(Output):
-    """What a support exerts on the structure."""
+    """Force or moment that a support exerts on the structure."""
 
     kind: Literal["reaction_force", "reaction_moment"]
     """Force, positive upwards, or moment, positive as the slope dw/dx, at the bottom and top of a plate dw/dy."""
@@ -108,7 +108,7 @@ class ReactionOutput(Output):
     imported matrices; their origin by default."""
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
-        """What does not fit the base or a support; which supports a body has is known to its model."""
+        """Problems of the base or a support; only the model of a body knows its supports."""
         of_base, is_moment = self.support == "base", self.kind == "reaction_moment"
         if not of_base:
             yield from body_problems(scenario, at, self.body, "add body: BODY")
@@ -125,7 +125,7 @@ class ReactionOutput(Output):
 
 
 class JointOutput(Output):
-    """What is transmitted by a joint, or by a linear spring between points of bodies."""
+    """Force that a joint, or a linear spring between points of bodies, transmits."""
 
     kind: Literal["joint_force", "joint_moment"]
     """Force, positive upwards, or moment, positive as the slope, on the second of the two points; of the base and a
@@ -414,7 +414,7 @@ _FORCES = {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE
 
 
 def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
-    """What a curve of a name needs in addition, and a remedy; empty where it is there."""
+    """Input that a curve of a name still needs, and a remedy; empty if nothing is missing."""
     run = scenario.run
     if name == "srs":
         there = run is not None and run.srs is not None
@@ -431,7 +431,7 @@ def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
 
 
 def stress_problems(scenario: Whole, at: Path) -> Problems:
-    """That something at a path needs a stress, which no body gives."""
+    """A problem: an item at a path needs a stress, which no body has."""
     if not any(body.gives_stress for body in scenario.all_bodies.values()):
         remedy = "leave it out, or give a beam's extreme_fibre and youngs_modulus"
         yield problem(at, "needs a body whose stress is known", remedy)
@@ -490,7 +490,7 @@ QUANTITIES_OF = {
 
 @dataclass(frozen=True)
 class LimitedQuantity:
-    """What a limit applies to."""
+    """The quantity to which a limit applies."""
 
     section: str  # probes, snubbers or outputs
     item: str
@@ -498,7 +498,7 @@ class LimitedQuantity:
 
 
 def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQuantity | None:
-    """What a name stands for; None where it is none of the forms. ``base_force`` is the output of that force.
+    """The quantity that a name stands for, or None. ``base_force`` is the name of that output.
 
     >>> limited_quantity("probes.tip.acceleration")
     LimitedQuantity(section='probes', item='tip', quantity='acceleration')

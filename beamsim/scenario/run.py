@@ -44,7 +44,7 @@ _COARSE = (
 
 
 def closed_form_problems(scenario: Whole, at: Path) -> Problems:
-    """That statistics at a path need a motion in closed form, which this run does not compute."""
+    """A problem: statistics at a path need a motion in closed form, which this run does not compute."""
     if scenario.run.method == "reference":
         yield problem(at, "needs the motion in closed form", "leave run.method: reference out")
     elif scenario.has_cubic_springs:
@@ -167,7 +167,7 @@ class ModeStart(Schema):
 
 
 def mode_problems(scenario: Whole, at: Path, mode: int) -> Problems:
-    """That there are fewer modes than the number at a path, where their number is known."""
+    """A problem if there are fewer modes than the number at a path."""
     counts = [body.mode_count for body in scenario.all_bodies.values()]
     known = [count for count in counts if count is not None]
     total = sum(known)
@@ -213,7 +213,7 @@ Start = Annotated[
 
 
 class SpectrumSettings(Schema):
-    """Which part of the run is analysed, and through which window."""
+    """Part of the run that is analysed, and its window."""
 
     last: q.Duration | None = None
     """Analyse only this last part of the run; the whole run by default."""
@@ -422,7 +422,7 @@ class Run(Schema):
             yield from self._problems_of_sensitivities(scenario, (*at, "sensitivities"))
 
     def _problems_of_samples(self, place: Path, rate: float, highest: float) -> Problems:
-        """That a rate, Hz, written at a place, gives too few or too many samples for the run or the highest tone."""
+        """A problem if a rate, Hz, gives too few or too many samples for the run or the highest tone."""
         if rate * self.duration < 1.0:
             message = f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s"
             yield problem(place, message, "use a higher sample rate, or a longer run")
@@ -493,7 +493,7 @@ class Run(Schema):
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
 
     def _sweep_warnings(self, swept: Iterable[tuple[Path, Any]]) -> Iterator[str]:
-        """That a run ends within the first cycle of a swept sine, each given with its path in the excitation."""
+        """Warnings that a run ends within the first cycle of a swept sine; each sine has its path."""
         for path, part in swept:
             if part.cycles_in(self.duration) < 1.0:
                 yield (
@@ -502,7 +502,7 @@ class Run(Schema):
                 )
 
     def _static_warnings(self, scenario: Whole) -> Iterator[str]:
-        """That nothing moves without an excitation, where the run starts at static equilibrium."""
+        """A warning that nothing moves: no excitation, and a start at static equilibrium."""
         if self.start == "static_equilibrium" and not scenario.starts_unrelaxed:
             none = scenario.excitation.kind == "none"
             why = "there is no excitation" if none else "the level of the excitation is zero"

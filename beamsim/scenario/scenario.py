@@ -110,7 +110,7 @@ class DisplayUnits(Schema):
     """Unit of energies, such as mJ."""
 
     def complete_from(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
-        """The same with the units in which quantities are written, for what is not chosen.
+        """A copy whose missing units are those in which the quantities are written.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ def _digest(path: FilePath, state: tuple[int, ...]) -> str:
 
 
 def _record(folder: FilePath, name: str, *, as_read: bool) -> Record:
-    """What a file holds, see `Scenario.file_records`."""
+    """Record of the content of a file, see `Scenario.file_records`."""
     path = folder / name
     try:
         content: dict[str, Any] = {"bytes": path.stat().st_size}
@@ -355,7 +355,7 @@ class Scenario(Schema):
 
     @property
     def display_scales(self) -> dict[str, tuple[float, str]]:
-        """By SI unit the factor and the unit of tables and plots, where one is chosen or written."""
+        """Factor and unit of tables and plots by SI unit, where one is chosen or written."""
         chosen = [] if self.units is None else [(of, getattr(self.units, name)) for name, of in DIMENSIONS.items()]
         return {of.unit: (1.0 / units.size_of(unit, of), unit) for of, unit in chosen if unit is not None}
 
@@ -365,7 +365,7 @@ class Scenario(Schema):
         return self._source
 
     def with_source(self, source: str) -> Scenario:
-        """The same scenario under another name for output files."""
+        """A copy with another name for output files."""
         copy = self.model_copy()
         copy._source, copy._text, copy._left_out = source, None, ()
         return copy
@@ -466,7 +466,7 @@ class Scenario(Schema):
                     yield from self._question((*at, name), value, size, usual)
 
     def _question(self, at: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
-        """What is doubtful about a number outside its usual range; nothing of one that was not written.
+        """A question about a number outside its usual range; none about one that was not written.
 
         Parameters
         ----------
@@ -543,7 +543,7 @@ class Scenario(Schema):
         return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 
     def frequency_of_interest_hz(self, highest: float) -> float:
-        """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
+        """Highest frequency, Hz, that the model of a run resolves without ``reduction``, whatever the output rate.
 
         50 times the highest frequency of the excitation, Hz (10 times that of a random one or of a record that is made
         for a spectrum), and with 64 times a low natural frequency about ten bending modes of a beam: peak accelerations
@@ -583,7 +583,7 @@ class Scenario(Schema):
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
     def refine(self, modes: int) -> Self:
-        """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
+        """A copy with so many modes and twice the elements of every mesh, to estimate errors."""
         bodies = {name: body.refine() for name, body in self.all_bodies.items()}
         named = {name: body for name, body in bodies.items() if name in self.bodies}
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
@@ -600,7 +600,7 @@ class Scenario(Schema):
         return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
     def more_modes(self, wanted: int) -> str:
-        """What of the reduction gives a model of so many modes; empty where all are kept."""
+        """The setting of the reduction that gives so many modes; empty if all are kept."""
         written = self.reduction
         if written is None:
             return f"give reduction: {{modes: {wanted}}}"
@@ -631,7 +631,7 @@ class Scenario(Schema):
         return total
 
     def listed(self, *keys: str) -> Iterator[Located]:
-        """What the scenario has in these lists, then what is listed in the bodies and in hinges under these keys."""
+        """Items of these lists of the scenario, then those of its bodies and hinges."""
         bodies, default = self.all_bodies, self.default_body
         lists: list[tuple[Path, str, Any]] = [((key,), default, getattr(self, key)) for key in keys]
         for name, body in bodies.items():
@@ -727,7 +727,7 @@ class Scenario(Schema):
         return self.probes or self._default_probes()
 
     def _default_probes(self) -> tuple[Probe, ...]:
-        """One at each snubber, on both places it acts between, else where bodies say."""
+        """A probe at each place on which a snubber acts, else the default probes of the bodies."""
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
         for _, body, snubber, _ in sorted(self.listed("snubbers"), key=lambda each: len(each.item.probed_places)):

@@ -51,7 +51,7 @@ LEAST_DATA = 10  # measured values of a number of which a distribution is made
 
 
 class _Parameter(Schema):
-    """What all varied parameters share."""
+    """Common part of all varied parameters."""
 
     path: q.Text
     """Path of the number or choice, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
@@ -184,7 +184,7 @@ MOST_CASES = 200_000
 
 
 class _ManyCases(Schema):
-    """What asks for many cases."""
+    """Common part of sections that ask for many cases."""
 
     section: ClassVar[str] = "vary"
 
@@ -202,7 +202,7 @@ class _ManyCases(Schema):
 
 
 class _Study(_ManyCases):
-    """What the kinds of studies share that judge cases."""
+    """Common part of studies that judge cases."""
 
     responses: tuple[q.Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
@@ -244,7 +244,7 @@ def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, at:
 
 
 class Tolerances(Schema):
-    """What manufacture leaves open: every case is solved as it is, and again for each of a sample of deviations."""
+    """Tolerances of manufacture: every case is solved as it is, and again for each of a sample of deviations."""
 
     samples: q.SteppedCount = 20
     """Number of deviations, a Latin-hypercube sample; it is the same for all cases."""
@@ -299,7 +299,7 @@ class Tolerances(Schema):
 
 
 class _ToleratedStudy(_Study):
-    """What the kinds of studies share that choose among cases."""
+    """Common part of studies that choose among cases."""
 
     tolerances: Tolerances | None = None
     """Deviations of each case, by which it is judged."""
@@ -626,7 +626,7 @@ def value_count(parameter: Any) -> int:
 
 
 def parameter_problems(scenario: Whole, parameters: Sequence[Any], at: Path) -> Problems:
-    """What is wrong with the parameters that a section lists at a path, each alone and with the others."""
+    """Problems of the parameters that a section lists at a path, each alone and with the others."""
     yield from listing_problems(parameters, at, lambda each: resolve_parameter(scenario, each).dependent_places)
 
 
@@ -705,7 +705,7 @@ def _check_range(parameter: RangedParameter | SampledRange, low: float, high: fl
 
 
 def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParameter:
-    """What each choice changes: where a scenario with these overrides differs from the one without."""
+    """Changes by each choice: where a scenario with these overrides differs from the one without."""
     written = {key: value for key, value in as_plain_data(scenario).items() if key not in _SECTIONS}
     as_it_is, choices = type(scenario).model_validate(written), dict[str, dict[Path, Any]]()
     for name, settings in catalogue.choices.items():

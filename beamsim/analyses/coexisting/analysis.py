@@ -322,7 +322,7 @@ def _result_of_starts(
 
 
 def _summary(marches: Marches, result: CoexistingResult, branches: Sequence[MeasuredBranch]) -> dict[str, Any]:
-    """What does not repeat a field of the result."""
+    """Entries of the summary that do not repeat a field of the result."""
     peaks = (
         {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in peaks_in(b)}
         for b in result.branches
@@ -395,7 +395,7 @@ class Destination(NamedTuple):
 
     @classmethod
     def of(cls, outcome: CaseOutcome) -> Destination:
-        """That of a start."""
+        """Destination of a start."""
         values: dict[str, Any] = {**outcome.values, "state": np.array(outcome.values["state"])}
         return cls(**values)
 
@@ -415,7 +415,7 @@ class OrbitSection(NamedTuple):
 
 @dataclass(frozen=True)
 class Marches:
-    """What workers compute of a scenario: starts and disturbances, each a case.
+    """Marches of a scenario that workers compute: from starts and after disturbances, each a case.
 
     Parameters
     ----------
@@ -441,7 +441,7 @@ class Marches:
 
     @cached_property
     def flow(self) -> PeriodicFlow:
-        """Of that structure at the first of these frequencies."""
+        """The flow of that structure at the first of these frequencies."""
         problem = of_kind(ForcedOrbits, self.model.problem(self.model.levels[0]))
         return problem.flow
 

@@ -99,7 +99,7 @@ def compare(
 
 
 def record_warnings(signal: MeasuredSignal) -> list[str]:
-    """What is doubtful about a measured signal; of an acceleration also an offset, which a run does not have."""
+    """Warnings about a measured signal; for an acceleration also about an offset, which a run does not have."""
     if signal.of_frequency or signal.unit != ACCELERATION.unit:
         return list(signal.warnings)
     return [*signal.warnings, *offset_warnings(signal, starts=False)]
@@ -284,7 +284,7 @@ def _harmonics(
 
 
 def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
-    """That of a history under a Hann window; one that was measured stays as it is."""
+    """Spectrum of a history under a Hann window; a measured spectrum stays as it is."""
     if signal.of_frequency:
         frequency, amplitude = signal.x, np.abs(signal.y)
         peak = float(amplitude.max())
@@ -550,7 +550,7 @@ def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choi
 
 
 def _dimensions(found: _Quantities) -> dict[str, Dimension]:
-    """Those of all quantities of a result, by name."""
+    """Dimensions of all quantities of a result, by name."""
     return {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
 
 
@@ -617,7 +617,7 @@ MOST_PANELS = 100_000  # of an oscillator, which takes seconds: longer records h
 def compare_records(
     predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
 ) -> RecordComparison | None:
-    """What two aligned records have in common while both last.
+    """Measures of likeness of two aligned records while both last.
 
     Parameters
     ----------

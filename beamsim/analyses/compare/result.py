@@ -464,7 +464,7 @@ class Comparison(Result):
 
     @property
     def assurance(self) -> Assurance | None:
-        """Of two channels of a sweep or more."""
+        """Assurance criteria of two or more channels of a sweep."""
         of = self.datasets.get("assurance")
         return None if of is None else Assurance(*(of[name].values for name in Assurance._fields))
 

@@ -144,7 +144,7 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
 def _with_record_starts(
     result: SweepResult, curve: SweepCurve, pairs: Sequence[tuple[str, str, MeasuredSignal]], tracking: Tracking
 ) -> Tracking:
-    """The same with the beginning of the curve in the records, checked; as it is where there are no histories."""
+    """The settings with the checked beginning of the curve in the records; unchanged without histories."""
     histories = [pair for pair in pairs if not pair[2].of_frequency]
     if not histories:
         if tracking != Tracking():

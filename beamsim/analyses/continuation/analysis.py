@@ -171,7 +171,7 @@ def _follow_levels(
 
 
 def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
-    """What is doubtful in a scenario, its system and the motions."""
+    """Warnings about a scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
     by_balance = isinstance(model.settings.method, HarmonicBalance)
     uncertified = by_balance and system.cubic is not None and system.dynamics.contacts.count
@@ -263,7 +263,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
 
 
 def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
-    """What was not followed or sought because of the method or a setting."""
+    """Outcomes for what was not followed or sought because of the method or a setting."""
     settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
     reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
@@ -363,7 +363,7 @@ def _branch_summary(result: ContinuationResult, branch: Dataset) -> dict[str, An
 
 
 def _highest(branches: Sequence[Dataset]) -> list[tuple[Dataset, str, Floats, int]]:
-    """Of every level and probe the highest point of all motions."""
+    """Highest point of all motions for every level and probe."""
     highest = []
     for level in dict.fromkeys(repr(b["level"].item()) for b in branches):
         at_level = [(b, b.by_label("peak_displacement")) for b in branches if repr(b["level"].item()) == level]

@@ -93,7 +93,7 @@ class TwoParameterCurve:
         return self.flow_at(point.u)[0], point.data
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
-        """As the shooting problem's; the further equation has the scale one."""
+        """Scales of the shooting problem; the additional equation has scale 1."""
         scale, residual = self.orbits.scale(u[:-1])
         return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
 

@@ -130,7 +130,7 @@ def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
 
 
 def _datasets(found: list[_Expansion], probes: list[str], level_unit: str) -> dict[str, Dataset]:
-    """What was found at each level."""
+    """Datasets of the results at each level."""
 
     def joined(name: str) -> Any:
         return np.concatenate([getattr(each, name) for each in found])
@@ -279,7 +279,7 @@ def _compare(
 def _difference(
     system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion, factor: float
 ) -> tuple[float, float, bool] | None:
-    """Of both orders at one factor; None where no exact motion is near."""
+    """Differences of both orders at one factor; None if no exact motion is near."""
     none, n = np.zeros(1), system.dynamics.size
     omega = resonant.omega + factor * motion.sigma
     load = np.array(factor * resonant.load[None, :], dtype=np.complex128)

@@ -159,7 +159,7 @@ def _profiles(scenario: Scenario, profiles: Sequence[tuple[str, ProfileLikelihoo
 
 
 def _summary(modes: Mapping[str, ComparedModes]) -> dict[str, list[float]]:
-    """What the summary has of natural frequencies."""
+    """Entries of the summary about natural frequencies."""
     summary = {}
     for name, each in modes.items():
         word = name.partition("_")[0]
@@ -171,7 +171,7 @@ def _summary(modes: Mapping[str, ComparedModes]) -> dict[str, list[float]]:
 
 
 def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
-    """What is left out of the modes."""
+    """Modes that are left out."""
     others = [s.name for s in scenario.all_snubbers if s.name != snubber]
     if others:
         yield f"the natural frequencies are those with the other snubbers ({', '.join(others)}) open"

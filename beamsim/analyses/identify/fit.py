@@ -140,7 +140,7 @@ class ParameterEstimate(NamedTuple):
     at_bound: bool
 
     def summary(self) -> dict[str, Any]:
-        """What the summary has of it."""
+        """Its entries in the summary."""
         return {
             "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
             "interval": list(self.interval),
@@ -205,7 +205,7 @@ class Fit:
         self._least: LeastSquares | None = None  # of all that was evaluated
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
-        """Those of the measurements, then those of the priors; `differencing` as for the measurements."""
+        """Residuals of the measurements, then of the priors; `differencing` as for the measurements."""
         if self._last is None or not np.array_equal(self._last[0], x):  # a derivative is asked for where they were
             self.evaluations += 1
             priors = [

@@ -79,7 +79,7 @@ class Prediction:
     touching: bool  # whether contact is made and lost
 
     def extremes(self, quantity: str) -> Extrema:
-        """Those of a quantity of every snubber."""
+        """Extremes of a quantity of every snubber."""
         channels = self.system.channels.of_keys(("snubbers", quantity))
         return channel_extrema(self.motion, channels)
 
@@ -94,7 +94,7 @@ class TestComparison(NamedTuple):
 
 
 class Misfit(NamedTuple):
-    """What a test has of the misfit, and the interval of its delay."""
+    """Share of a test in the misfit, and the interval of its delay."""
 
     misfit: float
     without: float  # the misfit of a fit to the other tests alone
@@ -432,7 +432,7 @@ class _Curve:
         return points if (points[-1].parameter - points[0].parameter) * self.way > 0 else points[::-1]
 
     def heights(self, point: BranchPoint) -> Floats:
-        """Of each measured peak."""
+        """Heights of the measured peaks."""
         return self.measurement.of_flow_map(*self.orbits.cycle(point)).peak[list(self.channels)]
 
     def moved(self, point: BranchPoint, distance: float) -> BranchPoint:

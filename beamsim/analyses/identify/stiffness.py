@@ -114,7 +114,7 @@ BRACKET_MARGIN = 1e-6  # relative: keeps a minimum at a bound (other modes have 
 
 
 def _fit_between(modes: FittedModes, low: float, high: float) -> float:
-    """The same of several modes that ask for stiffnesses between two, N/m."""
+    """Fit of several modes that give stiffnesses between two values, N/m."""
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
     lowest, highest = modes.range
     low, high = max(low * (1 - BRACKET_MARGIN), lowest), min(high * (1 + BRACKET_MARGIN), highest)
@@ -444,7 +444,7 @@ def sensitivities(
 def permanent_contact(
     scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: Dataset | None
 ) -> tuple[Findings, dict[Path, object]]:
-    """What frequencies with permanent contact say.
+    """Findings from frequencies with permanent contact.
 
     Parameters
     ----------

@@ -331,7 +331,7 @@ class _Steady(Test):
 
     @property
     def omega(self) -> float:
-        """Of the first harmonic of the motion, rad/s."""
+        """Angular frequency of the first harmonic of the motion, rad/s."""
         return 2 * np.pi * self.frequency_hz / self.multiple
 
     def case(self, scenario: Scenario) -> Scenario:
@@ -621,7 +621,7 @@ class _Vibrations:
 
 
 def _rows(tests: Sequence[AnyTest]) -> list[slice]:
-    """Those of each test in the residuals of all."""
+    """Rows of each test in the residuals of all tests."""
     ends = np.cumsum([0, *(test.size for test in tests)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
@@ -665,7 +665,7 @@ def _with_fit_noise(tests: Sequence[AnyTest], residuals: Floats, parameters: int
 
 
 def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedom: int) -> list[Misfit]:
-    """What each test has of the misfit.
+    """Share of each test in the misfit.
 
     Without the rows i of a linear problem the sum of squares is less by ``r_i (1 - H_ii)^-1 r_i``, with the projection
     ``H = J (J' J)^-1 J'`` (R. D. Cook, S. Weisberg, Residuals and influence in regression, 1982).

@@ -168,7 +168,7 @@ class _MethodResults:
 
 
 def _settings(scenario: Scenario, compare: Collection[str]) -> NonlinearMode:
-    """What is asked for, which can be compared so; raises as `nnm`."""
+    """The settings in a form that can be compared; raises as `nnm`."""
     settings = scenario.nnm
     if settings is None:
         raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")

@@ -428,7 +428,7 @@ def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMet
 def _errors_against_exact(
     orbits: BrakeOrbits, steps: Sequence[RelaxedStep], exact: Sequence[BranchPoint | None]
 ) -> tuple[Floats, list[str], Bools]:
-    """How steps of relaxed minimisation lie to exact motions.
+    """Differences of steps of relaxed minimisation from exact motions.
 
     Parameters
     ----------
@@ -462,6 +462,6 @@ def _errors_against_exact(
 
 
 def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:
-    """Of two shapes at rest, relative to the second, in the norm of the linear strain energy."""
+    """Distance of two shapes at rest, relative to the second, in the norm of the linear strain energy."""
     w = orbits.family.omega
     return float(np.linalg.norm(w * (shape - other)) / max(float(np.linalg.norm(w * other)), TINY))

@@ -182,7 +182,7 @@ def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
 
 
 def _values_by_level(motions: Sequence[UncontrolledMotion | None]) -> dict[str, Any]:
-    """What is known of held motions level by level; NaN where there is none."""
+    """Values of the motions at phase resonance, level by level; NaN if there is none."""
     known = next(each for each in motions if each is not None)
     values: dict[str, Any] = {}
     for name in ("departure", "instants", "shapes", "mode_shapes"):
@@ -231,7 +231,7 @@ class _BackboneMotion:
 
 @dataclass(frozen=True)
 class _Levels:
-    """What all levels share."""
+    """Common data of all levels."""
 
     orbits: BrakeOrbits
     points: Sequence[BranchPoint]
@@ -273,12 +273,12 @@ class _Levels:
 
     @cached_property
     def free(self) -> Measurement:
-        """Of the probes' displacements in free motions."""
+        """Displacements of the probes in free motions."""
         return Measurement(self.damped, None, self.damped.channels.of_keys(DISPLACEMENT))
 
     @cached_property
     def forced(self) -> Measurement:
-        """The same in forced motions."""
+        """Displacements of the probes in forced motions."""
         return Measurement(self.damped, self.excitation, self.free.channels)
 
     def amplitudes(self, motion: _BackboneMotion) -> Floats:

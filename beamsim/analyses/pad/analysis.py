@@ -53,7 +53,7 @@ class PadNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class KnownPad:
-    """What is known of a pad, in SI units: its material and size, or a measured curve."""
+    """Given data of a pad, in SI units: its material and size, or a measured curve."""
 
     modulus: float | None = None  # Pa, Young's modulus of the material
     shape_factor: float = 0.0  # see the module's equations

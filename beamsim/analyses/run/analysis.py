@@ -190,7 +190,7 @@ def _build(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Structur
 
 
 def _warnings(motion: RunMotion) -> list[str]:
-    """What is doubtful in a scenario, its system and the motion."""
+    """Warnings about a scenario, its system and the motion."""
     system, scenario = motion.system, motion.system.scenario
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
     snubbers = [snubber.name for snubber in system.snubbers]

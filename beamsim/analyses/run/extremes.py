@@ -32,7 +32,7 @@ MOST_RIVALS = 500  # extremes that compete for a value, the largest ones
 
 
 class Variation(NamedTuple):
-    """What a number of the scenario changes: see `sensitivities_of`."""
+    """Effect of a change of one number of the scenario: see `sensitivities_of`."""
 
     rates: Differences
     rows: dict[FlowOutputs, Floats]  # of the channels, of the systems on both sides
@@ -80,7 +80,7 @@ class Contest(NamedTuple):
 
 
 class Contenders(NamedTuple):
-    """What a value is and how it changes with P numbers where each of k extremes decides; the first one does."""
+    """A value and its derivatives by P numbers for each of k extremes that may decide it; the first one does."""
 
     name: str  # as studies name it
     unit: str
@@ -194,7 +194,7 @@ class LocalExtremes:
         return values
 
     def distance(self, miss: Peak) -> float:
-        """That of an open contact where it is near, m; as far as round-off tells where it just touches."""
+        """Distance of an open contact, m, at its nearest; the round-off of it where the contact just touches."""
         opening = self.output(miss.row, miss.segment, miss.time)[0]
         return float(max(abs(opening), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
 

@@ -89,7 +89,7 @@ def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:
 
 
 def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
-    """What the nonlinear springs are and do."""
+    """Datasets of the nonlinear springs: their properties and histories."""
     return {
         "spring": [spring.name for spring in springs],
         "spring_kind": [spring.kind for spring in springs],
@@ -107,7 +107,7 @@ def _numbers_or_none(values: Sequence[float | None]) -> Floats | None:
 
 
 def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
-    """What the probes measure; the base has displacements (nt,), m."""
+    """Histories of the probes; the base has displacements (nt,), m."""
     system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
     bodies = system.scenario.bodies_of_places["probes"] if len(system.scenario.all_bodies) > 1 else {}
     return {
@@ -124,7 +124,7 @@ def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[st
 
 
 def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
-    """What the snubbers are and do."""
+    """Datasets of the snubbers: their properties and histories."""
     system, snubbers = motion.system, motion.system.snubbers
     bodies = system.scenario.bodies_of_places["snubbers"] if len(system.scenario.all_bodies) > 1 else {}
     described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
@@ -161,7 +161,7 @@ def _residual_crush(motion: RunMotion) -> dict[int, float]:
 
 
 def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
-    """Of each friction contact what `sliding_values` returns, as far as it is known."""
+    """Results of `sliding_values` for each friction contact, as far as they are known."""
     system, scenario = motion.system, motion.system.scenario
     contacts = [each.item for each in scenario.listed("friction")]
     unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
@@ -174,7 +174,7 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What friction contacts are and do; ``sliding`` is what is known of it, see `_sliding`."""
+    """Datasets of friction contacts: their properties and histories; ``sliding`` is from `_sliding`."""
     system = motion.system
     contacts, number = [each.item for each in system.scenario.listed("friction")], system.friction_contacts
     slides = [of.get("slides") for of in sliding]

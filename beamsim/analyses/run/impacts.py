@@ -339,7 +339,7 @@ def _statistics(span: tuple[float, float], every: _Impacts, counted: _Impacts) -
 
 
 def _restitution(impacts: _Impacts) -> float:
-    """Of impacts that are whole."""
+    """Coefficients of restitution of complete impacts."""
     whole = ~impacts.cut
     before, after = (float(np.sum(v[whole] ** 2)) for v in (impacts.approach_speed, impacts.separation_speed))
     return float(np.sqrt(after / before)) if before > 0.0 else float("nan")
@@ -429,7 +429,7 @@ def jackknife(blocks: Sums, estimators: Mapping[str, Callable[[Sums], Floats]]) 
 def sliding_values(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
-    """What friction contacts did in a motion, as fields of their histories.
+    """Sliding of friction contacts in a motion, as fields of their histories.
 
     Parameters
     ----------

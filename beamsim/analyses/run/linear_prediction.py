@@ -144,7 +144,7 @@ def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | N
 
 
 def _names(system: StructuralSystem) -> list[tuple[str, str]]:
-    """Of the responses in order."""
+    """Names of the responses in order."""
     names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
     return names + [(snubber.name, quantity) for quantity in ("force", "penetration") for snubber in system.snubbers]
 
@@ -323,7 +323,7 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Ext
 
 
 def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
-    """How many standard deviations of the stationary linear motion contact withstands."""
+    """Number of standard deviations of the stationary linear motion at which contact changes."""
     driven = linear_input(system)
     if driven is None:
         return {}

@@ -112,7 +112,7 @@ class Needed:
 
     @classmethod
     def of(cls, scenario: Scenario, entries: Collection[str]) -> Self:
-        """What some entries of the summary take, and the limits and settings of the scenario.
+        """The parts that some entries of the summary, the limits and the settings of a scenario need.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ MOTION_ALONE = Needed(derived=False, every_station=False)
 
 @dataclass
 class Evaluation:
-    """What is derived from a motion, one step after the other; after an interruption the others are left out.
+    """Evaluation of a motion step by step; after an interruption the remaining steps are left out.
 
     Parameters
     ----------
@@ -462,7 +462,7 @@ class _LatestPart:
         self._chunks = [each for each in self._chunks if each.end > chunk.end - self.length_s] + [chunk]
 
     def fields(self, march: MotionInChunks, settings: Run) -> dict[str, Any]:
-        """What of the result of a march and its settings depends on the part."""
+        """Fields of the result of a march that depend on the part."""
         return {"compared_s": self.compared_s, "warnings": (_memory_note(march, settings, self),)}
 
     @property
@@ -476,7 +476,7 @@ class _LatestPart:
 def _longer(
     system: StructuralSystem, settings: Run, times: Floats, needed: Needed, stop: Stop
 ) -> tuple[ImpactObserver | None, StressObserver | None, PlateStress | None]:
-    """What is taken of the chunks that takes longer than the values of the motion itself."""
+    """Observers of chunks that take longer than the values of the motion itself."""
     everything, plates = needed.entries is None, any(body.moments == len(COMPONENTS) for body in system.bodies)
     return (
         ImpactObserver(system, stop) if everything and settings.impacts is not None else None,
@@ -486,7 +486,7 @@ def _longer(
 
 
 def _memory_note(march: MotionInChunks, settings: Run, latest: _LatestPart) -> str:
-    """What becomes of a motion that does not fit into the memory, and of its last part there are spectra."""
+    """A note that a motion exceeds the memory, and that spectra are of its last part."""
     kept = f"the motion is kept {march.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if march.outcome.interrupted:
         return kept
@@ -521,7 +521,7 @@ Computed = tuple[tuple[Floats, EnergyHistory, float], dict[Key, Extreme], LowPas
 
 
 class ChunkValues:
-    """What a run reports of a motion that is given chunk by chunk: peaks, states at them, and energy balance.
+    """Reported values of a motion, collected chunk by chunk: peaks, states at peaks, energy balance.
 
     Parameters
     ----------
@@ -559,7 +559,7 @@ class ChunkValues:
         return energies, found, low
 
     def computed_of_beginning(self, chunk: Trajectory) -> tuple[Trajectory, Computed]:
-        """As much of the next chunk as is evaluated in `KEPT_S`, and its values."""
+        """The part of the next chunk that can be evaluated in `KEPT_S`, and its values."""
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
             part = chunk.select(slice(0, segments))

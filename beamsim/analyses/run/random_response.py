@@ -574,7 +574,7 @@ def _known(value: float | None) -> bool:
 
 
 def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
-    """What a margin says of one signal, whose largest value in the test is known."""
+    """Margin of one signal whose largest value in the test is known."""
     rests = not _known(signal.get(EXPECTED[0]))  # at what it reached
     still = max(abs(float(signal["highest"])), abs(float(signal["lowest"])))
     median, low, high = (still if rests else float(signal[name]) for name in EXPECTED)

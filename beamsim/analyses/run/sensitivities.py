@@ -242,7 +242,7 @@ def _reaches_of_number(
 
 
 def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
-    """What limits the derivatives by a number.
+    """Reasons why the derivatives by a number hold only within a range.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
 def _variation_of_number(
     scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
 ) -> tuple[Variation, Variation]:
-    """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
+    """Effect of a number, from systems built on both sides of its value, or on one side alone.
 
     Parameters
     ----------

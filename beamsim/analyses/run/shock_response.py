@@ -88,7 +88,7 @@ def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
 
 
 def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
-    """What the excitation moves along a line, the base first: name and quantity, and accelerations with their factors.
+    """Inputs that move along a line, the base first: name and quantity, accelerations with their factors.
 
     A support moves with the base and against it.
     """

@@ -68,7 +68,7 @@ def is_at_rest(name: str, quantity: str, values: Mapping[str, Any]) -> bool:
 
 
 class Label(NamedTuple):
-    """Of which signal a spectrum is."""
+    """Signal to which a spectrum belongs."""
 
     name: str  # of the probe or output
     quantity: str

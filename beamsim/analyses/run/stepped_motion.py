@@ -160,7 +160,7 @@ class SteppedOutputs:
         )
 
     def extremes(self, trajectory: ReferenceTrajectory) -> dict[Key, Extreme]:
-        """Of the continuous motion; of a motion without length those of its start."""
+        """Extremes of the continuous motion; of a motion of zero length those of its start."""
         channels = self.searched.channels
         if self.dense.found is not None:
             of_all = tuple(self.dense.found)

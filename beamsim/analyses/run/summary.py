@@ -110,7 +110,7 @@ def spectral_lines(spectra: Dataset) -> list[dict[str, Any]]:
 
 
 def unresolved_lines(spectra: Dataset) -> list[dict[str, Any]]:
-    """Those that are no steady lines, for the summary."""
+    """Lines that are not steady, for the summary."""
     columns, resolution_hz = ("frequency_hz", "remainder", "separating_duration_s"), spectra["resolution_hz"].item()
     return [
         of | {"frequency_hz": f, "remainder": left, "resolution_hz": resolution_hz, "separating_duration_s": duration_s}
@@ -281,7 +281,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 def summary_of_run(
     motion: RunMotion, values: Mapping[str, Any], spectra: Dataset | None, needed: Needed, evaluation: Evaluation
 ) -> dict[str, Any]:
-    """What does not repeat a field of the result.
+    """Entries of the summary that do not repeat a field of the result.
 
     Parameters
     ----------
@@ -375,7 +375,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
 
 
 def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
-    """The same of a motion under an excitation that is no sine; empty where it does not start at equilibrium."""
+    """First change of contact under an excitation that is not a sine; empty without a start at equilibrium."""
     scenario, excitation = motion.system.scenario, motion.system.scenario.excitation
     if isinstance(excitation, RandomInput):
         return gapping_of_random(motion.system)

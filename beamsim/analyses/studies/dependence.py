@@ -89,7 +89,7 @@ def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParamete
 
 
 def _sampled(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
-    """That of samples beyond the limit, with intervals from their scatter."""
+    """Dependence from samples beyond the limit, with intervals from their scatter."""
     failures = of.failures
     if of.origin.blends[0][0][0]:  # with random processes the mean of what fails stands for the nearest point
         points = (failures.weights @ failures.points.u / failures.weights.sum())[None]
@@ -155,7 +155,7 @@ def _doubling(ratio: Callable[[float], float], sign: float) -> float:
 
 
 def _beyond_a_plane(scatter: Scatter, point: Floats, of: Estimator) -> dict[str, Floats]:
-    """That of everything beyond the plane that touches the limit state at a point; without intervals."""
+    """Dependence from the half-space beyond the plane tangent to the limit state at a point; no intervals."""
     from scipy.stats import norm
 
     index, count = float(norm.isf(of.estimate.probability)), len(scatter.numbers)

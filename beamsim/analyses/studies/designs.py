@@ -152,7 +152,7 @@ class Designs:
 
     @property
     def exhausted(self) -> bool:
-        """Whether there is no other design."""
+        """True if all designs have been tried."""
         counts = [len(p.values) or (p.high - p.low + 1.0 if p.whole else np.inf) for p in self.plan.study.varied]
         return len(self.points) >= float(np.prod(counts))
 

@@ -33,7 +33,7 @@ RARE = 0.1  # probability above which nothing is rare
 
 
 class Round(NamedTuple):
-    """What is known of the probability after some histories."""
+    """Estimate of the probability after some histories."""
 
     histories: int
     level: float  # 1 - value / limit that is counted as exceeded; 0 is the limit itself
@@ -176,7 +176,7 @@ def monte_carlo(of: Estimator, *known: tuple[sampling.Points, Floats]) -> None:
 
 
 def form(of: Estimator) -> None:
-    """What is beyond the plane that touches the limit state where it is nearest to the medians."""
+    """First-order estimate: probability beyond the plane tangent to the limit state at its nearest point."""
     from scipy.special import ndtr
 
     safe = float(of(of.origin)[0]) > 0.0

@@ -16,7 +16,7 @@ from beamsim.typing import Floats, Ints
 
 
 class Objective(NamedTuple):
-    """What makes a case better than another."""
+    """An objective: the value by which cases are compared."""
 
     # quantities, whose worst place counts, or names of responses, by value that counts as one where they are added up;
     # none: the smallest margin
@@ -25,7 +25,7 @@ class Objective(NamedTuple):
 
     @property
     def sign(self) -> float:
-        """By which a value is multiplied so that small ones are better."""
+        """Factor of a value, 1 or -1, so that smaller is better."""
         return -1.0 if self.largest else 1.0
 
     @property
@@ -35,12 +35,12 @@ class Objective(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What is to be large or small."""
+        """Label of the value that is to be large or small."""
         return " + ".join(name.replace("/", " ").replace("_", " ") for name, _ in self.terms) or "margin"
 
     @property
     def name(self) -> str:
-        """Of its values in a result."""
+        """Name of its values in a result."""
         return self.label.replace(" ", "_")
 
     def of(self, responses: Mapping[str, Floats]) -> Floats | None:
@@ -71,7 +71,7 @@ class Objective(NamedTuple):
 
 
 def objectives(scenario: Scenario) -> tuple[Objective, ...]:
-    """What a study asks for, one or two; without that the smallest margin of a case shall be large.
+    """Objectives of a study, one or two; by default the smallest margin of a case, which shall be large.
 
     Raises
     ------

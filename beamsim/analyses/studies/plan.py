@@ -56,7 +56,7 @@ class Realisations:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Realisations:
-        """What a scenario with ``vary`` asks for."""
+        """The plan of a scenario with ``vary``."""
         asked = tolerances_of(scenario)
         if asked is None:
             return cls()
@@ -128,7 +128,7 @@ class ParameterColumn(NamedTuple):
 
 @dataclass(frozen=True)
 class Study:
-    """What the cases of a study share."""
+    """Common data of the cases of a study."""
 
     analysis: str
     case: Scenario  # as it was written

@@ -40,7 +40,7 @@ class Points(NamedTuple):
     blends: NDArray[np.object_]  # (n,) of `Blend`
 
     def select(self, which: Any) -> Points:
-        """Those with these numbers, or where it is true."""
+        """A selection of the points, by numbers or by a mask."""
         return Points(self.u[which], self.blends[which])
 
 
@@ -81,7 +81,7 @@ def average(terms: Sequence[Floats]) -> Estimate:
 
 
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:
-    """That of independent estimates, where each is as sure as the others.
+    """Mean of independent estimates of equal weight.
 
     From four of them on their own scatter counts if it is larger than what they state.
     """

@@ -221,7 +221,7 @@ def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -
 
 
 def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
-    """What the summary says of limits and objectives."""
+    """Entries of the summary about limits and objectives."""
     plan, values, best = table.plan, table.aims[0][1], table.best
     worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
     first: list[dict[str, Any]] = []
@@ -470,7 +470,7 @@ def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dic
 
 
 def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
-    """What the choice of a case and the indices lack."""
+    """Warnings about the choice of a case and about sensitivity indices."""
     objective = table.aims[0][0]
     if table.unknown_aim and table.every_response:
         key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
@@ -497,7 +497,7 @@ def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[st
 
 
 def _about_seeds(plan: StudyPlan) -> list[str]:
-    """What the scatter between the seeds of a random input means."""
+    """A note on the scatter between the seeds of a random input."""
     inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
     amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # of random inputs alone
     if not amplitudes:

@@ -102,7 +102,7 @@ class StudyTable:
 
     @cached_property
     def _at(self) -> dict[int, int]:
-        """By index of an outcome its place in the order."""
+        """Position of each outcome in the order, by its index."""
         return {index: place for place, index in enumerate(self.order.tolist())}
 
     def case_of(self, index: int) -> int:
@@ -110,7 +110,7 @@ class StudyTable:
         return self.outcomes[index].within if self.outcomes[index].deviations else index // self.count
 
     def outcome(self, case: int, realisation: int) -> CaseOutcome:
-        """One of those of a case."""
+        """One outcome of a case."""
         return self.outcomes[int(self.order[self.places[case, realisation]])]
 
     # Responses and outcomes
@@ -137,14 +137,14 @@ class StudyTable:
         return {name: column[:, 0] for name, column in self.responses.items()}
 
     def fulfils(self, condition: Callable[[CaseOutcome], bool]) -> Bools:
-        """Where the outcome is known and fulfils a condition."""
+        """(cases,) True where the outcome is known and fulfils a condition."""
         holds = np.zeros(self.order.size, dtype=bool)
         holds[[self._at[index] for index, outcome in self.outcomes.items() if condition(outcome)]] = True
         return np.asarray(holds[self.places])
 
     @cached_property
     def known(self) -> Bools:
-        """What is known, whether it is solved or failed."""
+        """(cases,) True where the outcome is known, solved or failed."""
         return self.fulfils(lambda _: True)
 
     @cached_property
@@ -379,7 +379,7 @@ def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable
 
 
 def costs(plan: StudyPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
-    """What a search makes small, and by how much limits are exceeded.
+    """Objectives, which a search minimises, and by how much limits are exceeded.
 
     Parameters
     ----------

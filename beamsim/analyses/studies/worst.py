@@ -50,7 +50,7 @@ class Judge(NamedTuple):
 
 
 def judges_of(plan: StudyPlan) -> list[Judge]:
-    """What judges the cases of a study: every limit and every objective that is made of responses."""
+    """The judges of a study: every limit, and every objective that is made of responses."""
     found = list[Judge]()
     for name in {} if plan.scenario.limits is None else plan.scenario.limits.values_by_name:
 
@@ -195,12 +195,12 @@ class WorstSearch:
         return int(np.argmin(np.where(allowed & np.isfinite(cost), cost, np.inf)))
 
     def _missing(self, case: int) -> list[Point]:
-        """Where others are worst and a case is not solved."""
+        """Points that are worst for other cases and not solved for this one."""
         solved = {of.deviations for of in self.evaluate.further.values() if of.within == case}
         return [point for point in self.critical if point not in solved]
 
     def _points(self, case: int) -> _Points:
-        """What is known of a case: its sample and its further realisations."""
+        """Solved points of a case: its sample and its further realisations."""
         realisations, outcomes = self.plan.study.realisations, self.evaluate.outcomes
         known = {
             tuple(map(float, deviations)): outcomes[case * realisations.count + r]

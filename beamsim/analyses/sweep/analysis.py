@@ -323,7 +323,7 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
 
 
 def _summary(result: SweepResult) -> dict[str, Any]:
-    """What the summary says of the datasets of a result."""
+    """Entries of the summary that follow from the datasets of a result."""
     scenario, curves, levels = result.scenario, result.curves, result["levels"]
     contact, correction = _gapping(scenario, result["linear"], curves), _largest_correction(levels)
     found = [
@@ -486,7 +486,7 @@ def _gap(curve: SweepCurve, snubber: str) -> Floats:
 
 
 def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:
-    """What is asked for and not given: energies, and limits on these and on accelerations that are left out."""
+    """Requests that a sweep does not follow: energies, and limits on energies and accelerations left out."""
     for output in system.outputs:
         if output.squared:
             remedy = "use `beamsim run` or kind: continuation"

@@ -35,13 +35,13 @@ class SinePhase:
 
     @classmethod
     def of_windows(cls, windows: SweepWindows) -> SinePhase:
-        """That of a swept sine."""
+        """The record of cycles of a swept sine."""
         middle = windows.start + 0.5 * windows.length
         return cls(windows.start, middle, windows.omega, windows.cycle, windows.fraction, windows.deviation)
 
     @classmethod
     def constant(cls, omega: float) -> SinePhase:
-        """That of a sine of one frequency, from t = 0 on."""
+        """The record of cycles of a sine of one frequency, from t = 0."""
         zero, none = np.zeros(1), np.zeros(1, dtype=np.int64)
         return cls(zero, zero, np.array([omega]), none, zero, zero[None])
 
@@ -111,15 +111,15 @@ class CycleRecord:
 
     @classmethod
     def joined(cls, parts: Sequence[CycleRecord]) -> CycleRecord:
-        """Those of cycles that follow each other."""
+        """Several records of cycles that follow each other, as one."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
     def select(self, which: Ints | slice) -> CycleRecord:
-        """Those of some of the cycles."""
+        """The record of some of the cycles."""
         return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
 
     def merged(self) -> CycleRecord:
-        """One row for all of them."""
+        """One row for all cycles together."""
         weight = self.duration / self.duration.sum()
         return CycleRecord(
             high=self.high.max(axis=0, keepdims=True),

@@ -18,7 +18,7 @@ UNITS = {value.quantity: value.unit for value in reversed(VALUES) if value.in_sw
 
 
 def _statistics(quantity: str) -> dict[str, Variable]:
-    """What is known of a quantity in every cycle; none of it where a sweep leaves the quantity out."""
+    """Variables of a quantity in every cycle; empty if a sweep leaves the quantity out."""
     place, unit, name = (FOLLOWED[quantity],), UNITS[quantity], quantity.replace("_", " ")
     each, harmonics = place + _CYCLE, (*place, "order", *_CYCLE)
     return {

@@ -84,7 +84,7 @@ class SweepLevel:
 
     @property
     def quantity(self) -> str:
-        """What is prescribed."""
+        """The prescribed quantity."""
         return self.system.scenario.sine.quantity or "acceleration"
 
     @property
@@ -94,7 +94,7 @@ class SweepLevel:
 
     @cached_property
     def channels(self) -> ChannelSet:
-        """Those whose extremes, means and harmonics are asked for."""
+        """Channels whose extremes, means and harmonics are evaluated."""
         asked = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in self.limited}
         if not self.settings.accelerations:
             asked.discard(ACCELERATION)
@@ -211,7 +211,7 @@ class SweepLevel:
         return columns
 
     def _jumps(self, record: CycleRecord, time: Floats) -> dict[str, Any]:
-        """What jumps of contact forces make of accelerations (k, C)."""
+        """Jumps of accelerations (k, C) that follow from jumps of contact forces."""
         system, waves = self.system, Waves.of(self.system)
         of_contacts = [force for force in system.jumping_forces if force.contact >= 0]
         jumps = [ForceJumps(force, time, *record.jumps[:, :, force.contact].T) for force in of_contacts]
@@ -231,7 +231,7 @@ class SweepLevel:
         return {name: largest(of) for name, of in named.items() if of}
 
     def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
-        """What the outputs are, and their extremes, means and harmonics."""
+        """Outputs with their extremes, means and harmonics."""
         outputs = [(c, k) for c, k in self.channels.located if c.section == "outputs"]
         if not outputs:
             return {}
