@@ -328,12 +328,22 @@ def _changes_of_stability(step: BranchStep[OrbitProblem]) -> Iterator[SpecialPoi
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
     if change[1:].any():
-        point = _vanishes(step, _turning)
+        if change[1] == change[2]:  # by the pair's own size: the product vanishes at real pairs of product 1 as well
+            at = int(min(before[1], after[1]))
+            point = step.locate(lambda p: _size_of_complex(problem.multipliers(p), at) - 1.0)
+        else:
+            point = _vanishes(step, _turning)
         if point is not None:
             mu = problem.multipliers(point)
             circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
             if np.any(circle & (np.abs(mu.imag) > 0.1 * AT_BOUNDARY)):
                 yield SpecialPoint("neimark_sacker", point.parameter, point)
+
+
+def _size_of_complex(mu: Complexes, number: int) -> float:
+    """Modulus of the complex multiplier of a number, by size from 0 on; 0 of none."""
+    size = np.sort(np.abs(mu[_complex(mu)]))[::-1]
+    return float(size[number]) if size.size > number else 0.0
 
 
 def _outside_unit_circle(mu: Complexes, number: int) -> float:
