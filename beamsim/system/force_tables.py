@@ -130,7 +130,7 @@ def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableO
 
 
 LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
-SMALL_OFFSET = 0.01  # of the largest force, that is remarked on
+SMALL_OFFSET, FEWEST_FOR_OFFSET = 0.01, 8  # of the largest force, that is remarked on; of deflections that tell it
 NO_FORCE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
 POOR_FIT = 0.05  # misfit over the largest force, beyond which more segments are advised
 LIMITED_ROWS, LIMITED_TRAVEL = 3, 0.1  # at exactly the largest force: rows, and share of the largest deflection
@@ -177,14 +177,15 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
     if not late and abs(at_zero) > LARGEST_OFFSET * largest:
         message = f"has an offset: its force is {at_zero:.3g} N at zero deflection"
         raise InputFileError(message, REMEDY_OF_OFFSET.format("force or deflection"))
-    remarks = [] if late else _small_offset(at_zero, largest)
+    width = loop_width(deflection, force)
+    remarks = [] if late or width > LOOP else _small_offset(x, y, at_zero)
     if free := free_travel(curve):
         remarks.append(
             f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
             f"{REMEDY_OF_OFFSET.format('deflection')}"
         )
     remarks += _limited(x, y)
-    if misfit > (POOR_FIT + 0.5 * loop_width(deflection, force)) * largest:
+    if misfit > (POOR_FIT + 0.5 * width) * largest:
         more = 2 * segments + 1
         if (finer := fit_curve(deflection, force, more)[1]) < 0.5 * misfit:
             remarks.append(
@@ -194,9 +195,19 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
     return FittedForces(curve, misfit, tuple(remarks))
 
 
-def _small_offset(at_zero: float, largest: float) -> list[str]:
-    """A remark on a force at zero deflection, N, of more than 1 % of the largest one."""
-    if abs(at_zero) <= SMALL_OFFSET * largest:
+def _small_offset(x: Floats, y: Floats, at_zero: float) -> list[str]:
+    """A remark on a force at zero deflection, N, of more than 1 % of the largest one, that is none of its scatter.
+
+    Parameters
+    ----------
+    x, y : (p,) increasing deflections, m, and forces, N.
+    at_zero : the force there.
+    """
+    first, largest = x <= 0.5 * x[-1], float(y.max())
+    if abs(at_zero) <= SMALL_OFFSET * largest or np.unique(x[first]).size < FEWEST_FOR_OFFSET:
+        return []
+    parabola, covariance = np.polyfit(x[first] / x[-1], y[first] / largest, 2, cov=True)
+    if abs(parabola[2]) < SMALL_OFFSET + 3.0 * np.sqrt(covariance[2, 2]) or parabola[2] * at_zero < 0.0:
         return []
     return [
         f"the force is {at_zero:.3g} N at zero deflection, {100 * abs(at_zero) / largest:.2g} % of the largest one, "
