@@ -75,7 +75,7 @@ def _elements(path: Path, raw: bytes, order: str) -> Iterator[bytes]:
     at, left = _HEADER, free_memory() / 3.0  # for the elements, their copy and the arrays
     while at < len(raw):
         if at + 8 > len(raw):
-            raise ValueError(f"its last {len(raw) - at} bytes are no element")
+            raise ValueError(f"its last {len(raw) - at} bytes are not an element")
         kind, size = struct.unpack_from(f"{order}2I", raw, at)
         if kind not in (_MATRIX, _COMPRESSED):
             raise ValueError(f"an element has the unknown type {kind}")

@@ -125,7 +125,7 @@ def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool
         If it cannot be written.
     """
     if path.suffix.lower() not in ("", ".yaml", ".yml"):
-        raise ScenarioError(f"{path} is no name of a scenario; give one that ends with .yaml")
+        raise ScenarioError(f"{path} is not a name of a scenario; give one that ends with .yaml")
     if path.exists() and not force:
         raise ScenarioError(f"{path} already exists; choose another name, or use --force to replace it")
     schema = path.with_name(SCHEMA)

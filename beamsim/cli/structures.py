@@ -64,7 +64,7 @@ def export(options: CommandOptions, body: str | None, modes: int | None, units: 
     """
     case, output = options.case, options.output
     if units not in SYSTEMS:
-        problem = Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
+        problem = Problem("--units", f"{units} is not a system of units", f"give one of {', '.join(SYSTEMS)}")
         raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"

@@ -294,7 +294,7 @@ def _say_begins(target: Path, options: CommandOptions) -> None:
         return
     of_result = options.output is None and result_stem(options) != options.case.stem
     remedy = f"; to go on with {options.case}, give the YAML of its case" if of_result else ""
-    say(f"beamsim: there is nothing to resume in {target}; the computation begins anew{remedy}")
+    say(f"beamsim: there is nothing to resume in {target}; the computation starts again{remedy}")
 
 
 def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, **workers: Any) -> None:

@@ -454,7 +454,7 @@ def _read_table(
         _reject(f"= {file} {fault.message}", fault.remedy, at)
     level = np.asarray(signal.y * factor, dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
-        _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table", at)
+        _reject(f"= {file} has frequencies or levels that are not positive numbers", "correct the table", at)
     rising = np.diff(frequency) > 0
     if steps and rising.size > 2:  # one that stands between two lines
         rising[1:-1] |= (np.diff(frequency)[1:-1] == 0) & rising[:-2] & rising[2:]

@@ -60,7 +60,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
     if ending not in (*TEXT, *_BY_ENDING):
         raise InputFileError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
     if decimal is not None and ending in _BY_ENDING:
-        raise InputFileError("is no text table, which alone has a decimal mark", "leave decimal out")
+        raise InputFileError("is not a text table; only these have a decimal mark", "leave decimal out")
     called, reader = _BY_ENDING.get(ending, ("a text table", ""))
     read = resolve_name(f"beamsim.measurements.{reader}") if reader else partial(read_csv, decimal=decimal)
     with reading(path, called):

@@ -222,7 +222,7 @@ class MeasuredSignal:
         except units.UnitError as error:
             raise InputFileError(f"{what}, and {key} = {level} {error.message}", remedy) from None
         if dimension is None or stated is None or amplitude <= 0.0:
-            raise InputFileError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
+            raise InputFileError(f"{what}, and {key} = {level} is not an amplitude with a unit", remedy)
         factor = amplitude / size * (-1j if np.iscomplexobj(self.y) else 1.0)
         return replace(
             self, y=np.asarray(factor * self.y), unit=numerator, reference=None,

@@ -144,7 +144,7 @@ class Backbone:
         if b is not None:  # the path ends within the resonance: its tongue is followed up to there
             self._resonance_at_end = Outcome.of(
                 OutcomeKind.NOTED, "ends_in_resonance",
-                "an internal resonance, which goes on beyond the end of the range, interrupts the backbone",
+                "an internal resonance, which continues beyond the end of the range, interrupts the backbone",
                 at=Where(((a.parameter, b.parameter),)),
             )  # fmt: skip
             self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]

@@ -584,7 +584,7 @@ def explain(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
         return outcome.copy_with(
             code="just_yields",
             sentence="the motion just reaches the yield force of a stop; with any larger crush it is periodic as well, "
-            "so that no single branch goes on",
+            "so that no single branch continues",
             remedy="follow the range beyond with a stepped sine or a study of runs, where the crush is that of their "
             "past",
         )

@@ -882,7 +882,7 @@ class HingeJoint(_Turning):
         super().check()
         if self.free_play and not self.rotational_stiffness:
             remedy = "give the rotational_stiffness that acts beyond the play"
-            raise InvalidValueError("has no spring that it belongs to", remedy, ("free_play",))
+            raise InvalidValueError("belongs to a spring, and there is none", remedy, ("free_play",))
 
     @property
     def linear_rotation(self) -> float:

@@ -367,7 +367,7 @@ class SweepTest(_AnyTest, FrequencyRange):
 AnyTest = Annotated[
     SteadyTest | TransientTest | SweepTest,
     Variants(
-        "is no test", "give kind: steady (or none), transient or sweep",
+        "is not a test", "give kind: steady (or none), transient or sweep",
         lambda test: f"<{str(kind_of(test) or 'steady').title()}Test>",
     ),
 ]  # fmt: skip

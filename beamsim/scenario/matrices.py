@@ -57,7 +57,7 @@ class FileUnits(Schema):
 
 AnyFileUnits = Annotated[
     UnitSystem | FileUnits,
-    Variants("is no system of units", f"write {', '.join(SYSTEMS)}, or {{length: mm, mass: kg, force: N, time: s}}"),
+    Variants("is not a system of units", f"write {', '.join(SYSTEMS)}, or {{length: mm, mass: kg, force: N, time: s}}"),
 ]
 """A system by its name, or units one by one."""
 

@@ -348,5 +348,5 @@ def listing_problems(items: Sequence[Any], section: Path, places_of: Callable[[A
             continue
         if first != index:
             key = "parameter" if hasattr(item, "parameter") else "path"
-            message = f"= {getattr(item, key)} takes a number that {path_text((*section, first))} takes already"
+            message = f"= {getattr(item, key)} names a number that {path_text((*section, first))} already names"
             yield problem((*section, index, key), message, "list every number once")

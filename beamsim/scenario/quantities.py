@@ -528,7 +528,7 @@ def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
         size = math.hypot(*(share for _, share in terms))
         return [(of, share / size) for of, share in terms]
     except (ValueError, ZeroDivisionError):
-        raise UnitError("is no seed", "write a whole number, or shares of several: 0.8*4 + 0.6*7") from None
+        raise UnitError("is not a seed", "write a whole number, or shares of several: 0.8*4 + 0.6*7") from None
 
 
 LONGEST_TEXT = 1000
@@ -603,7 +603,7 @@ class UnitType(TextType):
         try:
             units.size_of(unit, self.of)
         except UnitError as error:
-            raise UnitError(f"is no unit of it: {error.message}", f"write for example {self.example}") from None
+            raise UnitError(f"is not a valid unit: {error.message}", f"write for example {self.example}") from None
         return unit
 
 

@@ -83,10 +83,12 @@ class BendingOutput(Output, Sited):
         elif self.kind == "strain" and body.gives_strain:
             return
         elif self.kind == "strain" and body.body_kind == "plate":
-            yield problem(at, f"needs the thickness of {name}, which its stiffnesses do not tell", "give its thickness")
+            yield problem(
+                at, f"needs the thickness of {name}, which does not follow from its stiffnesses", "give its thickness"
+            )
         elif self.kind != "bending_moment" and not body.gives_stress:
             yield problem(
-                at, f"needs the outermost fibre of {name}, which its bending stiffness does not tell",
+                at, f"needs the outermost fibre of {name}, which does not follow from its bending stiffness",
                 "give a section, or ask for kind: bending_moment",
             )  # fmt: skip
 
@@ -333,7 +335,7 @@ class Limits(Schema):
             if getattr(self, name) is not None and not stationary and scenario.run is None:
                 yield problem((*at, name), "needs a run", "limit peaks, or add run: {duration: 1 s}")
         if self.rms_force is not None and not stationary:
-            message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
+            message = f"needs a stationary input, and the excitation is {scenario.excitation.kind}"
             yield problem((*at, "rms_force"), message, "limit peak_force")
         if self.gapping is not None:
             sine = scenario.excitation.kind != "none" and not any(sine_problems(scenario.excitation, "sweep"))

@@ -443,7 +443,7 @@ class Run(Schema):
     def _problems_of_test(scenario: Whole, at: Path) -> Problems:
         """The duration of a test, where the input is not random."""
         if not scenario.excitation.stationary:
-            yield problem(at, "is that of a test with a random input, of which the run is a sample",
+            yield problem(at, "applies to a test with a random input, of which the run is a sample",
                           "leave it out, or simulate the whole test by run.duration")  # fmt: skip
 
     def _problems_of_stepping(self, scenario: Whole, at: Path) -> Problems:
@@ -459,7 +459,7 @@ class Run(Schema):
         """A time from which on nothing counts, or that is after the end."""
         counts_none = self.impacts is None and not scenario.friction
         if self.method == "reference" or scenario.has_cubic_springs or counts_none:
-            message = f"= {self.from_:g} s says from when on impacts and sliding count, and this run counts none"
+            message = f"= {self.from_:g} s is the time from which impacts and sliding count, and this run counts none"
             yield problem(at, message, "leave it out, or add impacts: {}")
         elif self.from_ >= self.duration:
             message = f"= {self.from_:g} s is not before the end, {self.duration:g} s"

@@ -445,7 +445,7 @@ class Reliability(_ManyCases):
             yield problem((*at, "samples"), message, f"take {LEAST_SAMPLES} or more, or write method: monte_carlo")
         if inputs and self.method in ("form", "importance_sampling"):
             yield problem(
-                (*at, "method"), f"= {self.method} is for numbers alone, and the excitation is random",
+                (*at, "method"), f"= {self.method} is for numbers only, and the excitation is random",
                 "write monte_carlo" if matched else "write subset, or monte_carlo",
             )  # fmt: skip
         elif matched and self.method == "subset":
@@ -458,7 +458,7 @@ class Reliability(_ManyCases):
                     yield problem((*at, "parameters", k, "path"), message, "leave it out")
         for place, item in inputs:
             if isinstance(item, RandomInput) and item.amplitudes == "fixed":
-                message = "= fixed is no Gaussian process"
+                message = "= fixed is not a Gaussian process"
                 yield problem(("excitation", *place, "amplitudes"), message, "leave it out, or write random")
 
 

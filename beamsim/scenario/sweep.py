@@ -584,7 +584,7 @@ class SweptSine(_UpAndDown):
             )
         if self.direction == "both":
             raise InvalidValueError(
-                "needs one direction: the level that keeps the limits is another one on the way down",
+                "needs one direction: the level that keeps the limits differs on the way down",
                 "make two sweeps, direction: up and direction: down",
                 ("notch_to",),
             )
@@ -643,7 +643,7 @@ def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Pr
             dimension = units.MOMENT
         if of.section == "outputs" and output.kind in ("kinetic_energy", "strain_energy"):
             yield problem(at, "is an energy, which sweeps do not follow", "limit another quantity")
-        yield from unit_problems(at, limit, dimension, f"which is none of {getattr(dimension, 'name', '')}")
+        yield from unit_problems(at, limit, dimension, f"which is not a unit of {getattr(dimension, 'name', '')}")
 
 
 class SteppedSine(_UpAndDown):

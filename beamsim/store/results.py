@@ -340,7 +340,7 @@ def _scenario(root: Item, path: Path | str, open_files: bool) -> Scenario:
     except ScenarioError as error:
         writer = root.attributes["beamsim_version"]
         raise ResultFileError(
-            f"{path}: its scenario, written by beamsim {writer}, is none of this version ({error.problems[0]}); "
+            f"{path}: its scenario, written by beamsim {writer}, cannot be read by this version ({error.problems[0]}); "
             "open it with that version, or correct the scenario and run it again"
         ) from error
     files = _FILE_RECORDS.validate_json(str(root.attributes.get("input_files", "{}")), strict=True)

@@ -230,7 +230,7 @@ def check_determined(support: Support, path: Path, consequence: str) -> Support:
     if not support.determined:
         raise ScenarioError(
             problem(
-                path, f"= {support.name} holds what others hold already{consequence}",
+                path, f"= {support.name} constrains what others already constrain{consequence}",
                 "leave out the joint that is too many, or give it a stiffness",
             )
         )  # fmt: skip

@@ -144,7 +144,7 @@ def test_resume_says_where_there_is_nothing_to_resume(here):
     done = call("a.h5", "--no-plots", "--resume")
     assert done.exit_code == 0, done.output
     remedy = "; to go on with a.h5, give the YAML of its case"
-    assert f"beamsim: there is nothing to resume in a_again.h5; the computation begins anew{remedy}" in done.stderr
+    assert f"beamsim: there is nothing to resume in a_again.h5; the computation starts again{remedy}" in done.stderr
     assert "nothing to resume" not in call("a.h5", "--no-plots", "--resume").stderr
 
 

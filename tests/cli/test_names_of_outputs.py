@@ -77,7 +77,7 @@ def test_a_file_is_no_folder(stored, tmp_path):
 def test_a_new_scenario_is_called_like_one(tmp_path):
     done = invoke("new", tmp_path / "x.h5")
     assert done.exit_code == 2
-    assert "x.h5 is no name of a scenario; give one that ends with .yaml" in done.output
+    assert "x.h5 is not a name of a scenario; give one that ends with .yaml" in done.output
     assert list(tmp_path.iterdir()) == []
 
 

@@ -196,9 +196,9 @@ def test_a_frequency_response_times_its_level_is_an_amplitude(tmp_path, values, 
     [
         (None, "a structure with stops responds differently at each level"),
         ("2 g", "must be a force"),
-        ("2", "is no amplitude with a unit"),
-        ("0 N", "is no amplitude with a unit"),
-        ("-1 N", "is no amplitude with a unit"),
+        ("2", "is not an amplitude with a unit"),
+        ("0 N", "is not an amplitude with a unit"),
+        ("-1 N", "is not an amplitude with a unit"),
         ("loud", "is not a number"),
     ],
 )

@@ -197,7 +197,7 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
                 raise InputFileError(f"cannot be used: {row}", "correct the table")
             return kind, rows
     raise InputFileError(
-        "is no test of a pad",
+        "is not a test of a pad",
         "it needs columns frequency (Hz), storage (kN/m), loss factor, or time (s), stiffness (kN/m), with units in "
         "the headings",
     )

@@ -138,7 +138,7 @@ HISTORIES = Layout(
             _FRICTION + _TIME, "1", "whether the contact sticks", bool, flags=("sliding", "stuck")
         ),
         "output": Variable(_OUTPUT, "1", "name of the output, one quantity of run.outputs", str),
-        "output_quantity": Variable(_OUTPUT, "", "what it is, such as bending_moment or reaction_force", str),
+        "output_quantity": Variable(_OUTPUT, "", "kind of output, such as bending_moment or reaction_force", str),
         "output_unit": Variable(_OUTPUT, "", "unit of the quantity", str),
         "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
         "output_value": Variable(_OUTPUT + _TIME, "{unit}", "{quantity}"),
@@ -233,7 +233,7 @@ SPECTRA = Layout(
         ),
         "signal": Variable(_SIGNAL, "1", "name and quantity of the signal", str),
         "name": Variable(_SIGNAL, "1", "name of the probe or output", str),
-        "quantity": Variable(_SIGNAL, "1", "absolute_acceleration or displacement; of an output what it is", str),
+        "quantity": Variable(_SIGNAL, "1", "absolute_acceleration or displacement; of an output its kind", str),
         "window": Variable(_SIGNAL, "1", "window", str),
         "rms": Variable(_SIGNAL, "{unit}", "root mean square over the part that is analysed, mean included"),
         "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),

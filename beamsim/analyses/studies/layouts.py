@@ -119,7 +119,7 @@ SOBOL = Layout(
         "response": Variable(_RESPONSE, "1", "name of the response", str),
         "parameter": Variable(_PARAMETER, "1", "path of the varied parameter in the scenario", str),
         "first_order": Variable(_INDEX, "1", "share of the variance of the response by the parameter alone"),
-        "total_order": Variable(_INDEX, "1", "the same with what it causes together with others"),
+        "total_order": Variable(_INDEX, "1", "the same with its interactions with other parameters"),
         "first_order_low": Variable(_INDEX, "1", "lower end of the 95 % interval of first_order"),
         "first_order_high": Variable(_INDEX, "1", "upper end of the 95 % interval of first_order"),
         "total_order_low": Variable(_INDEX, "1", "lower end of the 95 % interval of total_order"),

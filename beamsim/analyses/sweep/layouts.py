@@ -131,7 +131,7 @@ CYCLES = Layout(
             _FRICTION + _CYCLE, "W", "mean of normal force times sliding speed", optional=True
         ),
         "output": Variable(_OUTPUT, "1", "name of the output", str),
-        "output_quantity": Variable(_OUTPUT, "", "what it is, such as bending_moment or reaction_force", str),
+        "output_quantity": Variable(_OUTPUT, "", "kind of output, such as bending_moment or reaction_force", str),
         "output_unit": Variable(_OUTPUT, "", "unit of the quantity", str),
         "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
         "output_maximum": Variable(_OUTPUT + _CYCLE, "{unit}", "largest value of a cycle"),
