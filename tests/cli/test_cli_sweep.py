@@ -151,7 +151,7 @@ def test_resume_says_where_there_is_nothing_to_resume(here):
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):
     many = "sweep.levels=[" + ", ".join(f"{0.1 + 0.02 * k:.2f}" for k in range(8)) + "]"
-    arguments = ["case.yaml", "--no-plots", "-q", "--set", many, "--set", "sweep.rate=0.3 oct/min"]
+    arguments = ["case.yaml", "--no-plots", "-q", "--set", many, "--set", "sweep.rate=0.1 oct/min"]
     assert call(*arguments, "-o", "whole.h5").exit_code == 0
     for seed in range(2):
         Path("killed.h5").unlink(missing_ok=True)

@@ -17,9 +17,13 @@ SHORTENED = {
     "continuation_60_120hz sweep": ("sweep.from=96 Hz", "sweep.to=120 Hz", "sweep.seek_at=0"),
     "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
     "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
+    "nnm_first nnm": ("nnm.continue_in.to=0.1", "reduction.modes=4"),
     "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
+    "sweep_backlash sweep": ("sweep.rate=16 oct/min", "sweep.levels=[2 g]"),
+    "sweep_notched sweep": ("sweep.to=90 Hz",),
     "sweep_one_sided_2g sweep": ("sweep.rate=16 oct/min",),
-    "sweep_up_down sweep": ("sweep.rate=16 oct/min",),
+    "sweep_up_down sweep": ("sweep.rate=16 oct/min", "sweep.levels=[2 g]"),
+    "vibeams sweep": ("sweep.levels=[0.028 m/s^2]",),
 }
 """Config and command -> overrides that make it short."""
 
