@@ -162,17 +162,15 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     moving = equations.rows(used.size, velocities=direction[:, used].T)
     signals, responses, each = work_factors(flow)
 
-    def left(phases: Ints) -> Floats:
-        return np.vstack([moving, flow.at(phases).dissipation[0], signals(phases)])
-
-    def right(phases: Ints) -> Floats:
-        return np.vstack([moving, flow.at(phases).dissipation[1], responses(phases)])
-
     inside = contacts.count + contacts.internal_states
     weight = np.zeros((used.size + inside + each.size, 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
     weight[used.size + inside :, 1:] = each
-    return left, right, weight
+    return (
+        lambda phases: np.vstack([moving, flow.at(phases).dissipation[0], signals(phases)]),
+        lambda phases: np.vstack([moving, flow.at(phases).dissipation[1], responses(phases)]),
+        weight,
+    )
 
 
 def work_factors(flow: ExactFlow) -> PowerFactors:
@@ -183,8 +181,5 @@ def work_factors(flow: ExactFlow) -> PowerFactors:
     ])  # fmt: skip
     loaded = equations.rows(loads.shape[0] + 1, velocities=np.vstack([system.constant_load, loads]))
     push = -flow.influence[stands] * system.contacts.sign  # of contacts on what they stand on
-
-    def right(phases: Ints) -> Floats:
-        return np.vstack([loaded, push @ flow.at(phases).force])
-
-    return lambda phases: given, right, np.ones((given.shape[0], 1))
+    ones = np.ones((given.shape[0], 1))
+    return lambda phases: given, lambda phases: np.vstack([loaded, push @ flow.at(phases).force]), ones
