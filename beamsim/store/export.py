@@ -197,9 +197,10 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
 def _named(items: Items, path: str, values: Any) -> Any:
     """Names in place of their numbers; of the members that rows belong to the numbers, see `ROW`."""
     names = items.get(f"/{items[path].attributes.get(NAMES)}")
-    if names is None or items[items[path].axes[0]].meaning == ROW:
+    axes = items[path].axes
+    if names is None or (axes and items[axes[0]].meaning == ROW):
         return values
-    return names.values[np.asarray(values)]
+    return np.asarray(names.values[np.asarray(values)], dtype=object)  # of one number, too, an array
 
 
 def _missing_mask(item: Item) -> NDArray[np.bool_] | None:
