@@ -93,28 +93,6 @@ def pytest_collection() -> Generator[None, object, object]:
     return collected
 
 
-def _resident_mb() -> float:
-    """Memory of this process; 0 where that is not known."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-    except OSError:
-        return 0.0
-
-
-_WORTH_COLLECTING_MB = 64.0
-_resident_after = [float("inf")]  # MB, after the last search for garbage
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_garbage_that_piles_up() -> Iterator[None]:
-    """Look for garbage after a file of tests if much memory came since the last time: results refer to themselves."""
-    _resident_after[0] = min(_resident_after[0], _resident_mb())
-    yield
-    if _resident_mb() > _resident_after[0] + _WORTH_COLLECTING_MB:
-        gc.collect()
-        _resident_after[0] = _resident_mb()
-
-
 @pytest.fixture(scope="session", autouse=True)
 def no_processor_time_on_screens() -> Iterator[None]:
     """Many commands run in the process of the tests, whose processor time is not theirs."""

@@ -19,7 +19,7 @@ snubbers: [{name: stop, mass: 1, side: above, stiffness: 20 kN/m, gap: 10 mm}]
 probes: [{name: mass, mass: 1}]
 excitation: {kind: half_sine, applied_to: base, level: -4 g, duration: 20 ms}
 run: {duration: 80 ms, sample_rate: 1 kHz, start: rest}
-limits: {peak_force: 85 N}
+limits: {peak_force: 75 N}
 vary:
   kind: reliability
   parameters:
@@ -37,10 +37,10 @@ excitation:
   applied_to: base
   psd: [{frequency: 5 Hz, density: 0.01 g^2/Hz}, {frequency: 40 Hz, density: 0.01 g^2/Hz}]
 run: {duration: 0.5 s, sample_rate: 1 kHz, start: rest}
-limits: {peak_force: 85 N}
+limits: {peak_force: 75 N}
 vary:
   kind: reliability
-  samples: 700
+  samples: 400
   parameters: [{path: snubbers.stop.gap, deviation: 0.2 mm}]
 """
 G = 9.80665
@@ -118,15 +118,15 @@ def test_a_million_histories_of_an_oscillator_with_a_stop():
 
 
 def test_noise_by_subset_simulation():
-    """About one in a hundred; 36 normal amplitudes and a gap. `tests/analytic/test_reliability.py` has smaller ones."""
+    """About three in a hundred, of 36 normal amplitudes and a gap; smaller ones: tests/analytic/test_reliability.py."""
     rng = np.random.default_rng(3)
-    beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 85.0)) for _ in range(20))
-    assert 200 < beyond < 600
+    beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 75.0)) for _ in range(10))
+    assert 300 < beyond < 900
     result = design_study(load_scenario(NOISE))
     of = result.summary["reliability"]
     assert result.complete
     assert (of["method"], of["coefficient_of_variation"] <= 0.3, of["histories"] <= 20_000) == ("subset", True, True)
-    assert overlap(beyond, 40_000, of)
+    assert overlap(beyond, 20_000, of)
 
 
 def test_ten_forces_whose_sum_is_beyond_a_limit_once_in_a_million():
