@@ -65,6 +65,23 @@ def test_known_scale_and_delay(shaken, delay, rate):
     assert c.rms_difference == pytest.approx(0.2, abs=0.01)
 
 
+def warned(run, measured, **given):
+    """The warnings of a comparison of the probe's displacement."""
+    return compare(run, [("mass", "displacement", MeasuredSignal("rec", TIME, measured, unit="m"))], **given).warnings
+
+
+def test_a_record_with_the_other_sign_or_an_offset_is_named(shaken):
+    """A mass at a stop on one side: a scale of -32 and a correlation of -0.03 stood there without a word."""
+    bounces = np.maximum(transient(TIME), 0.0) * 1e3
+    run = moving(shaken, bounces)
+    assert warned(run, bounces) == run.warnings
+    (turned,) = set(warned(run, -bounces)) - set(run.warnings)
+    assert "with the other sign the correlation is 1.0000" in turned
+    assert "give --factor -1" in turned
+    (offset,) = set(warned(run, bounces + 0.5 * bounces.std())) - set(run.warnings)
+    assert f"its mean is {0.5 * bounces.std():+.4g} m from that of the run, 50 % of the computed" in offset
+
+
 def test_the_largest_difference_of_spectra_is_where_they_differ(shaken):
     """A mode at 61 Hz that is measured twice as large is found there, at 6 dB less a little of the other one."""
     t = np.maximum(TIME - 0.05, 0.0)

@@ -7,7 +7,7 @@ compared by peaks, scale, correlation and response spectra.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -158,6 +158,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
         likeness = compare_records((time_p, history_p), (time_m, history_m), settings)
+        warnings += _of_sign_and_zero(run, record, (time_p, history_p, time_m, history_m))
         if likeness is not None and settings is not None:
             rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
             warnings += _of_rate(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
@@ -186,6 +187,50 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
         aliased_share=_aliased(result, place, quantity),
         record=likeness,
     )
+
+
+ALIKE, UNLIKE = 0.9, 0.7  # correlation from which a record is the other one but for sign or zero, and below which not
+FEWEST_OF_BOTH = 20  # samples that both have
+NOTABLE_OFFSET = 0.05  # of the root mean square of a history about its mean
+
+
+def _of_sign_and_zero(
+    run: MeasuredSignal, record: MeasuredSignal, aligned: tuple[Floats, Floats, Floats, Floats]
+) -> Iterator[str]:
+    """Warnings where a record is that of the run but for its sign, or but for what it reads at rest.
+
+    Parameters
+    ----------
+    run, record : the histories, in one unit.
+    aligned : times and values of the run, then of the record, shifted by the delay between them.
+    """
+    predicted, measured, correlation = _where_both_last(*aligned)
+    size, offset = float(np.std(predicted)), float(measured.mean() - predicted.mean())
+    if correlation > ALIKE and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
+        share = f"{100.0 * abs(offset) / size:.2g} % of the computed root mean square"
+        yield (
+            f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}: an offset counts "
+            "as a difference; subtract what the channel reads at rest"
+        )
+    if correlation < UNLIKE:
+        turned = replace(record, y=-record.y)
+        other = _where_both_last(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
+        if other > ALIKE:
+            yield (
+                f"{record.name}: with the other sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
+                "written: give --factor -1 if its sensor counts in the other direction"
+            )
+
+
+def _where_both_last(
+    time: Floats, predicted: Floats, of_record: Floats, measured: Floats
+) -> tuple[Floats, Floats, float]:
+    """Values of a run and of a record at the times of the run that both have, and their correlation, nan of none."""
+    both = (time >= of_record[0]) & (time <= of_record[-1])
+    if np.count_nonzero(both) < FEWEST_OF_BOTH or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
+        return predicted, predicted, np.nan
+    one, other = predicted[both], np.interp(time[both], of_record, measured)
+    return one, other, float(np.corrcoef(one, other)[0, 1])
 
 
 WHOLE_PART = 1e-9  # relative round-off of times, by which the last part of a record may be longer
