@@ -3,7 +3,7 @@
 The main branch begins at the first value. Where it ends before the last (an isolated loop, a corner that the follower
 does not pass), another begins from a motion that a transient comes to where nothing is known yet: first at the far end,
 then in the middle of the longest interval that is left. A branch that runs into a known one ends there. One that leaves
-the range at an end is followed beyond it only where both ends together leave something out.
+the range is followed beyond it only where these branches leave something out.
 
 Motions that transients from rest do not come to are sought in two ways: by transients from states that reach the
 contacts, and by following motions down in level from one at which contact exists. Other branches leave these: at
@@ -329,11 +329,12 @@ def trace_range(
         start = tracer.begin(begin, last - first if count == 0 else first - last)
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
-            directions, within = ([1.0], inside) if begin in (first, last) else ([1.0, -1.0], tracer)
-            branches.append(joined(*(follow(within, start, way, budget, branches, tell) for way in directions)))
+            directions = [1.0] if begin in (first, last) else [1.0, -1.0]
+            branches.append(joined(*(follow(inside, start, way, budget, branches, tell) for way in directions)))
         gaps, begin = missing(branches, first, last), last
         if gaps and (last in tried or not any(last in gap for gap in gaps)):
-            if inside is not tracer:
+            # what a limit on points left out is looked for within the range first
+            if inside is not tracer and (count > 1 or not budget.cut_off):
                 inside = tracer
                 for k, branch in enumerate(branches):
                     branches[k] = followed_beyond(tracer, branch, budget, [*branches[:k], *branches[k + 1 :]])
