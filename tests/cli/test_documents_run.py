@@ -22,10 +22,6 @@ GIVEN = {  # by document what its readers have already: commands, and names
     "docs/studies.md": ([], {}),
     "docs/sweeps.md": ([["sweep", "configs/thesis/sweep_one_sided_2g.yaml", "-o", "case.h5", *FAST]], {}),
 }
-SHORTER = {
-    "docs/studies.md": ("configs/one_sided_65hz.yaml", {"duration: 0.8 s": "duration: 0.1 s", "0.4 s": "0.05 s"})
-}
-"""By document a config of its readers, and what is replaced in it, so that its 2,000 cases take less time."""
 LISTS = {"docs/identification.md"}  # of what one result or another has
 
 
@@ -44,13 +40,6 @@ def test_python_of_a_document_runs_as_printed(document, tmp_path, monkeypatch):
         pytest.importorskip(module)
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
-    if document in SHORTER:
-        config, replaced = SHORTER[document]
-        text = Path(config).read_text(encoding="utf-8")
-        for written, shorter in replaced.items():
-            assert text.count(written) == 1
-            text = text.replace(written, shorter)
-        Path(config).write_text(text, encoding="utf-8")
     commands, names = GIVEN[document]
     for command in commands:
         done = invoke(*command, "--no-plots", "-q")
