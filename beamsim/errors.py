@@ -100,10 +100,10 @@ def prefix_problems(root: str, path: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise ScenarioError([_moved(each, root, path) for each in error.problems]) from None
+        raise ScenarioError([_replace_root(each, root, path) for each in error.problems]) from None
 
 
-def _moved(problem: Problem, root: str, path: str) -> Problem:
+def _replace_root(problem: Problem, root: str, path: str) -> Problem:
     """A problem whose path begins with ``root``, at the path where that is written; any other as it is."""
     return replace(problem, path=path + problem.path[len(root) :]) if problem.path.startswith(root) else problem
 

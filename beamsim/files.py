@@ -366,7 +366,7 @@ def destination(
     ResultFileError
         If nothing can be written there.
     """
-    target, there = _resolved(path), None
+    target, there = _resolve(path), None
     with suppress(OSError):  # nothing is there, or not any more
         there = target.stat()
     if there is not None:
@@ -435,7 +435,7 @@ def protect(path: Path) -> None:
         access.read = (*access.read, path.absolute())
 
 
-def _resolved(path: Path | str) -> Path:
+def _resolve(path: Path | str) -> Path:
     """The path without symbolic links.
 
     Raises

@@ -48,10 +48,10 @@ def open_hdf5(path: Path | str) -> h5py.File:
         _demand_signature(path, file, state.st_size)
     if not is_as_written(path):
         _demand_survived(str(path), state.st_mtime_ns, state.st_size)
-    return _opened(path)
+    return _open(path)
 
 
-def _opened(path: Path | str) -> h5py.File:
+def _open(path: Path | str) -> h5py.File:
     """Open a file that HDF5 survives."""
     try:
         file = h5py.File(path, "r")
@@ -201,7 +201,7 @@ def examine(path: str, longest_s: float) -> None:
 
         seconds = math.ceil(time.process_time() + longest_s)
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    with suppress(Exception), _opened(path) as file:
+    with suppress(Exception), _open(path) as file:
         places = ["/"]
         with suppress(Exception):
             file.visit(places.append)

@@ -357,7 +357,7 @@ def _select_item(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
     return replace(item, attributes=attributes, array=np.compress(own, item.values, axis))
 
 
-def joined(parts: Sequence[Dataset], **values: Any) -> Dataset:
+def join_tables(parts: Sequence[Dataset], **values: Any) -> Dataset:
     """Tables of the same variables as one, the rows of one after those of another.
 
     Parameters

@@ -84,7 +84,7 @@ def _elements(path: Path, raw: bytes, order: str) -> Iterator[bytes]:
         if kind == _MATRIX:
             element = raw[at : at + 8 + size]
         else:
-            element = _inflated(path, raw[at + 8 : at + 8 + size], left)
+            element = _inflate(path, raw[at + 8 : at + 8 + size], left)
             if len(element) < 8 or struct.unpack_from(f"{order}2I", element) != (_MATRIX, len(element) - 8):
                 raise ValueError("a compressed element holds something else than one array")
         left -= len(element)
@@ -93,7 +93,7 @@ def _elements(path: Path, raw: bytes, order: str) -> Iterator[bytes]:
         at += 8 + size
 
 
-def _inflated(path: Path, packed: bytes, most: float) -> bytes:
+def _inflate(path: Path, packed: bytes, most: float) -> bytes:
     """What was compressed, if it is complete and no more than ``most`` bytes."""
     reader, parts, size = zlib.decompressobj(), list[bytes](), 0
     while not reader.eof:

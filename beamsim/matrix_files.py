@@ -603,7 +603,7 @@ def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
     for name, value in variables:
         if issparse(value):
             _demand_unique_of(name, value)
-    return _named(variables)
+    return _named_matrices(variables)
 
 
 def _demand_unique_of(name: str, values: Any) -> None:
@@ -630,7 +630,7 @@ def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
     """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
     arrays = _arrays_of_archive(path)
     if not {"format", "shape", "data"} <= arrays.keys():
-        return _named(arrays.items())
+        return _named_matrices(arrays.items())
     called, shape, values = arrays["format"], arrays["shape"], arrays["data"]
     layout = called.item() if called.size == 1 else ""
     layout = layout.decode("latin-1") if isinstance(layout, bytes) else str(layout)
@@ -686,7 +686,7 @@ def _array_of_member(archive: ZipFile, member: ZipInfo) -> Any:
     return values.reshape(shape, order="F" if fortran else "C")
 
 
-def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
+def _named_matrices(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
     """Arrays of numbers with two dimensions."""
     return [
         replace(file_matrix(name, values), place=name)

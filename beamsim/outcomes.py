@@ -222,7 +222,7 @@ class Where(NamedTuple):
     def __str__(self) -> str:
         name = "parameter" if self.unit is None and not self.name else self.name
         unit = "" if self.unit in (None, "1") else self.unit
-        return f"{name} {listed(self.value)} {unit}".strip()
+        return f"{name} {numbers_text(self.value)} {unit}".strip()
 
     @property
     def phrase(self) -> str:
@@ -245,7 +245,7 @@ class Where(NamedTuple):
         """
         return Where(_convert_numbers(self.value, convert), unit, name) if self.unit is None else self
 
-    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Where:
+    def in_display_units(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Where:
         """The place in the unit of tables; ``scale`` gives the factor and the unit for numbers in a unit."""
         if not self.unit:
             return self
@@ -412,17 +412,20 @@ class Outcome:
             self, place=place, sub_outcomes=tuple(part.in_unit(convert, unit, name) for part in self.sub_outcomes)
         )
 
-    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Self:
+    def in_display_units(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Self:
         """A copy with its places in the units of tables.
 
         Parameters
         ----------
         scale : the factor and the unit in which some numbers of a unit are shown.
         """
-        place = None if self.place is None else self.place.displayed(scale)
-        within = self.context.displayed(scale) if isinstance(self.context, Where) else self.context
+        place = None if self.place is None else self.place.in_display_units(scale)
+        within = self.context.in_display_units(scale) if isinstance(self.context, Where) else self.context
         return replace(
-            self, place=place, context=within, sub_outcomes=tuple(part.displayed(scale) for part in self.sub_outcomes)
+            self,
+            place=place,
+            context=within,
+            sub_outcomes=tuple(part.in_display_units(scale) for part in self.sub_outcomes),
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -555,14 +558,15 @@ def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
     return first.copy_with(replace(second, context="in the other direction"))
 
 
-def listed(value: Any) -> str:
+def numbers_text(value: Any) -> str:
     """Numbers to six digits, separated by commas; a pair in a list is a range."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if not isinstance(value, tuple):
         return str(value)
     return first_of(
-        [" to ".join(map(listed, item)) if isinstance(item, tuple) else listed(item) for item in value], MOST_LISTED
+        [" to ".join(map(numbers_text, item)) if isinstance(item, tuple) else numbers_text(item) for item in value],
+        MOST_LISTED,
     )
 
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import beamsim
 from beamsim.scenario import Scenario
-from beamsim.trust.convergence import comparable_values, named, relative_changes
+from beamsim.trust.convergence import comparable_values, numbers_by_place, relative_changes
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs/convergence.csv"
@@ -101,11 +101,11 @@ def rows_of(name: str, command: str, scenario: Scenario) -> list[Row]:
         )
         for values in (summary, truth)
     )
-    differences, values = dict(named(relative_changes([own], [other]))), dict(named(own))
+    differences, values = dict(numbers_by_place(relative_changes([own], [other]))), dict(numbers_by_place(own))
     apart = {*(summary.get("without_limit") or ()), *summary.get("after_parting", ())}
     return [
         Row(name, key, values[key], error, differences[key], times)
-        for key, error in named(stated)
+        for key, error in numbers_by_place(stated)
         if key in differences and key not in apart and math.isfinite(values[key])
     ]
 

@@ -181,7 +181,7 @@ def estimated(problem: Problem, samples: int, seed: int) -> Estimator:
     estimator = Estimator(
         problem.state, origin, method=problem.method, samples=samples, target=0.1, seed=seed
     )  # fmt: skip
-    estimator.estimated()
+    estimator.sample_until_sure()
     return estimator
 
 

@@ -33,7 +33,7 @@ def main() -> None:
     heeded = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) != signal.SIG_IGN]
 
     def stop(number: int, _frame: object) -> None:
-        if RECEIVED and RECEIVED[-1] in _being_handled():
+        if RECEIVED and RECEIVED[-1] in _handled_exceptions():
             return  # a second signal would end the clean-up, and with another exit code
         RECEIVED.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
         raise RECEIVED[-1]  # again, if a library has dropped the one before
@@ -75,7 +75,7 @@ def _prepare() -> None:
     warnings.showwarning = show_warning
 
 
-def _being_handled() -> Iterator[BaseException]:
+def _handled_exceptions() -> Iterator[BaseException]:
     """The exception that is being handled, if any, and those during whose handling it was raised."""
     error = sys.exception()
     while error is not None:

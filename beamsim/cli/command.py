@@ -161,7 +161,7 @@ def _outcome_lines(result: Result, target: Path, *, interrupted: bool) -> Iterat
         yield f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
     elif not result.complete:
         what = "partial result" if result.outcome.cut_short else "result"
-        yield f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"
+        yield f"{result.outcome.in_display_units(scale_for)}; the {what} is in {target}"
 
 
 def run_analysis(

@@ -70,7 +70,7 @@ def _inputs(result: RunResult, _: Errors) -> Iterator[str]:
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
-def _matched(result: RunResult, _: Errors) -> Iterator[str]:
+def _matched_lines(result: RunResult, _: Errors) -> Iterator[str]:
     of = result.summary["matched"]
     band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
     ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
@@ -114,7 +114,7 @@ OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Errors], Iterable[str]]] = {
     "gapping": contact_levels,
     "peak_output": _output_peaks,
     "inputs": _inputs,
-    "matched": _matched,
+    "matched": _matched_lines,
     "random": _largest_of_test,
     "sensitivities": _sensitivities,
     "fatigue": _fatigue,

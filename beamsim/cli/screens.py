@@ -68,7 +68,7 @@ class Screen:
         worth = EXIT_RULES[outcome.gravest_kind].first_line
         if worth and doubtful and outcome.usable:
             worth = f"{worth}: {count_text(len(doubtful), 'value')}"
-        statements = [part for text in outcome.displayed(scale_for).statements for part in text.split("; ")]
+        statements = [part for text in outcome.in_display_units(scale_for).statements for part in text.split("; ")]
         verdict = ", ".join(filter(None, (worth, self.verdict)))
         return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
 

@@ -91,10 +91,10 @@ def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None
     """
     indent = 4 + max((len(label) for label, _ in rows), default=0)
     lines = align_columns([(f"  {label}", text) for label, text in rows], gap=2)
-    return "\n".join([title, *(part for line in lines for part in _wrapped(line, indent, terminal))])
+    return "\n".join([title, *(part for line in lines for part in _wrap(line, indent, terminal))])
 
 
-def _wrapped(row: str, indent: int, width: int | None) -> list[str]:
+def _wrap(row: str, indent: int, width: int | None) -> list[str]:
     """A row in lines of at most ``width`` characters, those after the first indented, where there is room for text."""
     # texts get at least 40 columns; narrower terminals wrap by themselves
     if width is None or len(row) <= width or width - indent < 40:

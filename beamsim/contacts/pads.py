@@ -105,7 +105,7 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCu
     curve = ForceCurve(edges, np.concatenate([[0.0], np.cumsum(slopes * np.diff(edges))]))
     if curve.force[-1] <= 0.0:
         raise ValueError("the force does not rise with the deflection")
-    return _merged(curve), float(np.sqrt(square / x.size))
+    return _merge_segments(curve), float(np.sqrt(square / x.size))
 
 
 def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
@@ -119,7 +119,7 @@ def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
     return _moved_one_by_one(x, y, knots) if knots.size <= 10 else knots
 
 
-def _merged(curve: ForceCurve) -> ForceCurve:
+def _merge_segments(curve: ForceCurve) -> ForceCurve:
     """Without points between segments of one slope."""
     slopes = curve.slopes
     bends = np.flatnonzero(np.abs(np.diff(slopes)) > 1e-9 * slopes.max()) + 1

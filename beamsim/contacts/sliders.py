@@ -328,10 +328,10 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     )  # fmt: skip
 
     springs, damping = (parallel, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
-    loading = _yielding("loading", springs, damping, ((ELASTIC, LawRow(rate=1.0)),))
+    loading = _yielding_phase("loading", springs, damping, ((ELASTIC, LawRow(rate=1.0)),))
     springs, damping = (parallel, LawSpring(k_s, LawRow(constant=-f / k_s))), LawRow(rate=dashpot, constant=-f)
     lets_go = LawRow(penetration=hardening, constant=-f)
-    unloading = _yielding("unloading", springs, damping, ((OPEN, lets_go), (ELASTIC, LawRow(rate=-1.0))))
+    unloading = _yielding_phase("unloading", springs, damping, ((OPEN, lets_go), (ELASTIC, LawRow(rate=-1.0))))
 
     return ContactLaw(
         (open_, elastic, loading, unloading),
@@ -346,7 +346,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     )
 
 
-def _yielding(
+def _yielding_phase(
     name: str, springs: tuple[LawSpring, LawSpring], lost: LawRow, ends: Sequence[tuple[int, LawRow]]
 ) -> Phase:
     """A phase that yields: its second spring has a constant extension, with which it goes on where yielding ends."""

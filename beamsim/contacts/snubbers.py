@@ -354,7 +354,7 @@ def _balance_remedy(normal: Floats, force: Floats, push: Floats) -> str:
     return "balance the loads: the nearest preloads that do are " + ", ".join(f"{x:.6g} N" for x in nearest)
 
 
-def _unreached(located: Located, equilibrium: Equilibrium, remedy: str) -> Problem:
+def _unreached_problem(located: Located, equilibrium: Equilibrium, remedy: str) -> Problem:
     return Problem(
         f"{path_text(located.path)}.preload",
         f"= {located.item.preload:g} N cannot be reached: with it, {equilibrium.reason}",
@@ -405,7 +405,9 @@ def resolve_preloads(
     if q is None:
         normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
         remedy = _balance_remedy(normal, force[given], loads[:, :rigid].sum(axis=0))
-        raise ScenarioError([_unreached(located[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()])
+        raise ScenarioError(
+            [_unreached_problem(located[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()]
+        )
     w = contacts.shape @ q
     pressed = np.array(
         [law.static_penetration(p) if p > 0.0 else 0.0 for law, p in zip(contacts.laws, force, strict=True)]

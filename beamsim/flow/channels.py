@@ -182,7 +182,7 @@ class MotionPart:
         if np.all(np.abs(position - whole) < ON_A_SAMPLE):
             found = known[np.abs(whole).astype(np.int64)]
         else:
-            found = interpolated(known, np.abs(position))
+            found = interpolate_integrals(known, np.abs(position))
         return np.asarray(np.where(position < 0.0, found.conj(), found))
 
     @cached_property
@@ -220,7 +220,7 @@ class MotionPart:
         late.all_integrals = (whole - early.all_integrals[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
         return early, late
 
-    def divided(self, parts: int) -> list[MotionPart]:
+    def equal_parts(self, parts: int) -> list[MotionPart]:
         """Equal parts of the time, one after the other."""
         if parts == 1:
             return [self]
@@ -271,7 +271,7 @@ def _polynomials() -> Floats:
     return np.ascontiguousarray(np.linalg.solve(np.vander(place, DEGREES), of_points).T)
 
 
-def interpolated(integrals: Complexes, position: Floats) -> Complexes:
+def interpolate_integrals(integrals: Complexes, position: Floats) -> Complexes:
     r"""Fourier integrals between the frequencies at which they are known, to about 1e-13 of the largest.
 
     A transform of what lasts for :math:`\pi / \delta` has twice as many values as determine it: it is their sum with

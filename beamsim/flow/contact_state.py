@@ -87,7 +87,7 @@ class ContactState:
             modes = _solved_modes(equations, longest_window)
         if of.contacts.internal_states and not of.contacts.couples_states(equations.phases):
             alone = block_diagonalise(equations.internal_rates[:, of.internal], longest_window)
-            modes = modes.joined(alone.placed(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
+            modes = modes.join(alone.placed(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
         right, left, lam = modes.simple
         upper = np.flatnonzero(lam.imag >= 0.0)
         modes = BlockForm(SimpleModes(right[:, upper], left[upper], lam[upper]), modes.blocks)
@@ -95,7 +95,9 @@ class ContactState:
         growing = [*lam.real.tolist(), *(complex(b.centre).real for b in modes.blocks)]
         fastest = max([0.0, *(b.radius for b in modes.blocks), *(rate / GROWN for rate in growing)])
         horizon = float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf))
-        return _tabulated(equations, modes, horizon, sources, responses(Drive.of(equations, modes, horizon), sources))
+        return _tables_of_state(
+            equations, modes, horizon, sources, responses(Drive.of(equations, modes, horizon), sources)
+        )
 
     def with_loads(self, sources: Sources) -> ContactState:
         """The same state under other signals of the same channels.
@@ -112,7 +114,7 @@ class ContactState:
             if np.array_equal(exponent[self.term_basis], own):  # the same terms share functions
                 at_start = forced[:, 0]
                 return replace(self, exponent=exponent, term_vector=vectors, forced_at_start=at_start, drive=drive)
-        return replace(_tabulated(self.equations, self.modes, self.horizon, sources, forced), drive=drive)
+        return replace(_tables_of_state(self.equations, self.modes, self.horizon, sources, forced), drive=drive)
 
     def coefficients(self, rows: Floats, sources: Sources) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
@@ -179,7 +181,7 @@ class ContactState:
         return np.ascontiguousarray(size)
 
 
-def _tabulated(
+def _tables_of_state(
     equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources, forced: Complexes
 ) -> ContactState:
     """The tables of a contact state: the responses (F, D, N) to the sources, and the free motion."""
@@ -274,11 +276,11 @@ def responses(drive: Drive, sources: Sources) -> Complexes:
     driving = (drive.inputs + sources.exponent[:, None] * drive.slopes)[:, None]
     if power.any():
         driving = _driving_in_powers(driving[:, 0], drive.slopes, power)
-    forced = _forced(drive.modes, driving, sources, longest)
+    forced = _forced_responses(drive.modes, driving, sources, longest)
     if not equations.factors[:, : RATE + 1].any():
         return forced
     # what a stiff contact's load leaves in slow motions is a small part of it
-    corrected = _forced(drive.modes, _residual(forced, equations, sources), sources, longest)
+    corrected = _forced_responses(drive.modes, _residual(forced, equations, sources), sources, longest)
     return forced + corrected if forced.shape == corrected.shape else _sum_of_polynomials(forced, corrected)
 
 
@@ -298,7 +300,7 @@ def _sum_of_polynomials(one: Complexes, other: Complexes) -> Complexes:
     return total
 
 
-def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> Complexes:
+def _forced_responses(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> Complexes:
     """The responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``, as `responses`.
 
     Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
@@ -399,7 +401,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size:
         some = _UndampedModes(omega2[together], psi[:, together], extension[:, together], d[np.ix_(together, together)])
-        modes = modes.joined(_coupled_modes(some, N, window))
+        modes = modes.join(_coupled_modes(some, N, window))
     return modes if across is None else _joined_with_rest(modes, equations, acting, (omega2, psi), across)
 
 
@@ -428,7 +430,7 @@ def _joined_with_rest(
     about[:n, :n] += moved @ across.T
     right, left = np.eye(N, n) @ (across - moved), rest.T
     at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(across.shape[1], complex))
-    return modes.placed(np.eye(N), about).joined(BlockForm(at_rest, []))
+    return modes.placed(np.eye(N), about).join(BlockForm(at_rest, []))
 
 
 class _FirstOrder(NamedTuple):

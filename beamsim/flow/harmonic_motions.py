@@ -90,13 +90,13 @@ class HarmonicMotions:
         self.duration = np.array([each.duration for each in maps])
         self._exponent = np.array([each.exponent for each in sources])
         self._amplitude = np.array([each.amplitude[0] for each in sources])
-        self._groups = list(self._grouped(sources))
+        self._groups = list(self._groups_of_segments(sources))
 
     def inputs(self, motion: Ints, time: Floats) -> Complexes:
         """(n, F) amplitudes of the sources of motions (n,) at times (n,), s."""
         return np.asarray(self._amplitude[motion] * np.exp(self._exponent[motion] * time[:, None]))
 
-    def _grouped(self, sources: Sequence[Sources]) -> Iterator[_SegmentsInState]:
+    def _groups_of_segments(self, sources: Sequence[Sources]) -> Iterator[_SegmentsInState]:
         latest: dict[bytes, ContactState] = {}  # by the phases
         visits: dict[tuple[bytes, int], dict[int, ContactState]] = {}  # by phases and list of terms, then by motion
         segments: dict[tuple[bytes, int], list[int]] = {}

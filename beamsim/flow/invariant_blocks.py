@@ -152,7 +152,7 @@ class BlockForm(NamedTuple):
         blocks = [replace(b, right=out @ b.right, left=b.left @ back) for b in self.blocks]
         return BlockForm(SimpleModes(out @ right, left @ back, eigenvalue), blocks)
 
-    def joined(self, other: BlockForm) -> BlockForm:
+    def join(self, other: BlockForm) -> BlockForm:
         """These subspaces and others of the same state."""
         right, left, eigenvalue = zip(self.simple, other.simple, strict=True)
         modes = SimpleModes(np.hstack(right), np.vstack(left), np.concatenate(eigenvalue))

@@ -102,7 +102,7 @@ class Trajectory:
         return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
     @classmethod
-    def joined(cls, chunks: Sequence[Trajectory]) -> Trajectory:
+    def join(cls, chunks: Sequence[Trajectory]) -> Trajectory:
         """Consecutive chunks of a motion under a record, each in a flow on its pieces, as one trajectory."""
         spans = [not_none(chunk.flow.pieces) for chunk in chunks]
         first = spans[0][0]

@@ -18,9 +18,9 @@ from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.conditioning import (
     clipping_warnings,
     condition,
-    evenly_timed,
     offset_warnings,
     rounding_warnings,
+    with_even_times,
 )
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
@@ -145,7 +145,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         signal = _select_times(read_file(path, excitation.decimal), excitation)
         if signal.y.size < 4:
             _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
-        raw = evenly_timed(signal)
+        raw = with_even_times(signal)
         signal = _in_si(raw, excitation).check()
         _demand_no_gaps(signal, excitation)
         used = condition(signal, excitation, excitation.resample)
@@ -188,7 +188,7 @@ def _select_times(signals: list[MeasuredSignal], excitation: SampledInput) -> Me
     if not signal.axis:
         remedy = "give excitation.sample_rate, or name the column of times in excitation.time_column"
         _reject(f"= {excitation.file} has no time axis of {signal.name}", remedy, "excitation.sample_rate")
-    signal = signal.required((FunctionType.TIME_HISTORY,), "a sampled input")
+    signal = signal.require((FunctionType.TIME_HISTORY,), "a sampled input")
     if np.iscomplexobj(signal.y):
         raise InputFileError(f"has complex values in {signal.name}", "name another one in excitation.column")
     return signal

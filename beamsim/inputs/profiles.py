@@ -136,7 +136,7 @@ class Profile:
         return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points], dtype=float))
 
     @classmethod
-    def interpolated(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
+    def log_log(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
         """From the same points by log-log interpolation, constant outside.
 
         Every level must be positive.
@@ -173,7 +173,7 @@ class Profile:
         """All levels multiplied by a factor."""
         return Profile(self.edge, self.amplitude * factor, self.power)
 
-    def notched(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
+    def with_notch(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
         """The profile limited to a level between two frequencies.
 
         Parameters
@@ -234,11 +234,11 @@ def make_profile(
     default = "acceleration" if power_of(quantity) else quantity
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
-        profile = (Profile.from_steps(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))
+        profile = (Profile.from_steps(table) if between == "held" else Profile.log_log(table)).scaled(abs(level))
     else:
         profile = Profile.constant(abs(level), quantity)
     for notch in notches:
-        profile = profile.notched(notch.from_, notch.to, notch.level, notch.quantity or default)
+        profile = profile.with_notch(notch.from_, notch.to, notch.level, notch.quantity or default)
     return profile
 
 

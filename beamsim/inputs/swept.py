@@ -232,7 +232,7 @@ class _LegExpansion:
             if np.any(np.abs(start + radius - correction.time) < correction.half_width):
                 pulse += correction.displacement_about(start + radius)
         curvature = pulse[:, 2:] * (np.arange(2, 9) * np.arange(1, 8))
-        pulse_series, pulse_remainder = _modulated(curvature, omega, radius, LARGEST_DEGREE)
+        pulse_series, pulse_remainder = _modulate(curvature, omega, radius, LARGEST_DEGREE)
         series = series + pulse_series
         motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
         coefficient = _derivative(_derivative(motion, omega), omega)
@@ -293,7 +293,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
     return product, deviation, remainder
 
 
-def _modulated(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats]:
+def _modulate(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats]:
     """Real polynomials as power series (W, D + 1) times ``e^{i omega sigma}``, and a bound on the remainder."""
     k = polynomial.shape[1]
     spin = np.ones((omega.size, D + 1), dtype=complex)

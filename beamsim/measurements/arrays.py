@@ -73,13 +73,13 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             return read_matlab(path)
         file.visititems(visit)
         demand_memory(path, 3 * sum(map(values_size, datasets.values())), "for its channels")
-        arrays = {name: _unpacked(name, item) for name, item in datasets.items() if name not in labels}
+        arrays = {name: _unpack(name, item) for name, item in datasets.items() if name not in labels}
         called = {name: label_of(name) for name in arrays}
         for name, of_rows in labels.items():
-            whole = _unpacked(name, datasets[name])
+            whole = _unpack(name, datasets[name])
             folder, _, last = name.rpartition("/")
-            units = _listed(datasets[name], OF_EACH, str) or [whole.unit] * len(of_rows)
-            absent = np.isin(np.arange(whole.values.size), _listed(datasets[name], ABSENT, int))
+            units = _list_attribute(datasets[name], OF_EACH, str) or [whole.unit] * len(of_rows)
+            absent = np.isin(np.arange(whole.values.size), _list_attribute(datasets[name], ABSENT, int))
             if len(units) != len(of_rows):
                 raise InputFileError(f"is damaged ({OF_EACH} of {name})", "export it again")
             rows = zip(of_rows, _quantities(datasets[name]) or [last] * len(of_rows), units, strict=True)
@@ -93,7 +93,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     return [_signal(name, called[name], arrays, path) for name in arrays]
 
 
-def _listed(item: h5py.Dataset, name: str, of: type) -> list[Any]:
+def _list_attribute(item: h5py.Dataset, name: str, of: type) -> list[Any]:
     """What an attribute lists about the rows of an array of a result file, see docs/result_files.md; nothing elsewhere.
 
     Raises
@@ -201,7 +201,7 @@ def text_of_attribute(value: object) -> str:
     return ""
 
 
-def _unpacked(name: str, item: h5py.Dataset) -> _Array:
+def _unpack(name: str, item: h5py.Dataset) -> _Array:
     """The array of a data set by its attributes."""
     given = {key: item.attrs[key] for key in item.attrs if key != LIST}
     given = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}

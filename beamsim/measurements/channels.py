@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.measurements.conditioning import clipping_warnings, condition, evenly_timed
+from beamsim.measurements.conditioning import clipping_warnings, condition, with_even_times
 from beamsim.measurements.functions import RATIOS, FunctionType, is_unit_of
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
@@ -111,9 +111,9 @@ def _usable_in(
         If the channel is of a function type that the test does not take, or its level is not stated.
     """
     if test.kind == "transient":
-        return signal.required((FunctionType.TIME_HISTORY,), "the test of a transient")
+        return signal.require((FunctionType.TIME_HISTORY,), "the test of a transient")
     if signal.function not in RATIOS:
-        return signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration")
+        return signal.require((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration")
     if test.harmonics != 1:
         raise InputFileError(
             f"has {signal.function.with_article} in {signal.name}, which has no harmonics of a vibration",
@@ -151,7 +151,7 @@ def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark 
     """
     try:
         signals = [
-            evenly_timed(each).on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis
+            with_even_times(each).on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis
         ]
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
@@ -236,7 +236,7 @@ def history_named(
     """
     signal = channel_named(read_signals(path, axis_unit, decimal), name, "", path, required=True)
     try:
-        return signal.required((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
+        return signal.require((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 
@@ -285,7 +285,7 @@ def demand_amplitudes(signals: Iterable[MeasuredSignal], purpose: str) -> None:
     """
     for signal in signals:
         try:
-            signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), purpose)
+            signal.require((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), purpose)
         except InputFileError as fault:
             raise measurement_error(f"{signal.source or 'a signal'} {fault.message}", fault.remedy) from None
 

@@ -31,17 +31,17 @@ def column_named(signals: Sequence[MeasuredSignal], name: str) -> MeasuredSignal
             if len(found) > 1:
                 numbers = [str(signals.index(each) + 1) for each in found]
                 raise InputFileError(
-                    f"has {len(found)} columns {name}: {listed(found)}",
+                    f"has {len(found)} columns {name}: {names_text(found)}",
                     f"give the whole heading, or the number of the column: {' or '.join(numbers)}",
                 )
             if found:
                 return found[0]
     if name.isdigit() and 1 <= int(name) <= len(signals):
         return signals[int(name) - 1]
-    raise InputFileError(f"has no column {name} among {len(headings)}", f"name one: {listed(signals)}")
+    raise InputFileError(f"has no column {name} among {len(headings)}", f"name one: {names_text(signals)}")
 
 
-def listed(signals: Sequence[MeasuredSignal]) -> str:
+def names_text(signals: Sequence[MeasuredSignal]) -> str:
     """Names of columns, the first dozen."""
     names = [signal.name for signal in signals[:MOST_LISTED]]
     return ", ".join(names) + (", ..." if len(signals) > MOST_LISTED else "")
@@ -92,7 +92,7 @@ def only_column(
         name = split_heading(possible[-1].name)[0] or possible[-1].name
         what = " or ".join(dimension.name for dimension in dimensions) or "values"
         raise InputFileError(
-            f"has {len(possible)} columns that can be the {what}: {listed(possible)}",
+            f"has {len(possible)} columns that can be the {what}: {names_text(possible)}",
             f"name one in {key}, for example {key.rpartition('.')[2]}: {name}",
         )
     return possible[0]
@@ -126,7 +126,7 @@ def by_dimension(
         if not signal.unit:
             continue
         if signal.stated_function is not None:
-            signal.required((FunctionType.TIME_HISTORY,), "a table of columns")
+            signal.require((FunctionType.TIME_HISTORY,), "a table of columns")
         try:
             factor, dimension = units.read_level(f"1 {signal.unit}", tuple(dimensions.values()))
         except units.UnitError:
@@ -169,7 +169,7 @@ def _one_of(columns: Sequence[MeasuredSignal], kind: str, factors: Mapping[str, 
         if not _have_equal_values(first.y * factors[first.name], other.y * factors[other.name]):
             names = [split_heading(each.name)[0] for each in columns]
             raise InputFileError(
-                f"cannot be used: {listed(columns)} each have a unit of {kind}",
+                f"cannot be used: {names_text(columns)} each have a unit of {kind}",
                 f"name the one that is meant: columns: [{names[-1]}] (--column {names[-1]})",
             )
     return first

@@ -54,7 +54,7 @@ FLOAT32_DIGITS = 9  # with which every number in single precision can be written
 PERIODS_OF_FILTER = 2  # of a high-pass filter, that a record lasts at least
 
 
-def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
+def with_even_times(signal: MeasuredSignal) -> MeasuredSignal:
     """A time history at its sampling rate where its time stamps are those of even samples but for their last digit.
 
     Parameters
@@ -190,7 +190,7 @@ def condition(signal: MeasuredSignal, how: RecordPreparation, resample: float | 
     if resample is not None:
         signal = resample_signal(signal, resample)
     if how.high_pass is not None:
-        signal = high_passed(signal, how.high_pass)
+        signal = high_pass(signal, how.high_pass)
     if signal.unit != units.ACCELERATION.unit or (how.remove is None and how.high_pass is None):
         return signal
     (speed, way), (left, short) = _ends_of_motion(given), _ends_of_motion(signal)
@@ -291,7 +291,7 @@ def _decimate(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) 
             f"would have {left_over} samples at resample = {rate:g} Hz (at least {2 * MATCHED})",
             "give a higher rate, or a longer record",
         )
-    filtered = _low_passed(values, ratio)
+    filtered = _low_pass(values, ratio)
     if signal.unit not in INTEGRATED:
         filtered[: PULSE + 1] += _start_pulse(values, filtered, float(ratio))
     even = time[0] + np.arange(filtered.size) / new
@@ -320,13 +320,13 @@ def _filter(rate: float) -> Floats:
     return np.asarray(firwin(taps | 1, 0.5 * (PASS + STOP), window=("kaiser", beta), fs=rate), dtype=float)
 
 
-def _low_passed(values: Floats, ratio: Fraction) -> Floats:
+def _low_pass(values: Floats, ratio: Fraction) -> Floats:
     """A record (n,) at a lower rate, low-pass filtered; a ratio is that of the new rate to its own."""
     from scipy.signal import resample_poly
 
     taps, size = _filter(float(ratio.denominator)), values.size
     reach = min(taps.size // (2 * ratio.numerator) + 1, size - 1)
-    before, behind = _continued(values, reach), _continued(values[::-1], reach)[::-1]
+    before, behind = _continuation_before(values, reach), _continuation_before(values[::-1], reach)[::-1]
     # as long as whole steps of the new rate, so that the first sample of the record is one of the result
     before = np.pad(before, (-before.size % ratio.denominator, 0), mode="edge")
     continued: Floats = np.concatenate([before, values, behind])
@@ -335,7 +335,7 @@ def _low_passed(values: Floats, ratio: Fraction) -> Floats:
     return np.array(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1], dtype=float)
 
 
-def _continued(values: Floats, reach: int) -> Floats:
+def _continuation_before(values: Floats, reach: int) -> Floats:
     """What is put before a record, (reach,) samples: its mirror image where that has the smoother join, else its point
     reflection. The one has a kink of the slope, the other of the curvature."""
     slopes, curvatures = np.diff(values), np.diff(values, 2)
@@ -378,7 +378,7 @@ def _start_pulse(values: Floats, filtered: Floats, ratio: float) -> Floats:
     return np.asarray(np.linalg.solve(effect, missing) @ pulses[:, : number.size], dtype=float)
 
 
-def high_passed(signal: MeasuredSignal, frequency: float) -> MeasuredSignal:
+def high_pass(signal: MeasuredSignal, frequency: float) -> MeasuredSignal:
     """A time history through a high-pass filter without phase.
 
     Parameters

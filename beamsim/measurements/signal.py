@@ -112,7 +112,7 @@ class ExcitationLevel:
 class MeasuredSignal:
     """One measured channel: its values on an axis, and what the file says of them.
 
-    Before values are used, ask `required` for the function type, `on_si_axis` for the axis, `in_si` for the unit and
+    Before values are used, ask `require` for the function type, `on_si_axis` for the axis, `in_si` for the unit and
     `check` for the values.
     """
 
@@ -150,7 +150,7 @@ class MeasuredSignal:
         """The name with what was done to the values of the file."""
         return ", ".join((self.name, *self.scaling))
 
-    def required(self, functions: Sequence[FunctionType], purpose: str) -> MeasuredSignal:
+    def require(self, functions: Sequence[FunctionType], purpose: str) -> MeasuredSignal:
         """The signal itself, if it is a function of one of some types.
 
         Parameters

@@ -157,10 +157,10 @@ def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:
 
 def _units_of(fields: Mapping[str, Any]) -> Units:
     length = float(fields.get("length") or 0.0)
-    return Units(length or None, _named(length, _LENGTHS), _named(float(fields.get("force") or 0.0), _FORCES))
+    return Units(length or None, _unit_name(length, _LENGTHS), _unit_name(float(fields.get("force") or 0.0), _FORCES))
 
 
-def _named(factor: float, names: Mapping[float, str]) -> str:
+def _unit_name(factor: float, names: Mapping[float, str]) -> str:
     """Name of the unit of which an SI unit has so many; files state few digits."""
     return next((name for known, name in names.items() if abs(factor / known - 1) < 1e-3), "")
 

@@ -131,9 +131,9 @@ class Backbone:
         # where the mode holds less outside tongues, 0.7 of that
         self._least = min(LEAST_SHARE, 0.7 * self.share(self._clear[-1]))
         if self._resonance_at_end is not None:
-            return self._continued(a, full, gradual=False)
-        b = self._stepped(a, step)
-        ahead = [b] if b is not None else self._continued(a, full, gradual=True)
+            return self._continue_branch(a, full, gradual=False)
+        b = self._motion_after_step(a, step)
+        ahead = [b] if b is not None else self._continue_branch(a, full, gradual=True)
         if ahead:
             for before, point in pairwise([a, *ahead]):
                 self._trace_tongues(before, point)
@@ -148,9 +148,9 @@ class Backbone:
                 at=Where(((a.parameter, b.parameter),)),
             )  # fmt: skip
             self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
-        return self._continued(a, full, gradual=False)
+        return self._continue_branch(a, full, gradual=False)
 
-    def _stepped(self, a: BranchPoint, step: float) -> BranchPoint | None:
+    def _motion_after_step(self, a: BranchPoint, step: float) -> BranchPoint | None:
         """The motion after a step in the parameter, or the neighbouring one that the mode dominates more."""
         remaining = abs(self.end - a.parameter)
         b = None
@@ -201,7 +201,7 @@ class Backbone:
             mode=mode, share=share, other=other, other_share=other_share,
         )  # fmt: skip
 
-    def _continued(self, a: BranchPoint, full: float, *, gradual: bool) -> list[BranchPoint]:
+    def _continue_branch(self, a: BranchPoint, full: float, *, gradual: bool) -> list[BranchPoint]:
         """Points of the branch from a to about a step further, by arclength.
 
         They end where the parameter turns back. With ``gradual`` they also end where the mode has less than `CLEAR` of
@@ -336,7 +336,7 @@ class Backbone:
 
     def _cut(self, a: BranchPoint, b: BranchPoint) -> None:
         """Keep a jump with its resonance, and the tongue unless it is known."""
-        if self._joined(a, b):
+        if self._leads_to(a, b):
             return
         mode, ratio = resonance_between(self.orbits, a, b, self.mode)
         self.jumps.append(Jump(a.parameter, b.parameter, mode, ratio))
@@ -349,7 +349,7 @@ class Backbone:
                 self.tongues.append(tongue)
         self._recent = []
 
-    def _joined(self, a: BranchPoint, b: BranchPoint) -> bool:
+    def _leads_to(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Whether the branch leads from a to b after all, only faster than the predictions that keep out of tongues."""
         chord = (b.u - a.u) / self.orbits.scale(a.u)[0]
         size = float(np.linalg.norm(chord))

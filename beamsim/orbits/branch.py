@@ -54,13 +54,13 @@ class BranchPoint:
         """The last unknown."""
         return float(self.u[-1])
 
-    def reversed(self) -> BranchPoint:
+    def reverse(self) -> BranchPoint:
         """The same point with the opposite tangent."""
         return replace(self, tangent=-self.tangent, orientation=-self.orientation)
 
     def orient(self, forward: float) -> BranchPoint:
         """The same point, its tangent pointing to larger (``forward`` > 0) or smaller parameters."""
-        return self.reversed() if self.tangent[-1] * forward < 0 else self
+        return self.reverse() if self.tangent[-1] * forward < 0 else self
 
 
 @dataclass(frozen=True)

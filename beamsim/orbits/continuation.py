@@ -140,7 +140,7 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
         if _converged(size, moved, iteration, settings.tolerance) and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _kernel(Jw)
             point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
-            return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
+            return point.reverse() if reference is not None and float(tangent @ reference) < 0 else point
         # five steps that do not halve the residual lead nowhere
         lost = size > 0.5 * before if iteration % 5 == 1 else iteration > 2 and size > 2.0 * last
         if iteration == settings.iterations or (lost and size > STIFF * settings.tolerance):
@@ -223,7 +223,7 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
     return correct(problem, Predictor(guess, along, scale, along), settings)
 
 
-def interpolated(
+def interpolate_unknowns(
     a: BranchPoint, b: BranchPoint, s: float, scale: Floats | None = None, ahead: float | None = None
 ) -> Floats:
     """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the chord.
@@ -320,7 +320,7 @@ class BranchStep(Generic[ProblemT_co]):
         target = float(row @ (wa + share * (wb - wa)))
         begin, left, end, right = (0.0, a, 1.0, self.b) if known is None else known
         s = (share - begin) / (end - begin)
-        guesses = [interpolated(left, right, s), left.u + s * (right.u - left.u)]
+        guesses = [interpolate_unknowns(left, right, s), left.u + s * (right.u - left.u)]
         nearest_first = (left, right) if s < 0.5 else (right, left)
         for guess in (*guesses, *(_on_tangent(end, row, target, a.scale) for end in nearest_first)):
             missing = target - float(row @ (guess / a.scale))
@@ -333,7 +333,7 @@ class BranchStep(Generic[ProblemT_co]):
     def at_parameter(self, value: float) -> BranchPoint | None:
         """The point between a and b, or beyond them, at a value of the parameter; None where none is found."""
         share = (value - self.a.parameter) / (self.b.parameter - self.a.parameter)
-        guess = interpolated(self.a, self.b, float(np.clip(share, 0.0, 1.0)))
+        guess = interpolate_unknowns(self.a, self.b, float(np.clip(share, 0.0, 1.0)))
         guess[-1] = value
         return solve_at(self.problem, guess, self.settings, value, self.b.parameter - self.a.parameter)
 
@@ -410,7 +410,7 @@ class BranchStep(Generic[ProblemT_co]):
             for share in real[:1]:  # where a Jacobian that is linear in between is singular
                 left, _, right = np.linalg.svd(A + share * (B - A))
                 c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
-                y = np.append(interpolated(a, b, share) / scale, 0.0)
+                y = np.append(interpolate_unknowns(a, b, share) / scale, 0.0)
                 at, *shifted = (
                     np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(BRANCHING_STEP * plane))
                 )
@@ -564,14 +564,14 @@ class Branch:
         t = t / np.linalg.norm(t)
         w = along = point.u / scale + ds * t
         if before is not None:
-            w = interpolated(before, point, 1.0, scale, ahead=ds) / scale
+            w = interpolate_unknowns(before, point, 1.0, scale, ahead=ds) / scale
         missing, furthest = float(t @ (along - w)), 2.0 * ds + 1e-12
         new = correct(self.problem, Predictor(w * scale, t, scale, t, furthest, missing), s)
         if new is None:
             return None
         same = self.problem.same_events(point, new)
         if not same and new.orientation * point.orientation < 0:
-            new = new.reversed()
+            new = new.reverse()
         if ds <= 30 * s.smallest_step:
             return new
         if same and float(new.tangent @ t) < s.smallest_cosine:

@@ -41,7 +41,7 @@ from beamsim.orbits.continuation import (
     Branch,
     BranchStep,
     Settings,
-    interpolated,
+    interpolate_unknowns,
     solve_at,
 )
 from beamsim.orbits.harmonic_balance import ForcedBalance
@@ -330,7 +330,9 @@ def trace_range(
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
             directions = [1.0] if begin in (first, last) else [1.0, -1.0]
-            branches.append(joined(*(follow(inside, start, way, budget, branches, tell) for way in directions)))
+            branches.append(
+                join_directions(*(follow(inside, start, way, budget, branches, tell) for way in directions))
+            )
         gaps, begin = missing(branches, first, last), last
         if gaps and (last in tried or not any(last in gap for gap in gaps)):
             # what a limit on points left out is looked for within the range first
@@ -379,7 +381,7 @@ def coexisting_branches(
             if start is None or coincides(start, [*known, *branches]):
                 continue
             halves = [follow(tracer, start, direction, budget, [*known, *branches]) for direction in (1.0, -1.0)]
-            branches.append(joined(*halves))
+            branches.append(join_directions(*halves))
     return branches
 
 
@@ -408,7 +410,7 @@ def follow(
         From the start on, with its special points.
     """
     if direction < 0:
-        start = start.reversed()
+        start = start.reverse()
     most = min(budget.branch_points, budget.remaining)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
     branch = Branch(tracer.problem, start, *tracer.reach, Settings(most_points=most))
@@ -539,14 +541,14 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
                 return True
             if away < apart and min(a.parameter, b.parameter) < p < max(a.parameter, b.parameter):
                 # a sharp peak is far from its chords: on the cubic
-                share = brentq(lambda s, a=a, b=b: float(interpolated(a, b, s)[-1]) - p, 0.0, 1.0)
-                off_curve = (interpolated(a, b, share) - point.u) / point.scale
+                share = brentq(lambda s, a=a, b=b: float(interpolate_unknowns(a, b, s)[-1]) - p, 0.0, 1.0)
+                off_curve = (interpolate_unknowns(a, b, share) - point.u) / point.scale
                 if float(np.linalg.norm(off_curve[:-1])) < COINCIDES:
                     return True
     return False
 
 
-def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch:
+def join_directions(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch:
     """One branch from what was followed in one direction or both."""
     if back is None:
         return forward

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import RunResult
 from beamsim.labelled import Dataset
-from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marked
+from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marks_curve
 from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
@@ -87,7 +87,7 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
             triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
                         "markerfacecolor": RED if shut else "white"}  # fmt: skip
             face = (s.position, at if shut else free)  # which is the tip of the triangle
-            marks.append(marked("" if label in [mark.label for mark in marks] else label, face, **triangle))
+            marks.append(marks_curve("" if label in [mark.label for mark in marks] else label, face, **triangle))
     of = name if len(bodies) > 1 else "the beam"
     scale = scale_for("m", beam["extreme_shape"].values, np.array([mark.y for mark in marks]))
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})

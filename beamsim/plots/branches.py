@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.orbits.branch import special_name
-from beamsim.plots.drawing import Curve, marked, with_neighbours
+from beamsim.plots.drawing import Curve, marks_curve, with_neighbours
 from beamsim.typing import Bools, Floats
 
 MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
@@ -46,5 +46,5 @@ def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
         places = [(x, y) for line in lines for name, x, y in line.special if name == kind]
         if places:
             face = {"markerfacecolor": "white", "markeredgewidth": 0.8, "zorder": 4}
-            curves.append(marked(special_name(kind), places, marker=mark, markersize=4.5, color="0.2", **face))
+            curves.append(marks_curve(special_name(kind), places, marker=mark, markersize=4.5, color="0.2", **face))
     return curves

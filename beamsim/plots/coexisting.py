@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.coexisting.result import CoexistingResult
-from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, marked
+from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, marks_curve
 from beamsim.results.values import Value, peaks_in
 
 _MARKS = "os^Dvx"
@@ -32,7 +32,9 @@ def basins(result: CoexistingResult, at: int) -> Chart:
     for number, label in (labels | {0: "not settled"}).items():
         places = np.column_stack([across[2], up[2]])[known & (ends == number)]
         style = {"color": curve_style(number - 1)["color"] if number else "0.6", "markersize": 3.5}
-        curves += [marked(label, places, marker=_MARKS[(number - 1) % len(_MARKS)], **style)] if places.size else []
+        curves += (
+            [marks_curve(label, places, marker=_MARKS[(number - 1) % len(_MARKS)], **style)] if places.size else []
+        )
     more = f", {len(drawn) - 2} more coordinates drawn" if len(drawn) > 2 else ""
     title = f"{hz:.6g} Hz, {int(known.sum())} starts{more}"
     return Chart(across[:2], up[:2], curves, whole="y" if len(drawn) < 2 else "", of="motions", title=title)
@@ -49,7 +51,7 @@ def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
         size = max(SMALLEST_MARK, LARGEST_MARK * float(np.sqrt(np.nan_to_num(share))))
         face = {"markerfacecolor": colour if stable else "white", "markersize": size, "alpha": 0.8}
         known = any(curve.label == label for curve in curves)
-        curves.append(marked("" if known else label, (hz, peak), marker="o", color=colour, **face))
+        curves.append(marks_curve("" if known else label, (hz, peak), marker="o", color=colour, **face))
     up = (f"{value.label.capitalize()} of {name}", value.unit)
     return Chart(("Excitation frequency", HERTZ), up, curves, of="", y_ends=(0.0, None))
 

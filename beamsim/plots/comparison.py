@@ -21,7 +21,7 @@ from beamsim.plots.drawing import (
     Picture,
     dashed_line,
     finish,
-    marked,
+    marks_curve,
 )
 from beamsim.plots.style import plain_scale
 from beamsim.typing import Floats
@@ -70,7 +70,7 @@ def swept_responses(c: SweptComparison) -> Chart:
         at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level")) for peak in c.peaks]
         if at:
             colour = style["color"]
-            curves.append(marked(f"{whose} peaks", at, color=colour, marker=marker, markerfacecolor="none"))
+            curves.append(marks_curve(f"{whose} peaks", at, color=colour, marker=marker, markerfacecolor="none"))
     detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
     response = f"{detected} {c.quantity.replace('_', ' ')}".capitalize()
     return Chart((f"{c.curve}, FRAC {c.frac:.3f}, excitation frequency", HERTZ), (response, c.unit), curves, log="y")

@@ -23,7 +23,7 @@ from beamsim.plots.drawing import (
     highest_in_bins,
     limit_levels,
     logarithmic,
-    marked,
+    marks_curve,
     over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
@@ -138,7 +138,7 @@ def fold_curves(result: ContinuationResult) -> Chart:
         drawn.append(Curve(f"fold at {start:.5g} Hz", x, y, {"linewidth": 1.4}))
         begin = int(np.argmin(np.abs(x - start)))
         places.append((x[begin], y[begin]))
-    begun = marked("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
+    begun = marks_curve("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
     snubber = folds[0]["followed_snubber"].item()
     up = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
     return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], of="")

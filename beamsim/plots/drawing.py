@@ -63,7 +63,7 @@ class Curve(NamedTuple):
     style: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
 
-def marked(label: str, places: Any, **style: Any) -> Curve:
+def marks_curve(label: str, places: Any, **style: Any) -> Curve:
     """Places (n, 2) in SI units with marks that no line joins."""
     x, y = np.reshape(places, (-1, 2)).T
     return Curve(label, x, y, {"linestyle": "none", **style})

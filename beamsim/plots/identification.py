@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from beamsim.analyses.identify.layouts import BEFORE, WITH, WITHOUT
 from beamsim.analyses.identify.result import IdentificationResult
 from beamsim.labelled import Dataset
-from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marked
+from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marks_curve
 from beamsim.plots.style import Scale
 from beamsim.results.values import parameter_label
 
@@ -59,7 +59,7 @@ def frequencies(result: IdentificationResult, table: Dataset) -> Chart:
 
     return Chart(
         ("Stiffness of the snubber", _STIFFNESS), ("Natural frequency", HERTZ), curves, measured, "xy", of="modes",
-        marks=[marked("", fitted, marker="o", markersize=5, color=RED, markerfacecolor="white")], more=bounds,
+        marks=[marks_curve("", fitted, marker="o", markersize=5, color=RED, markerfacecolor="white")], more=bounds,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from beamsim.plots.drawing import (
     Picture,
     curve_style,
     logarithmic,
-    marked,
+    marks_curve,
 )
 from beamsim.plots.multiple_scales import FACTOR, expansion_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
@@ -55,12 +55,14 @@ def backbone(result: NormalModeResult) -> Chart:
     """
     if result.parameter == "stiffness_factor":
         drawn = [_columns(b, "parameter", "frequency_hz") for b in result.branches]
-        return _named(result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), of=""))
+        return _with_resonance_names(
+            result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), of="")
+        )
     largest = [np.abs(b["initial_displacement"].values).max(axis=1) for b in result.branches]
     log = logarithmic("y", largest[0])
     curves = _curves(result, [(b["frequency_hz"].values, y) for b, y in zip(result.branches, largest, strict=True)])
     across, up = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
-    return _named(result, Chart(across, up, curves, log=log, of=""))
+    return _with_resonance_names(result, Chart(across, up, curves, log=log, of=""))
 
 
 def _columns(branch: Dataset, across: str, up: str) -> tuple[Floats, Floats]:
@@ -71,7 +73,9 @@ def frequency_energy(result: NormalModeResult) -> Chart:
     """Frequency–energy plot, drawn likewise."""
     curves = _curves(result, [_columns(b, "energy", "frequency_hz") for b in result.branches])
     log = logarithmic("x", result.branches[0]["energy"].values)
-    return _named(result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of=""))
+    return _with_resonance_names(
+        result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of="")
+    )
 
 
 def _jumps(result: NormalModeResult) -> list[tuple[float, float, int, int]]:
@@ -82,7 +86,7 @@ def _jumps(result: NormalModeResult) -> list[tuple[float, float, int, int]]:
     return list(zip(*columns, strict=True))
 
 
-def _named(result: NormalModeResult, chart: Chart) -> Chart:
+def _with_resonance_names(result: NormalModeResult, chart: Chart) -> Chart:
     """The chart with n:m at every resonance, each once: the first curves are the jumps."""
     names: dict[str, tuple[float, float]] = {}
     for (_, _, mode, ratio), curve in zip(_jumps(result), chart.curves, strict=False):
@@ -275,7 +279,7 @@ def relaxed_figure(result: NormalModeResult) -> Picture:
     ended = [Curve("at the end of a step", factor, functional, {"marker": "."})]
     if missed.any():
         places = np.stack([factor, functional], axis=1)[missed]
-        ended.append(marked("not reached", places, marker="x", markersize=7))
+        ended.append(marks_curve("not reached", places, marker="x", markersize=7))
     tolerance = Guide("tolerance", relaxed["tolerance"].item(), {"linewidth": 0.9, "linestyle": "--"})
     cost = (
         f"{passages.sum()} motions, {relaxed['processor_time_s'].values.sum():.2g} s; "
@@ -303,4 +307,4 @@ def _relaxed_frequencies(result: NormalModeResult) -> Iterator[Curve]:
         here = relaxed["fate"].values == fate
         if here.any():
             marks = {"marker": mark, "markersize": 3.5, "color": RED, "markerfacecolor": "white"}
-            yield marked(f"relaxed, {text}", steps[here], **marks)
+            yield marks_curve(f"relaxed, {text}", steps[here], **marks)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.labelled import Dataset
 from beamsim.plots.branches import BranchLine, branch_curves
-from beamsim.plots.drawing import HERTZ, RED, Chart, Curve, Picture, curve_style, marked
+from beamsim.plots.drawing import HERTZ, RED, Chart, Curve, Picture, curve_style, marks_curve
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
 from beamsim.results.branch import rows_by_owner
@@ -62,8 +62,8 @@ def resonances(result: NormalModeResult) -> Chart:
     curves = [
         Curve("nonlinear mode", ridge["frequency_hz"].values, ridge["amplitude"].sel(probe=name).values, thick),
         *branch_curves(list(lines.values())),
-        marked("predicted", predicted, color="0.15", marker="o", markersize=7, markerfacecolor="white"),
-        marked("phase resonance", found, color="0.15", marker="D", markersize=4, zorder=6),
+        marks_curve("predicted", predicted, color="0.15", marker="o", markersize=7, markerfacecolor="white"),
+        marks_curve("phase resonance", found, color="0.15", marker="D", markersize=4, zorder=6),
     ]
     shown = [predicted[:, 1], found[:, 1], *(line.y for line in lines.values())]
     up = (f"Largest deflection of {name}", scale_for("m", *shown))
@@ -89,7 +89,7 @@ def levels(result: NormalModeResult) -> Chart:
         shown = found[of_levels["stable"].values == stable]
         if shown.size:
             label, size = f"exact, {'stable' if stable else 'unstable'}", {"marker": "D", "markersize": 6}
-            curves.append(marked(label, shown, color=RED, markerfacecolor=face, **size))
+            curves.append(marks_curve(label, shown, color=RED, markerfacecolor=face, **size))
     return Chart((f"Largest deflection of {name}", "m"), ("Level", _level_scale(result)), curves, log="xy")
 
 

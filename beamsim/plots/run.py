@@ -35,7 +35,7 @@ from beamsim.plots.drawing import (
     legend,
     limit_curves,
     limit_levels,
-    marked,
+    marks_curve,
     with_neighbours,
     with_unit,
 )
@@ -199,7 +199,7 @@ def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Ite
             label, style = DOUBTFUL_LINES, {"color": _CLOSED, "markerfacecolor": "none"}
         if these.any():
             places = list(zip((frequency[these] / unit).tolist(), level[these].tolist(), strict=True))
-            yield marked(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
+            yield marks_curve(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
 
 
 class _Phases(NamedTuple):

@@ -287,7 +287,7 @@ def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Char
     """Of the responses that are shown of a sample, or of the best case within tolerances."""
     scatter = result.summary.get("scatter", {})
     statistics = scatter.get("responses", result.summary["responses"])
-    realised = _realised(result) if scatter else {}
+    realised = _values_within_tolerances(result) if scatter else {}
     for name in (name for q in quantities for name in _of(result, q)[:2]):
         values = realised[name][scatter["case"]] if name in realised else result.responses[name].values
         of = statistics.get(name, {})
@@ -554,7 +554,7 @@ def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
 
 def _band(result: StudyResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
     """The smallest and largest value of each case within the tolerances, of the sample and of further realisations."""
-    realised = _realised(result)
+    realised = _values_within_tolerances(result)
     name = next((name for name in _of(result, quantity) if place_of(name) == place and name in realised), None)
     if name is None:
         return None
@@ -566,7 +566,7 @@ def _band(result: StudyResult, quantity: str, place: str) -> tuple[Floats, Float
     return low, high
 
 
-def _realised(result: StudyResult) -> dict[str, Floats]:
+def _values_within_tolerances(result: StudyResult) -> dict[str, Floats]:
     """(cases, realisations) values of the responses within tolerances; none without tolerances."""
     if "realisations" not in result.datasets:
         return {}

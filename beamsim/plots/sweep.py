@@ -29,7 +29,7 @@ from beamsim.plots.drawing import (
     highest_in_bins,
     limit_curves,
     limit_levels,
-    marked,
+    marks_curve,
     over_frequencies,
 )
 from beamsim.plots.style import Scale, amount, level_text, scale_for
@@ -124,7 +124,7 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     for kind in dict.fromkeys(p.kind for p in named):
         peaks, face = [(p.frequency_hz, p.value_m) for p in named if p.kind == kind], "harmonic" in kind
         marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}
-        drawn.append(marked(kind, peaks, color="0.2", **marks))
+        drawn.append(marks_curve(kind, peaks, color="0.2", **marks))
     offset = curves[0].offset(probe)
     offset_text = f"\nfrom equilibrium at {amount(offset, 'm')}" if offset else ""
     up = (f"Peak displacement of {probe}{_level(result, curves[0])}{offset_text}", "m")

@@ -197,7 +197,7 @@ def _pulse(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
             yield f"{of} {amount(part.area, unit)}"
 
 
-def _matched(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+def _matched_text(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
     """Largest level of the spectrum, and duration of the record."""
     if isinstance(part.srs, CurveFile):
         yield part.srs.file
@@ -229,7 +229,7 @@ def _cycles_text(cycles: float) -> str:
 
 
 _INPUTS = {
-    "random": _random, "sampled": _record, "matched": _matched, "swept_sine": _swept_input,
+    "random": _random, "sampled": _record, "matched": _matched_text, "swept_sine": _swept_input,
     **dict.fromkeys(("step", "half_sine", "trapezoid", "sawtooth"), _pulse),
 }  # fmt: skip
 """Text about an input in addition to its level, by its kind."""

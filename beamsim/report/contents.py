@@ -16,7 +16,17 @@ from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.plots.understood import excitation_text
 from beamsim.report.interactive import interactive
-from beamsim.report.page import NOTE, Cells, FirstLine, Page, caption_plot, label_rows, listing, picture, table
+from beamsim.report.page import (
+    NOTE,
+    Cells,
+    FirstLine,
+    Page,
+    caption_plot,
+    label_rows,
+    picture,
+    preformatted_html,
+    table,
+)
 from beamsim.results.result import MARGINS, Result
 from beamsim.results.values import limit_label, limits_not_met
 from beamsim.scenario import Scenario
@@ -25,7 +35,7 @@ from beamsim.scenario.parameters import field_type, yaml_with_units
 from beamsim.structures.assembly import snubber_site
 from beamsim.summaries import place_in_words, value_in_words
 from beamsim.system.structural import SnubberNumbers
-from beamsim.trust.convergence import named
+from beamsim.trust.convergence import numbers_by_place
 
 ERRORS_SHOWN = 60
 FIRST = (
@@ -95,7 +105,7 @@ def page_of(
     page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(printed.limits)))))
     page.add(
         "Summary",
-        listing(printed.screen),
+        preformatted_html(printed.screen),
         *(caption_plot(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
     )
     page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_reliability_rows(result, printed.rows)))))
@@ -114,7 +124,8 @@ def page_of(
     page.add("Why these numbers can be trusted", *_trust(result))
     page.add(
         "Scenario",
-        f"<details><summary>YAML, as it was run</summary>{listing(yaml_with_units(result.scenario))}</details>",
+        f"<details><summary>YAML, as it was run</summary>{preformatted_html(yaml_with_units(result.scenario))}"
+        "</details>",
     )
     return page
 
@@ -123,7 +134,7 @@ def verdict_of(result: Result) -> FirstLine:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
     standing = EXIT_RULES[result.outcome.gravest_kind]
-    reasons = [str(result.outcome.displayed(scale_for))] if standing.first_line else []
+    reasons = [str(result.outcome.in_display_units(scale_for))] if standing.first_line else []
     on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in Verdict}
     if on[Verdict.EXCEEDED]:
         return FirstLine("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
@@ -169,7 +180,7 @@ def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
 
 def _reliability_rows(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
     """How the computation ended, by which method, and the printed rows that say how sure the others are."""
-    yield ["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]
+    yield ["outcome", str(result.outcome.in_display_units(scale_for)) or "complete", "how the computation ended"]
     method, label = str(result.summary.get("method", "")), ""
     if method:
         meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
@@ -228,7 +239,7 @@ def _trust(result: Result) -> Iterator[str]:
     """The warnings, and the errors of all values."""
     yield label_rows(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
     doubtful = set(result.summary.get("doubtful") or ())
-    known = sorted(named(result.summary.get("convergence") or {}), key=lambda each: -each[1])
+    known = sorted(numbers_by_place(result.summary.get("convergence") or {}), key=lambda each: -each[1])
     errors = []
     for key, error in known[:ERRORS_SHOWN]:
         value, _, place = key.partition(".")

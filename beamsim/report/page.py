@@ -100,7 +100,7 @@ class Page:
         ]
         data = {"plots": self.plots, "animation": self.animation}
         scripts = [
-            f'<script type="application/json" id="data">{embedded(data)}</script>',
+            f'<script type="application/json" id="data">{script_json(data)}</script>',
             *([f'<script type="text/plain" id="plotly">{plotly()}</script>'] if self.plots else []),
             f"<script>{asset('player.js')}</script>",
             f"<script>{asset('page.js' if self.plots else 'animation.js')}</script>",
@@ -159,7 +159,7 @@ def animation_page(scene: Scene) -> str:
     """The HTML file, which opens without a network."""
     described = scene.as_json()
     body = f"<main><h1>{escape(scene.title or 'Motion')}</h1>{player_html(described, NOTE)}</main>"
-    data = embedded({"plots": [], "animation": described})
+    data = script_json({"plots": [], "animation": described})
     scripts = [
         f'<script type="application/json" id="data">{data}</script>',
         *(f"<script>{asset(name)}</script>" for name in ("player.js", "animation.js")),
@@ -189,7 +189,7 @@ def label_rows(rows: Iterable[tuple[str, str]]) -> str:
     return f'<div class="wide"><table>{lines}</table></div>' if lines else ""
 
 
-def listing(text: str) -> str:
+def preformatted_html(text: str) -> str:
     """A text as it stands."""
     return f"<pre>{escape(text)}</pre>"
 
@@ -208,7 +208,7 @@ def caption_plot(name: str, html: str) -> str:
     return f"<figure><figcaption>{escape(words)}</figcaption>{html}</figure>"
 
 
-def embedded(data: Any) -> str:
+def script_json(data: Any) -> str:
     """JSON that may stand in a script element; arrays have five decimals."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=lambda array: np.round(array, 5).tolist())
     return text.replace("<", "\\u003c").replace(">", "\\u003e")  # no end or comment of a script, nor ]]>

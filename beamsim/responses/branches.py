@@ -14,7 +14,7 @@ from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
 from beamsim.responses.jumps import ACCELERATIONS, WithoutLimit, jumps_of_motion, keys_of, without_limit
 from beamsim.responses.parameters import ResponseModel
-from beamsim.responses.periodic_motion import MeasuredMotion, Measurement, measured
+from beamsim.responses.periodic_motion import MeasuredMotion, Measurement, measured_channels
 from beamsim.responses.points import ReportedMaximum, with_maxima
 from beamsim.results.branch import (
     BRANCHES,
@@ -72,7 +72,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float) -> Measure
     """
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.settings, model.scenario.limits
-    channels = measured(system, () if limits is None else limits.model_fields_set)
+    channels = measured_channels(system, () if limits is None else limits.model_fields_set)
     moved = None if f.moved is None else f.system
     measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
     traced, motions = with_maxima(
@@ -155,7 +155,7 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
     states = np.array([orbit.state for branch in branches for orbit in branch.traced.orbits])
     harmonics = np.array([motion.harmonics for motion in motions]).swapaxes(0, 1)
     limits = model.scenario.limits
-    channels = measured(system, () if limits is None else limits.model_fields_set)
+    channels = measured_channels(system, () if limits is None else limits.model_fields_set)
     by_balance = any(branch.neglected is not None for branch in branches)
     values = {
         **numbered_points([len(branch.motions) for branch in branches]),

@@ -93,11 +93,11 @@ def frames_at(
     missed = 0.0
     if between is not None:
         there = between @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
-        missed = _missed(times, deflection, there)
+        missed = _largest_difference(times, deflection, there)
     return Frames(lines, times, slow, deflection, values_by_stop(sites, q @ at_stops.T), force, opening, missed)
 
 
-def _missed(times: Floats, deflection: Floats, between: Floats) -> float:
+def _largest_difference(times: Floats, deflection: Floats, between: Floats) -> float:
     """Largest difference of deflections between frames from cubics through the frames, over the largest deflection."""
     from scipy.interpolate import CubicSpline
 
@@ -118,7 +118,7 @@ def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
     """
     closed = np.any(forces > 0.0, axis=1)
     intervals = list(_intervals(time, closed)) if closed.any() else []
-    return paced(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
+    return frame_times(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
 
 
 def values_by_stop(sites: Mapping[str, Site], values: Floats) -> dict[str, Floats]:
@@ -132,7 +132,9 @@ def _intervals(time: Floats, closed: Bools) -> Sequence[tuple[float, float]]:
     return [(float(time[a]), float(time[min(b, time.size - 1)])) for a, b in edges.reshape(-1, 2)]
 
 
-def paced(first: float, last: float, contacts: Sequence[tuple[float, float]], margin: float) -> tuple[Floats, Bools]:
+def frame_times(
+    first: float, last: float, contacts: Sequence[tuple[float, float]], margin: float
+) -> tuple[Floats, Bools]:
     """`FRAMES` instants, `SLOWER` times as dense around contacts."""
     fine = np.linspace(first, last, 20 * FRAMES)
     slow = np.zeros(fine.size, dtype=bool)

@@ -110,10 +110,10 @@ def check_balance(outcome: Outcome, points: Dataset) -> Outcome:
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
     at = Where(float(parameter.values[worst]), parameter.unit)
-    return unbalanced(float(error[worst]), int(bad.sum()), at).copy_with(*outcome.unless_complete)
+    return imbalance_outcome(float(error[worst]), int(bad.sum()), at).copy_with(*outcome.unless_complete)
 
 
-def unbalanced(error: float, points: int, at: Where) -> Outcome:
+def imbalance_outcome(error: float, points: int, at: Where) -> Outcome:
     """The outcome of a branch whose energy balance is lost.
 
     Parameters

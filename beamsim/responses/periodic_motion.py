@@ -56,7 +56,7 @@ class MeasuredMotion:
         return np.maximum(np.abs(self.high), np.abs(self.low))
 
 
-def measured(system: StructuralSystem, limited: Collection[str] = ()) -> ChannelSet:
+def measured_channels(system: StructuralSystem, limited: Collection[str] = ()) -> ChannelSet:
     """The channels that are measured: what response curves show, what limits ask for, and the outputs.
 
     Parameters

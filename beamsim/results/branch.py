@@ -128,7 +128,7 @@ def special_points_table(rows: Sequence[Sequence[SpecialRow]], unit: str) -> Dat
     return SPECIAL_POINTS.dataset({"event": np.arange(1, len(flat) + 1), "branch": branch, **columns}, unit=unit)
 
 
-def numbered(sizes: Sequence[int], column: str, dim: str = "point") -> dict[str, Any]:
+def row_numbers(sizes: Sequence[int], column: str, dim: str = "point") -> dict[str, Any]:
     """Numbers of the rows of a table along a dimension, and of their owners in a column, from the sizes of these."""
     owner = np.repeat(np.arange(len(sizes)), np.array(sizes, dtype=np.int64))
     return {dim: np.arange(1, sum(sizes) + 1), column: owner}
@@ -137,7 +137,7 @@ def numbered(sizes: Sequence[int], column: str, dim: str = "point") -> dict[str,
 def numbered_points(sizes: Sequence[int], column: str = "branch") -> dict[str, Any]:
     """Numbers of points, of their owners in a column, and within these, from the sizes of the owners."""
     within = [np.arange(1, size + 1) for size in (0, *sizes)]
-    return numbered(sizes, column) | {"point_number": np.concatenate(within)}
+    return row_numbers(sizes, column) | {"point_number": np.concatenate(within)}
 
 
 def of_states(states: Floats, n: int) -> dict[str, Any]:

@@ -771,7 +771,7 @@ class Body(Schema):
     def _dimension_problem(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
         """A problem: the position has as many numbers as on bodies of another kind."""
         if not self.sides:
-            return self._misplaced(where, at, "a beam")
+            return self._other_kind_problem(where, at, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
         return problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
 
@@ -816,13 +816,13 @@ class Body(Schema):
         ------
         Problem
         """
-        yield self._misplaced(where, at, "a chain")
+        yield self._other_kind_problem(where, at, "a chain")
 
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
         """Why a node is not a place of the body."""
-        yield self._misplaced(where, at, "imported matrices")
+        yield self._other_kind_problem(where, at, "imported matrices")
 
-    def _misplaced(self, where: Path, at: Path, of: str) -> Problem:
+    def _other_kind_problem(self, where: Path, at: Path, of: str) -> Problem:
         """A problem: the place is written as on bodies of another kind."""
         this = "the structure" if len(where) == 1 else path_text(where)
         return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)

@@ -42,24 +42,24 @@ def json_schema() -> dict[str, Any]:
         "type": "object",
         "properties": {"extends": extends, **keys},
         "if": {"required": ["extends"]},
-        "then": _loosened(complete, parts, partial),
+        "then": _loosen(complete, parts, partial),
         "else": complete,
-        "$defs": _shortened(parts | partial) | {_WITH_UNIT: NUMBER_WITH_UNIT},
+        "$defs": _shorten(parts | partial) | {_WITH_UNIT: NUMBER_WITH_UNIT},
     }
 
 
-def _shortened(schema: Any) -> Any:
+def _shorten(schema: Any) -> Any:
     """The same with the text of a quantity in one place."""
     if isinstance(schema, list):
-        return [_shortened(item) for item in schema]
+        return [_shorten(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
     if schema == NUMBER_WITH_UNIT:
         return {"$ref": f"#/$defs/{_WITH_UNIT}"}
-    return {name: _shortened(item) for name, item in schema.items()}
+    return {name: _shorten(item) for name, item in schema.items()}
 
 
-def _loosened(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
+def _loosen(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
     """The schema of what is merged with another file's: nothing is required but inside what is replaced; null removes.
 
     Parameters
@@ -69,27 +69,27 @@ def _loosened(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> An
     partial : gets those that are others here, under names of their own.
     """
     if isinstance(schema, list):
-        return [_loosened(item, parts, partial) for item in schema]
+        return [_loosen(item, parts, partial) for item in schema]
     if not isinstance(schema, dict):
         return schema
     loose: dict[str, Any] = {}
     for name, item in schema.items():
         if name == "$ref":
             of = item.rpartition("/")[2]
-            if (found := _loosened(parts[of], parts, partial)) != parts[of]:
+            if (found := _loosen(parts[of], parts, partial)) != parts[of]:
                 partial[of + _PARTIAL] = {key: each for key, each in found.items() if key != "description"}
             loose[name] = item + _PARTIAL * (of + _PARTIAL in partial)
         elif name == "items":
             loose[name] = item
         elif name == "properties":
             for key, each in item.items():
-                inner = each if key in REPLACED_WHOLE else _loosened(each, parts, partial)
+                inner = each if key in REPLACED_WHOLE else _loosen(each, parts, partial)
                 removable = {"anyOf": [inner, _NULL], "description": each["description"]}
                 loose.setdefault(name, {})[key] = inner if _NULL in inner.get("anyOf", ()) else removable
         elif name == "oneOf":
-            loose["anyOf"] = _loosened(item, parts, partial)
+            loose["anyOf"] = _loosen(item, parts, partial)
         elif name not in ("required", "discriminator"):
-            loose[name] = _loosened(item, parts, partial)
+            loose[name] = _loosen(item, parts, partial)
     return loose
 
 

@@ -124,7 +124,7 @@ def _inside(owner: Any, part: str | int) -> Any:
 def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
     """A copy of the scenario with other values at these paths, as if they had been written there.
 
-    Parts are not compared with each other; see `beamsim.scenario.Scenario.rechecked`.
+    Parts are not compared with each other; see `beamsim.scenario.Scenario.recheck`.
 
     Parameters
     ----------

@@ -335,7 +335,7 @@ class Scenario(Schema):
                 message = f"= {output.name} is already the name of a probe, which is there as long as none is listed"
                 yield problem((*at, "name"), message, "choose another name, or list the probes")
 
-    def rechecked(self) -> Self:
+    def recheck(self) -> Self:
         """Itself, when all of its parts pass their checks with numbers that were replaced.
 
         Raises
@@ -862,7 +862,7 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
     if overrides:
         root = apply_overrides(root, overrides)
     try:
-        scenario = _validated(root, name)
+        scenario = _validate(root, name)
         for at, file in named_files(scenario):
             protect(scenario.folder_of(*at) / file)
         return scenario
@@ -902,7 +902,7 @@ def stored_scenario(text: str) -> Scenario:
     if isinstance(root, Mapping) and "extends" in root:
         raise ScenarioError(problem(("extends",), "is not accepted in a stored scenario, which is complete"))
     root = resolve_extends(root, "<text>", FilePath())
-    return _validated(root, "scenario")
+    return _validate(root, "scenario")
 
 
 def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
@@ -914,7 +914,7 @@ def _without_unused_sections(root: WrittenMapping, name: str, command: str, erro
     kept = WrittenMapping({key: item for key, item in root.items() if key not in unused})
     kept.mark, kept.marks = root.mark, root.marks
     warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
-    return _validated(kept, name, warnings)
+    return _validate(kept, name, warnings)
 
 
 def _tree_of(scenario: Scenario) -> WrittenMapping:
@@ -928,14 +928,14 @@ def _tree_of(scenario: Scenario) -> WrittenMapping:
     return root
 
 
-def _located(root: WrittenMapping, error: ScenarioError | ValidationError) -> ScenarioError:
+def _locate(root: WrittenMapping, error: ScenarioError | ValidationError) -> ScenarioError:
     """The errors of data with the places where these are written, in the order of the lines of the first file."""
     problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
     unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
     return ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
 
 
-def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -> Scenario:
+def _validate(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -> Scenario:
     """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located.
 
     Parameters
@@ -949,7 +949,7 @@ def _validated(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) 
     try:
         scenario = Scenario.model_validate(root)
     except (ScenarioError, ValidationError) as error:
-        raise _located(root, error) from None
+        raise _locate(root, error) from None
     finally:
         UNITS_WRITTEN.reset(token)
     shown = (scenario.units or DisplayUnits()).complete_from(written)

@@ -358,15 +358,15 @@ _FIRST = ("name", "kind", "body", "at", "position", "mass", "between", "masses",
 def dump_yaml(data: Any) -> str:
     """Plain data as YAML text, the keys that say what a mapping is first."""
     return yaml.dump(
-        _ordered(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120
+        _order(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120
     )
 
 
-def _ordered(value: Any) -> Any:
+def _order(value: Any) -> Any:
     if isinstance(value, dict):
         keys = [*(key for key in _FIRST if key in value), *(key for key in value if key not in _FIRST)]
-        return {key: _ordered(value[key]) for key in keys}
-    return [_ordered(item) for item in value] if isinstance(value, list) else value
+        return {key: _order(value[key]) for key in keys}
+    return [_order(item) for item in value] if isinstance(value, list) else value
 
 
 Overrides = Mapping[str, object] | Sequence[str]

@@ -187,7 +187,7 @@ _SPELT_OUT = {
 }  # fmt: skip
 
 
-def _named(symbol: str, gravity: bool) -> Unit | None:
+def _find_unit(symbol: str, gravity: bool) -> Unit | None:
     """A unit by its symbol or name, with or without a prefix or the s of a plural; None for an unknown one."""
     if gravity and symbol in ("g", "mg"):
         return Unit(Fraction("0.001" if symbol == "mg" else 1)).times(_unit("gravity", False))
@@ -246,7 +246,7 @@ def _product(rest: str, gravity: bool) -> tuple[Unit | None, str]:
         if factor[2]:
             inner, rest = _in_brackets(rest, gravity)
         else:
-            inner = _named(factor[4], gravity) if factor[4] else Unit()
+            inner = _find_unit(factor[4], gravity) if factor[4] else Unit()
             power *= int((factor[5] or "1").strip("()"))
         if inner is None:
             return None, rest

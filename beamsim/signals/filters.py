@@ -280,7 +280,7 @@ def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
     return poles[upper], residues[upper]
 
 
-def filtered(
+def filter_outputs(
     trajectory: Trajectory,
     output_of: RowsOf,
     frequency_hz: float,
@@ -392,7 +392,7 @@ class FilteredSegments:
         FilteredSegments
         """
         poles, residues = butterworth(frequency_hz)
-        begin, end = _forced(motion, output_of, poles)
+        begin, end = _forced_states(motion, output_of, poles)
         decay = np.exp(poles * motion.length[:, None])  # (S, 2)
         free = np.empty_like(begin)
         for j, residue in enumerate(residues):
@@ -447,7 +447,7 @@ def _near_poles(trajectory: Trajectory, poles: Complexes) -> bool:
     return any(np.abs(state.exponent[:, None] - both).min() < NEAREST_POLE * abs(poles[0]) for state in states)
 
 
-def _forced(motion: Trajectory, output_of: RowsOf, poles: Complexes) -> tuple[Complexes, Complexes]:
+def _forced_states(motion: Trajectory, output_of: RowsOf, poles: Complexes) -> tuple[Complexes, Complexes]:
     """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion."""
     outputs = output_of(motion.flow.system.contacts.start).shape[0]
     begin, end = np.empty((2, motion.time.size, poles.size, outputs), dtype=complex)

@@ -71,7 +71,7 @@ def view_of(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Vi
     """How lines are seen; None where the record holds a few periods of the excitation alone."""
     if 0.0 < excitation_hz * record.duration < 2 * LOBE:
         return None
-    window = Window.named("blackmanharris", one_sided)
+    window = Window.of_name("blackmanharris", one_sided)
     return View(window, record.amplitudes(window))
 
 

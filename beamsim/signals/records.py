@@ -66,7 +66,7 @@ class Window:
     one_sided: bool = False
 
     @classmethod
-    def named(cls, name: str, one_sided: bool = False) -> Window:
+    def of_name(cls, name: str, one_sided: bool = False) -> Window:
         """By the name in a scenario, or of a sum of cosines; ``decaying`` is the falling half of a Hann window."""
         if name == "decaying":
             name, one_sided = "hann", True
@@ -83,7 +83,7 @@ class Window:
 
     def amplitudes(self, x: Floats) -> Complexes:
         r"""(N // 2 + 1,) single-sided amplitudes of N samples, the weighted mean first; see `spectrum_of`."""
-        window, total = _sampled(self, x.size)
+        window, total = _sample_window(self, x.size)
         mean = float(window @ x) / total
         out = np.fft.rfft(window * (x - mean)) * (2.0 / total)
         if x.size % 2 == 0:
@@ -117,7 +117,7 @@ class Window:
 
 
 @lru_cache(maxsize=4)
-def _sampled(window: Window, size: int) -> tuple[Floats, float]:
+def _sample_window(window: Window, size: int) -> tuple[Floats, float]:
     """A window at equal steps, and the sum of its values; the records of one part of a motion share them."""
     values = window.values(np.arange(size) / size)
     if window.one_sided:
@@ -129,7 +129,7 @@ def _sampled(window: Window, size: int) -> tuple[Floats, float]:
     return values, total
 
 
-RECTANGULAR = Window.named("rectangular")
+RECTANGULAR = Window.of_name("rectangular")
 
 
 class Levels(NamedTuple):

@@ -153,7 +153,9 @@ def tables_of(items: Items) -> list[ExportTable]:
         for labels, index, unit in columns_of(items, path, rows):
             if absent is not None and labels and absent[index].all():
                 continue
-            values = _named(items, path, part_of(item.array, index) if len(rows) < len(item.axes) else item.array)
+            values = _replace_numbers(
+                items, path, part_of(item.array, index) if len(rows) < len(item.axes) else item.array
+            )
             title = header(" ".join((*labels, last(path))), unit)
             while title in {column.header for column in (*table.axes, *table.columns)}:
                 title += "_2"
@@ -194,7 +196,7 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
         yield labels, index, units.pop() if len(units) == 1 else ""
 
 
-def _named(items: Items, path: str, values: Any) -> Any:
+def _replace_numbers(items: Items, path: str, values: Any) -> Any:
     """Names in place of their numbers; of the members that rows belong to the numbers, see `ROW`."""
     names = items.get(f"/{items[path].attributes.get(NAMES)}")
     axes = items[path].axes

@@ -188,7 +188,7 @@ def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
     Content
     """
     try:
-        with opened(path) as file:
+        with open_result(path) as file:
             _kind(file, path)
             found = dict(file.attrs)
             cut_short = Outcome.from_texts(found).cut_short
@@ -300,7 +300,7 @@ def open_with_items(
     path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = False
 ) -> tuple[Any, Items]:
     """A result as by `load`, and the items of its file."""
-    with opened(path, KINDS[kind].command if kind else "run") as file:
+    with open_result(path, KINDS[kind].command if kind else "run") as file:
         actual = _kind(file, path)
         if kind and actual != kind:
             raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
@@ -355,7 +355,7 @@ def kind_of(path: Path | str) -> str:
     ResultFileError
         If the file is missing, unreadable, damaged, not from beamsim, or of another layout.
     """
-    with opened(path) as file:
+    with open_result(path) as file:
         return _kind(file, path)
 
 
@@ -573,7 +573,7 @@ class StoredArray(LargeArray):
 
     @contextmanager
     def _opened(self) -> Iterator[h5py.Dataset]:
-        with opened(self.path) as file:
+        with open_result(self.path) as file:
             if state_of(os.stat(self.path)) != self.state:
                 raise ResultFileError(f"{self.path}: has changed since it was opened; open it again")
             yield file[self.name]
@@ -601,7 +601,7 @@ def _read_array(dataset: h5py.Dataset, state: FileState) -> Any:
 
 
 @contextmanager
-def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
+def open_result(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
     """An HDF5 file, open for reading; errors in reading it are reported as its damage.
 
     Raises

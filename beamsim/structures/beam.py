@@ -145,7 +145,7 @@ def _moments(
     return np.asarray(moment)
 
 
-def _resolved(member: MemberBody, basis: ReducedBasis) -> int:
+def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
     """Number of modes that count as resolved by the meshes, so few that a beam has three quarters of the others left.
 
     A beam has of each mode its share of the energy. Round-off decides neither between shares nor between modes alike.
@@ -169,7 +169,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
-    resolved = _resolved(member, basis)
+    resolved = _resolved_count(member, basis)
     # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
     # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
     strain = basis.omega[:, None] * coordinates
@@ -281,7 +281,7 @@ class BeamStructure(MeshedBody):
         """E I / L^3, N/m, with the largest E I."""
         return self.section.bending.bending_stiffness / self.section.length**3
 
-    def reassembled(self, section: BeamBody) -> BeamStructure:
+    def reassemble(self, section: BeamBody) -> BeamStructure:
         """The beam with other numbers on the same mesh."""
         return assemble_beam(section, self.name, mesh=self.mesh)
 

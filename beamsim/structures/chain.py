@@ -61,7 +61,7 @@ class ChainStructure(BodyStructure):
         """The stiffest spring of the row, N/m."""
         return max(self.section.springs)
 
-    def reassembled(self, section: Chain) -> ChainStructure:
+    def reassemble(self, section: Chain) -> ChainStructure:
         """The chain with other numbers."""
         return assemble_chain(section, self.name)
 

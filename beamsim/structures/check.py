@@ -62,7 +62,7 @@ def check_body(given: NamedMatrices) -> Iterator[CheckRow]:
     )
     motions = _rigid_motions(given)
     yield from _mass_properties(given, motions)
-    yield from _grounding(given, motions)
+    yield from _grounding_rows(given, motions)
     yield from _frequencies(given, motions)
 
 
@@ -115,7 +115,7 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
     yield CheckRow("inertia", inertia, f"{text} kg m^2 about the centre{about_held}", verdict)
 
 
-def _grounding(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+def _grounding_rows(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
     # A base that does not turn holds the model against rotation, which is no fault; in its own direction it is one.
     values = {name: _relative_force(given, motion) for name, motion in motions.items()}
     if not values:
@@ -142,7 +142,7 @@ def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[C
     try:
         free, modes = _modes(replace(given, base=(), damping=None))
         count = free.rigid.shape[1]
-        text = f"{_listed(modes.omega[count:] * free.frequency_scale)}; {count} rigid-body modes"
+        text = f"{_frequencies_text(modes.omega[count:] * free.frequency_scale)}; {count} rigid-body modes"
         beyond = count != expected
         text += f" where the nodes have {expected}" if beyond else ""
         yield CheckRow("free_frequencies_hz", _hertz(modes.omega * free.frequency_scale), text, NOTE if beyond else OK)
@@ -154,7 +154,7 @@ def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[C
         fixed, modes = _modes(replace(given, damping=None))
         omega = modes.omega * fixed.frequency_scale
         unheld = [note for note in fixed.notes if note.startswith(NOT_HELD)]
-        text = "; ".join([f"{_listed(omega)}; with the base held", *unheld])
+        text = "; ".join([f"{_frequencies_text(omega)}; with the base held", *unheld])
         yield CheckRow("fixed_frequencies_hz", _hertz(omega), text, NOTE if unheld else OK)
         yield _effective_masses(given, fixed, modes)
         yield _worst_rows(fixed)
@@ -202,5 +202,5 @@ def _hertz(omega: Floats) -> list[float]:
     return [float(f) for f in omega / (2 * np.pi)]
 
 
-def _listed(omega: Floats) -> str:
+def _frequencies_text(omega: Floats) -> str:
     return ", ".join(f"{f:.4g}" for f in _hertz(omega)[:8]) + " Hz"

@@ -202,15 +202,15 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
         coordinates = np.vstack([np.full((modes.shape[1], 3), np.nan), coordinates])
     return NamedMatrices(
         DofTable((*((0, MODAL),) * modes.shape[1], *table.dofs), coordinates),
-        _projected(given.mass, basis, modes.shape[1]),
-        _projected(given.stiffness, basis, modes.shape[1], coupled=False),
-        None if given.damping is None else _projected(given.damping, basis),
+        _project(given.mass, basis, modes.shape[1]),
+        _project(given.stiffness, basis, modes.shape[1], coupled=False),
+        None if given.damping is None else _project(given.damping, basis),
         given.base,
         given.direction,
     )
 
 
-def _projected(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:
+def _project(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:
     """The matrix in the basis, symmetric; exact zeros between modes, and to the boundary if these are not coupled."""
     projected = basis.T @ (matrix @ basis)
     projected = (projected + projected.T) / 2

@@ -215,7 +215,7 @@ class MatricesStructure(BodyStructure):
         row = self.row(site)
         return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
 
-    def reassembled(self, section: Any) -> MatricesStructure:
+    def reassemble(self, section: Any) -> MatricesStructure:
         """Itself."""
         return self
 
@@ -304,7 +304,7 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
     ScenarioError
         At the key of the body that is wrong.
     """
-    with _located(name):
+    with _name_body(name):
         given, found = read_body(section, name)
         if section.base != "free":
             given = replace(given, base=section.base.nodes, direction=section.base.direction)
@@ -319,7 +319,7 @@ def read_body(section: MatricesBody, name: str) -> tuple[NamedMatrices, FileSumm
     ScenarioError
         At the key of the body that is wrong.
     """
-    with _located(name):
+    with _name_body(name):
         given = read_matrices_of(section)
     found, by_default = size_and_mass(given), section.units is None
     return given, FileSummary(name, len(given.table.dofs), given.units, by_default, found, given.remarks)
@@ -341,7 +341,7 @@ def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
 
 
 @contextmanager
-def _located(name: str) -> Iterator[None]:
+def _name_body(name: str) -> Iterator[None]:
     """Name the body in errors about its keys."""
     try:
         yield

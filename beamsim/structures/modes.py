@@ -219,11 +219,11 @@ def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) ->
     _, closed, modes = np.linalg.svd(x, full_matrices=False)
     closed, modes = closed[::-1].copy(), modes[::-1].T
     if rigid:
-        closed[: rigid - _restrained(shape, rigid)] = 0.0
+        closed[: rigid - _restrained_count(shape, rigid)] = 0.0
     return closed, modes
 
 
-def _restrained(shape: Floats, rigid: int) -> int:
+def _restrained_count(shape: Floats, rigid: int) -> int:
     """How many of the rigid-body coordinates, which are the first ones, springs with shapes (m, n) restrain."""
     scale = np.linalg.norm(shape, axis=1, keepdims=True)
     rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)

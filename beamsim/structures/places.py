@@ -105,7 +105,7 @@ class Distributed:
         if shape.kind == "sine":
             return np.asarray(np.prod(np.sin(np.pi * np.array(shape.half_waves)[:, None] * share), axis=0))
         if shape.kind == "table":
-            return _interpolated(shape, points)
+            return _interpolate(shape, points)
         table = np.array(shape.coefficients if shape.kind == "polynomial" else shape.values, dtype=float)
         if shape.kind == "linear":  # values at the ends to coefficients of 1 and the share
             change = np.array([[1.0, 0.0], [-1.0, 1.0]])
@@ -126,7 +126,7 @@ class Distributed:
         return (degree + _HERMITE) // 2 + 1
 
 
-def _interpolated(table: Any, points: Floats) -> Floats:
+def _interpolate(table: Any, points: Floats) -> Floats:
     """(k,) values of a table at points (k, d), linear in each direction, zero outside."""
     from scipy.interpolate import RegularGridInterpolator
 

@@ -231,7 +231,7 @@ class PlateStructure(MeshedBody):
         rows = self.mesh.rows(np.column_stack([x.ravel(), y.ravel()]))
         return float(np.abs(rows @ (self.on_all_dofs @ field)).max())
 
-    def reassembled(self, section: PlateBody) -> PlateStructure:
+    def reassemble(self, section: PlateBody) -> PlateStructure:
         """The plate with other numbers on the same mesh."""
         return assemble_plate(section, self.name, mesh=self.mesh)
 

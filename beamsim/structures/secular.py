@@ -237,7 +237,7 @@ class _LoadedSubstructure:
         sections, v = scenario.all_bodies, self.field
         before = [member.body for member in self.bodies.members]
         bodies = combine_structures(
-            [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
+            [each if each.section is None else each.reassemble(sections[each.name]) for each in before]
         )
         bent = bodies.factor @ v
         total = 2 * self.stiffness * float(bodies.own_row(snubber_site(scenario.located_snubber(snubber))) @ v)

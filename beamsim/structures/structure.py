@@ -390,7 +390,7 @@ class BodyStructure(Structure, ABC):
         return (MemberBody(self, self, eye_array(self.size, format="csr")),)
 
     @abstractmethod
-    def reassembled(self, section: Any) -> BodyStructure:
+    def reassemble(self, section: Any) -> BodyStructure:
         """The body with other numbers on the same mesh."""
 
     @property

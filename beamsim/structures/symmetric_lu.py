@@ -165,7 +165,7 @@ def factors_with_rigid_motions(stiffness: Any, rigid: Floats, order: Ints | None
     """
     pinned = np.zeros(0, dtype=np.int64)
     if rigid.shape[1]:
-        stiffness, pinned = _pinned(stiffness, rigid)
+        stiffness, pinned = _pin(stiffness, rigid)
     try:
         return replace(symmetric_lu(stiffness, order), pinned=pinned)
     except RuntimeError:
@@ -180,7 +180,7 @@ def _singular() -> ScenarioError:
     )  # fmt: skip
 
 
-def _pinned(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
+def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
     """K with a diagonal matrix in place of some rows and columns, and which; see `factors_with_rigid_motions`."""
     size, count = rigid.shape
     # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs

@@ -26,7 +26,7 @@ from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.labelled import Dataset
-from beamsim.outcomes import Outcome, OutcomeKind, listed
+from beamsim.outcomes import Outcome, OutcomeKind, numbers_text
 from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limits, parse_limit, read_first
 from beamsim.scenario import Scenario
@@ -90,7 +90,7 @@ def places(value: dict[str, float] | float) -> list[tuple[str, float]]:
     return list(value.items()) if isinstance(value, dict) else [("", value)]
 
 
-def named(values: Values) -> Iterator[tuple[str, float]]:
+def numbers_by_place(values: Values) -> Iterator[tuple[str, float]]:
     """``entry.place`` with the number, ``entry`` where there is one number alone."""
     for name, value in values.items():
         if isinstance(value, dict):
@@ -201,7 +201,7 @@ def largest_changes(first: Changes, other: Changes) -> Changes:
 
 def largest_errors(errors: Errors, least: Errors) -> Errors:
     """The errors, each at least as large as the other of its entry and place where there is one."""
-    known = dict(named(least))
+    known = dict(numbers_by_place(least))
     return {
         name: {place: max(x, known.get(f"{name}.{place}", 0.0)) for place, x in of.items()}
         if isinstance(of, dict) else max(of, known.get(name, 0.0))
@@ -214,8 +214,8 @@ def unconverged_values(errors: Errors, scatter: Changes) -> Iterator[str]:
 
     Of a displacement or force with an error of more than half no scatter explains enough.
     """
-    chance = dict(named(scatter))
-    for key, error in named(errors):
+    chance = dict(numbers_by_place(scatter))
+    for key, error in numbers_by_place(errors):
         most = ALLOWED_ERROR + chance.get(key, 0.0)
         if error > (min(most, WORTHLESS) if key.partition(".")[0] in MUST_HOLD else most):
             yield key
@@ -420,7 +420,7 @@ def _range(
     limited_places = {of, *(f"{curve} {of}" for curve in curves)}
     error = dict(places(errors.get(value.entry, {})))
     highest = item["value"] * (1.0 + SMALLEST_SCALE)
-    known = dict(named(errors))  # root mean squares are values of the spectra, or of the statistics
+    known = dict(numbers_by_place(errors))  # root mean squares are values of the spectra, or of the statistics
     of_run = f"random.{item['at']} {value.quantity} rms", f"{value.reported}.{item['at']}"
     pairs = [
         (number * value.scale, error.get(place, math.nan if errors else 0.0))
@@ -464,17 +464,19 @@ def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) 
     parts : outcomes that accompany it.
     """
     model = result.summary["convergence_model"]
-    sizes = {key: error for key, error in named(result.summary["convergence"]) if key in keys}
+    sizes = {key: error for key, error in numbers_by_place(result.summary["convergence"]) if key in keys}
     worst = sorted(sizes, key=lambda key: -sizes[key])
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
-    sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {listed(figures)}"
+    sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {numbers_text(figures)}"
     if any(key.partition(".")[0] in MUST_HOLD and error > WORTHLESS for key, error in sizes.items()):
         kind, code = OutcomeKind.UNTRUSTED, "figures_worthless"
-        sentence = f"displacements or forces are off by more than {100 * WORTHLESS:g} % ({finer}): {listed(figures)}"
+        sentence = (
+            f"displacements or forces are off by more than {100 * WORTHLESS:g} % ({finer}): {numbers_text(figures)}"
+        )
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
@@ -485,15 +487,15 @@ def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
-            f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
-            "on what follows",
+            f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {numbers_text(figures)} "
+            "depend on what follows",
             remedy=f"lower run.rtol below {relative_tolerance(run):g}, "
             f"{_finer_model_remedy(result, convergence.first_modes)}, or take means of a longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (
-        f"the motion is so sensitive that from {time:.4g} s on it is one of many: {listed(figures)} depend on what "
-        "follows"
+        f"the motion is so sensitive that from {time:.4g} s on it is one of many: {numbers_text(figures)} depend on "
+        "what follows"
     )
     if math.isfinite(times.small_s):
         sentence += f"; a change of the stiffness by 1e-9 of itself gives other contacts from {times.small_s:.4g} s on"
@@ -522,9 +524,11 @@ def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
     stops = tuple(name for name in result.scenario.bare_dashpots if name in met or not shares) if places else ()
     unfiltered = result.KIND == "run" and result.scenario.run is not None and result.scenario.run.low_pass is None
     band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] if unfiltered else []
-    contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
+    contact = (
+        [f"give the structure a point mass at {numbers_text(stops)}", "leave out the dashpot there"] if stops else []
+    )
     special = [*band, *contact] if places else []
     remedies = [] if special and len(places) == len(doubtful) else [_finer_model_remedy(result, modes)]
     if special:
-        remedies.append(f"for the peak acceleration of {listed(tuple(places))} {', or '.join(special)}")
+        remedies.append(f"for the peak acceleration of {numbers_text(tuple(places))} {', or '.join(special)}")
     return "; ".join(remedies)

@@ -54,7 +54,7 @@ from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, e
 from beamsim.scenario import Source, scenario_of
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.signals.filters import FilteredMotion, filtered
+from beamsim.signals.filters import FilteredMotion, filter_outputs
 from beamsim.signals.lines import WORTH_LISTING, bins_around
 from beamsim.signals.records import LOBE, MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
@@ -78,7 +78,7 @@ from beamsim.trust.convergence import (
     finer_modes,
     keeps_all,
     largest_changes,
-    named,
+    numbers_by_place,
     places,
     relative_changes,
     sensitivity,
@@ -121,12 +121,12 @@ class Model:
         return ContactEvents.of(self.motion.marched, len(self.motion.system.snubbers))
 
     @cached_property
-    def _filtered(self) -> FilteredMotion | None:
+    def _filtered_motion(self) -> FilteredMotion | None:
         """Accelerations behind the filter of the run, at any time; None where there is none."""
         if self.settings.low_pass is None or self.motion.trajectory is None:
             return None
         acceleration = outputs_of(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION).linear)
-        return filtered(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
+        return filter_outputs(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
 
     def values_between(self, begin: float, end: float) -> Values:
         """The values of a part of a motion in closed form, and of the model itself.
@@ -134,7 +134,7 @@ class Model:
         Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
         between samples, and chance would decide which part has it.
         """
-        trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered
+        trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered_motion
         part, channels = trajectory.extract(begin, end), searched_channels(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
         extremes = channels.split(np.array(channel_extrema(part, channels)[:4]))
@@ -155,7 +155,7 @@ class Model:
         shares = of_kind(dict, values["contact_share"])
         return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
 
-    def disturbed(self, share: float, end: float) -> ContactEvents:
+    def events_when_disturbed(self, share: float, end: float) -> ContactEvents:
         """Events of the motion with the stiffness changed by a share of itself, up to a time."""
         undisturbed = self.motion.system
         dynamics = replace(undisturbed.dynamics, stiffness=(1.0 + share) * undisturbed.dynamics.stiffness)
@@ -240,7 +240,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress 
     settings = not_none(scenario.run)
     first, derived = Model(solution.motion), DerivedValues(solution.result)
     if keeps_all(first.motion.system.modes):
-        errors, lines = _with_lines(derived, exact(first.values | derived.reported()))
+        errors, lines = _with_lines(derived, exact(first.values | derived.reported_values()))
         checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
@@ -274,7 +274,7 @@ def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Co
         changes, scatter = statistical
     else:
         changes = relative_changes([first.values], [second.values])
-        changes |= relative_changes([derived.reported()], derived.values_of_model(second))
+        changes |= relative_changes([derived.reported_values()], derived.values_of_model(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
     scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
     complete = keeps_all(first.motion.system.modes, kept)  # what else is known of the modes of the second takes long
@@ -321,7 +321,7 @@ def _compared_after_divergence(
     """
     if first.motion.trajectory is None:
         return DivergenceTimes(), tuple(_diverging_values(first, None, (), derived)), None
-    times = sensitivity(first.events, rest[0], first.disturbed)
+    times = sensitivity(first.events, rest[0], first.events_when_disturbed)
     if not times.sensitive:  # only the models differ: each value is that of one motion
         return times, (), None
     early, windows = first.values_until(rest[0]), first.windows(*rest)
@@ -349,7 +349,7 @@ def _with_disturbance(checked: Convergence, first: Model, derived: DerivedValues
     """
     if first.motion.trajectory is None or first.events.time.size == 0:
         return checked
-    times = sensitivity(first.events, first.events.end / LONGER, first.disturbed)
+    times = sensitivity(first.events, first.events.end / LONGER, first.events_when_disturbed)
     if not times.sensitive:
         return checked
     windows = first.windows(times.small_s, first.events.end)
@@ -384,11 +384,11 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
     checked = replace(checked, compared_s=compared_s, lines=None)
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
-        times = sensitivity(whole.events, compared_s, whole.disturbed)
+        times = sensitivity(whole.events, compared_s, whole.events_when_disturbed)
     if not times.sensitive:
         return replace(checked, after=())
     moving = {name: x for name, x in whole.values.items() if name not in STATIC_ENTRIES}
-    after = tuple(key for key, _ in named(moving))
+    after = tuple(key for key, _ in numbers_by_place(moving))
     return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
 
 
@@ -404,8 +404,8 @@ def _diverging_values(
     windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
     derived : spectra and statistics.
     """
-    of_parts = [] if early is None else [dict(named(values)) for values in (early, *windows)]
-    for key, whole in named({name: x for name, x in first.values.items() if name not in STATIC_ENTRIES}):
+    of_parts = [] if early is None else [dict(numbers_by_place(values)) for values in (early, *windows)]
+    for key, whole in numbers_by_place({name: x for name, x in first.values.items() if name not in STATIC_ENTRIES}):
         if of_parts:
             before, *later = (values[key] for values in of_parts)
             sign = -1.0 if key.startswith("min_") else 1.0
@@ -415,7 +415,7 @@ def _diverging_values(
                 continue
         yield key
     yield from (f"spectral_lines.{signal}" for signal in derived.lines)
-    yield from (key for key, _ in named(derived.reported()) if not key.startswith("line_"))
+    yield from (key for key, _ in numbers_by_place(derived.reported_values()) if not key.startswith("line_"))
 
 
 def _with_lines(derived: DerivedValues, errors: Errors) -> tuple[Errors, Floats | None]:
@@ -467,7 +467,7 @@ class DerivedValues:
         """Names of the lines of a signal in the changes, the mean first."""
         return [f"{signal} {k}" for k in range(self.lines[signal]["line"].values.size)]
 
-    def reported(self) -> Values:
+    def reported_values(self) -> Values:
         """The values of the result."""
         figures = self._of_spectra(
             {
@@ -540,7 +540,7 @@ class DerivedValues:
         spectra, channels = self.result["spectra"], system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         signals, start_s = [f"{of.name} {of.quantity}" for of in channels.channels], spectra["start_s"].item()
         if isinstance(motion, Histories):
-            return [dict(zip(signals, _sampled(motion, start_s, channels), strict=True))]
+            return [dict(zip(signals, _sampled_records(motion, start_s, channels), strict=True))]
         span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
         highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
         if "decaying" not in spectra["window"].values:  # which tells a line by an octave on either side
@@ -550,7 +550,7 @@ class DerivedValues:
         records = records_of(system, motion, channels, span, highest)
         divided = [records] if parts == 1 else [
             [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
-            for part in records[0].part.divided(parts)
+            for part in records[0].part.equal_parts(parts)
         ]  # fmt: skip
         return [dict(zip(signals, pieces, strict=True)) for pieces in divided]
 
@@ -592,7 +592,7 @@ class DerivedValues:
             yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
 
 
-def _sampled(motion: Histories, start_s: float, channels: ChannelSet) -> list[SampledRecord]:
+def _sampled_records(motion: Histories, start_s: float, channels: ChannelSet) -> list[SampledRecord]:
     """The records of channels from a time on, s."""
     inside = motion.time >= start_s * (1 - 1e-12)
     rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])

@@ -186,14 +186,14 @@ def design_study(
             most_further=plan.study.realisations.most_further,
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))
-            ended, histories = _evaluated(plan, evaluate, progress, worst)
+            ended, histories = _evaluate_cases(plan, evaluate, progress, worst)
         result = result_of(plan, evaluate.outcomes, clock.perf_counter() - begin, ended, worst.searches)
         if evaluate.ended == "interrupted":
             return result.interrupted(COMPARISON) if result.finished else result
         return _with_runs(result if histories is None else with_probability(result, histories))
 
 
-def _evaluated(
+def _evaluate_cases(
     plan: StudyPlan, evaluate: Evaluator, progress: Progress, worst: WorstSearch
 ) -> tuple[Outcome | None, Exceedance | None]:
     """Solve the cases of a plan, search the worst of the best and compare those that decide.
@@ -245,7 +245,7 @@ def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Ch
         for each in not_none(tolerances_of(plan.scenario)).parameters
     )
     try:
-        scenario = with_values(study.scenario(Case(case, values)), {("run", "sensitivities"): numbers}).rechecked()
+        scenario = with_values(study.scenario(Case(case, values)), {("run", "sensitivities"): numbers}).recheck()
         result = solve_case(scenario, "run", entries=entries_of(study.asked, scenario))
     except BeamsimError:
         return {}

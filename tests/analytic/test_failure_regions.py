@@ -40,7 +40,7 @@ def estimated(size, state, **given):
     """An estimator that has come to its end."""
     asked = {"method": "importance_sampling", "samples": 100, "target": 0.1, **given}
     estimator = Estimator(lambda points: state(points.u), sampling.points_at(np.zeros((1, size))), **asked)
-    estimator.estimated()
+    estimator.sample_until_sure()
     return estimator
 
 

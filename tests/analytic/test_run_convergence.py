@@ -15,7 +15,7 @@ from beamsim.outcomes import OutcomeKind, exit_code
 from beamsim.results.result import ALLOWED_ERROR
 from beamsim.scenario import load_scenario
 from beamsim.signals import filters
-from beamsim.signals.filters import FilteredPanels, FilteredSegments, filtered
+from beamsim.signals.filters import FilteredPanels, FilteredSegments, filter_outputs
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations
 
@@ -226,9 +226,9 @@ def test_low_pass_of_a_motion_is_that_of_scipy_on_fine_samples(monkeypatch):
     motion = simulate(flow, system.initial_state)
     output = accelerations(system, flow)
     times = np.linspace(0.0, 0.05, 200_001)
-    closed = filtered(motion, output, 1500.0, times[::500])
+    closed = filter_outputs(motion, output, 1500.0, times[::500])
     monkeypatch.setattr(filters, "_near_poles", lambda *_: True)
-    on_panels = filtered(motion, output, 1500.0, times[::500])
+    on_panels = filter_outputs(motion, output, 1500.0, times[::500])
     assert isinstance(closed, FilteredSegments)
     assert isinstance(on_panels, FilteredPanels)
     fine = motion.sample(times, output)[:, 0]
@@ -251,7 +251,7 @@ def test_low_passed_peaks_of_a_fast_motion_are_certified(frequency):
     system = build_system(harmonic_beam(reduction={"modes": 6}))
     flow = exact_flow(system, 0.2)
     motion = simulate(flow, system.initial_state)
-    behind = filtered(motion, accelerations(system, flow), frequency, np.zeros(0))
+    behind = filter_outputs(motion, accelerations(system, flow), frequency, np.zeros(0))
     low, _, high, _ = behind.extremes(0.0, 0.2)
     fine = behind.at(np.linspace(0.0, 0.2, 40_001))
     size = max(high[0], -low[0])

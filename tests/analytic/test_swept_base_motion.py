@@ -16,10 +16,10 @@ FLAT = Profile.constant(9.8)
 HELD = Profile.from_steps([(5, 0.004, "displacement"), (11.3, 2.0, "acceleration"), (63, 0.02, "velocity")])
 PROFILES = {
     "one level": FLAT,
-    "notch in one level": FLAT.notched(17.0, 23.0, 2.0, "acceleration"),
+    "notch in one level": FLAT.with_notch(17.0, 23.0, 2.0, "acceleration"),
     "table": HELD,
-    "table and notch": HELD.notched(17.0, 30.0, 0.4, "acceleration"),
-    "log-log": Profile.interpolated([(5, 1.0, "acceleration"), (12, 9.0, "acceleration"), (60, 2.0, "acceleration")]),
+    "table and notch": HELD.with_notch(17.0, 30.0, 0.4, "acceleration"),
+    "log-log": Profile.log_log([(5, 1.0, "acceleration"), (12, 9.0, "acceleration"), (60, 2.0, "acceleration")]),
     # steps as log-log tables have them: powers of -8, -135, 37 and 1,610
     "steep lines": Profile.from_points(
         np.array([5, 8, 10, 12, 12.2, 30, 31, 60, 60.06]), np.array([5.0, 5.0, 0.8, 0.8, 0.086, 0.3, 1.0, 1.0, 5.0])

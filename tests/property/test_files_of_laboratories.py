@@ -39,7 +39,7 @@ def record(seed, count=37):
 def history(path, name):
     """The time history of a name in SI units."""
     (signal,) = (each for each in read_file(path) if each.name == name)
-    signal = signal.required((FunctionType.TIME_HISTORY,), "a test").on_si_axis(None, "axis_unit").check()
+    signal = signal.require((FunctionType.TIME_HISTORY,), "a test").on_si_axis(None, "axis_unit").check()
     return in_si(signal, None, ACCELERATION, "unit")
 
 

@@ -77,7 +77,7 @@ def compared(source, scenario, places):
         for name, case in (("", scenario), (" of a reopened case", reopened)):
             ways = {
                 "override": outcome(partial(load_scenario, case, edit)),
-                "value": outcome(lambda at=place, of=case, new=value: with_values(of, {at: new}).rechecked()),
+                "value": outcome(lambda at=place, of=case, new=value: with_values(of, {at: new}).recheck()),
             }
             for way, found in ways.items():
                 assert differences(found, expected) == [], f"{path} by {way}{name}"

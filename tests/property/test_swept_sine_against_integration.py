@@ -83,7 +83,7 @@ class Swept:
             ).select(slice(s.reached))
             for s in self.stretches
         ]
-        self.record = CycleRecord.joined(parts)
+        self.record = CycleRecord.join(parts)
         self.events, self.outcome = self.march.events, self.march.outcome
 
     def begin(self, stretch):
@@ -167,7 +167,7 @@ def test_laws_and_profiles(make_system, legs):
     """Fast sweeps (the frequency changes within a cycle), both laws, levels that step and bend."""
     system = make_system([1.0, 5.0], [0.02, 0.1], shape=[[1.0, 0.4]], stiffness=[15.0], dashpot=[0.3], gap=[0.05])
     profile = Profile.from_steps([(0.05, 0.2, "displacement"), (0.3, 0.7, "acceleration"), (1.5, 0.05, "velocity")])
-    profile = profile.notched(0.5, 0.9, 0.3, "acceleration")
+    profile = profile.with_notch(0.5, 0.9, 0.3, "acceleration")
     windows = cut_into_windows(legs, profile)
     load, start = np.array([1.0, 0.5]), np.array([-0.3, 0.0, 0.2, 0.0])
     record = Swept(system, load, windows, start)

@@ -17,7 +17,7 @@ from beamsim.cli.session import say, show
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.files import seal
 from beamsim.kinds import KINDS
-from beamsim.report.page import embedded
+from beamsim.report.page import script_json
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
@@ -239,7 +239,7 @@ def test_control_characters_are_printed_as_escapes(capsys):
 
 def test_no_text_ends_the_json_block():
     texts = ["</script><script>alert(1)</script>", "<!--<script>", "]]>", "-->", "<SCRIPT"]
-    block = embedded(texts)
+    block = script_json(texts)
     assert not set("<>") & set(block)
     assert json.loads(block) == texts
 

@@ -56,12 +56,14 @@ def test_continuations_and_outcomes_use_them():
     }
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
-    assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
+    assert (
+        whole.in_display_units(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
+    )
     within = missing.copy_with(context=Where(4.903325, "m/s^2", "level"))
-    assert within.displayed(scale_for).text == "level 0.5 g: no stable motion from 1 to 2 g"
+    assert within.in_display_units(scale_for).text == "level 0.5 g: no stable motion from 1 to 2 g"
     with use_units(chosen(**CHOSEN)):
-        assert missing.displayed(scale_for).message == "no stable motion from 9.80665 to 19.6133 m/s^2"
-    assert reached_end(65.5).in_unit(float, "Hz").displayed(scale_for).text.endswith("65.5 Hz")
+        assert missing.in_display_units(scale_for).message == "no stable motion from 9.80665 to 19.6133 m/s^2"
+    assert reached_end(65.5).in_unit(float, "Hz").in_display_units(scale_for).text.endswith("65.5 Hz")
 
 
 def test_g_is_gravity_in_an_acceleration_and_gram_in_a_mass():

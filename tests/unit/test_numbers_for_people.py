@@ -52,7 +52,7 @@ def test_every_way_to_print_a_number_chooses_the_prefix_of_the_rounded_one():
     assert value_text("works_j", [0.5, 0.99998]) == "0.5, 1 J"
     assert round_with_unit(0.9996, "J") == "1.00 J"
     assert round_with_unit(0.99996, "J", 5) == "999.96 mJ"
-    where = Outcome.of(OutcomeKind.STOPPED, "end", at=Where(0.9999999, "N")).displayed(scale_for)
+    where = Outcome.of(OutcomeKind.STOPPED, "end", at=Where(0.9999999, "N")).in_display_units(scale_for)
     assert where.text == "stopped at 1 N"
     with use_units({"N": (1e-3, "kN")}):
         assert amount(999.98, "N") == "1 kN"

@@ -12,7 +12,7 @@ from beamsim.outcomes import (
     both_directions,
     combined,
     first_with_others,
-    listed,
+    numbers_text,
 )
 
 pytestmark = pytest.mark.quick
@@ -68,7 +68,7 @@ def test_places_in_words():
     assert Where(((1.0, 2.0), (4.0, 5.0)), "Hz").phrase == "from 1 to 2, 4 to 5 Hz"
     assert str(Where(0.5)) == "parameter 0.5"
     assert str(Where(0.5, "1", "stiffness factor")) == "stiffness factor 0.5"
-    assert listed(tuple(range(9))) == "0, 1, 2, 3, 4, 5 and 3 more"
+    assert numbers_text(tuple(range(9))) == "0, 1, 2, 3, 4, 5 and 3 more"
 
 
 def test_combined():

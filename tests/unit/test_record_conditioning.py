@@ -9,7 +9,7 @@ import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import read_signals
-from beamsim.measurements.conditioning import evenly_timed, high_passed, resample_signal, resolution, rounding_warnings
+from beamsim.measurements.conditioning import high_pass, resample_signal, resolution, rounding_warnings, with_even_times
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 
@@ -50,7 +50,7 @@ def test_rounded_time_stamps_get_the_sampling_rate_that_fits_them(rate, decimals
     """A rate, the decimals of the stamps, and their unit in seconds."""
     time = np.arange(4000) / rate
     stamps = np.round(time / unit, decimals)
-    read = evenly_timed(
+    read = with_even_times(
         MeasuredSignal("a", stamps, np.sin(time), axis="t", axis_unit={1.0: "s", 1e-3: "ms"}[unit], unit="g")
     )
     half = 0.5 * 10.0**-decimals
@@ -75,7 +75,7 @@ def test_rounded_time_stamps_get_the_sampling_rate_that_fits_them(rate, decimals
     ],
 )
 def test_stamps_that_no_single_rate_explains_stay_as_they_are(stamps):
-    read = evenly_timed(signal(stamps, np.sin(stamps)))
+    read = with_even_times(signal(stamps, np.sin(stamps)))
     assert read.x is stamps
     assert read.warnings == ()
 
@@ -84,14 +84,14 @@ def test_stamps_that_no_single_rate_explains_stay_as_they_are(stamps):
 @pytest.mark.parametrize("rate", [2048.0, 44_100.0, 1000.0])
 def test_stamps_of_few_significant_digits_as_matlab_and_numpy_write_them(form, rate):
     stamps = np.array([float(form % t) for t in np.arange(6000) / rate])
-    read = evenly_timed(signal(stamps, np.sin(stamps)))
+    read = with_even_times(signal(stamps, np.sin(stamps)))
     assert (read.x.size - 1) / (read.x[-1] - read.x[0]) == pytest.approx(rate, rel=2e-7)
 
 
 def test_stamps_in_single_precision_and_cut_stamps():
     exact = np.arange(50_000) / 3000.0
     for stamps in (exact.astype(np.float32).astype(float), np.floor(exact * 1e4) / 1e4):
-        read = evenly_timed(signal(stamps, np.sin(stamps)))
+        read = with_even_times(signal(stamps, np.sin(stamps)))
         assert (read.x.size - 1) / (read.x[-1] - read.x[0]) == pytest.approx(3000.0, rel=1e-9)
 
 
@@ -189,7 +189,7 @@ def test_a_sensor_upside_down_mean_and_trend(tmp_path):
 def test_the_high_pass_filter_is_a_butterworth_filter_without_phase(ratio):
     t = np.arange(20_000) / 1000
     sine = np.sin(2 * np.pi * 5.0 * ratio * t)
-    filtered = high_passed(signal(t, sine), 5.0)
+    filtered = high_pass(signal(t, sine), 5.0)
     middle = slice(5000, -5000)
     gain = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) / ratio**4)  # two passes, -3 dB at 5 Hz
     np.testing.assert_allclose(filtered.y[middle], gain * sine[middle], atol=2e-3)

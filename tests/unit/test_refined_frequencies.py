@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from beamsim.signals.records import SampledRecord, Window, refine_frequencies
 
 RATE, SAMPLES = 200.0, 400
-WINDOW = Window.named("blackmanharris")
+WINDOW = Window.of_name("blackmanharris")
 
 
 def misfit(frequency_hz, time, record):

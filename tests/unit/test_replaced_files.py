@@ -161,11 +161,11 @@ def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, p
 def test_only_attributes_of_the_older_file_are_read_and_only_once(whole, part, tmp_path, monkeypatch):
     path, opened = written(part, tmp_path / "case.h5"), []
 
-    def counting(file, *given, real=results.opened):
+    def counting(file, *given, real=results.open_result):
         opened.append(file)
         return real(file, *given)
 
-    monkeypatch.setattr(results, "opened", counting)
+    monkeypatch.setattr(results, "open_result", counting)
     monkeypatch.setattr(results, "read_items", None)
     with protected_files([]):
         for _ in range(5):

@@ -52,14 +52,14 @@ def test_sweeps_are_in_balance(stop, sweep):
 
 def test_a_sweep_that_ends_within_a_cycle_is_not_trusted_where_that_cycle_is_wrong(monkeypatch):
     """The incomplete cycle has no row of its own; its imbalance counted for nothing."""
-    joined = CycleRecord.joined
+    joined = CycleRecord.join
 
     def wrong(parts):
         done = joined(parts)
         done.imbalance[-1] += 1e-3 * done.energy.max()
         return done
 
-    monkeypatch.setattr(CycleRecord, "joined", wrong)
+    monkeypatch.setattr(CycleRecord, "join", wrong)
     result = sweep_alone(case({}, SWEPT | {"to": 0.9937, "direction": "up"}))
     assert result.outcome.code == "sweep_energy_not_balanced"
     assert result.outcome.numbers["error"] == pytest.approx(1e-3, rel=1e-6)

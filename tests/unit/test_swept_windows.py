@@ -73,9 +73,9 @@ def test_held_profile():
     profile = Profile.from_steps([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
     omega = 2 * np.pi * np.array([2.0, 10.0, 40.0, 200.0])
     np.testing.assert_allclose(profile(omega / (2 * np.pi)), [0.01, 0.01, 0.5, 30.0] * omega ** [2, 2, 1, 0])
-    line = Profile.interpolated([(10.0, 1.0, "acceleration"), (40.0, 8.0, "acceleration")])
+    line = Profile.log_log([(10.0, 1.0, "acceleration"), (40.0, 8.0, "acceleration")])
     np.testing.assert_allclose(line([5.0, 10.0, 20.0, 40.0, 100.0]), [1.0, 1.0, 8.0**0.5, 8.0, 8.0])
-    assert Profile.interpolated([(10.0, 2.0, "force")])(33.0) == 2.0
+    assert Profile.log_log([(10.0, 2.0, "force")])(33.0) == 2.0
     np.testing.assert_allclose(profile.scaled(0.5)([10.0]), profile([10.0]) / 2)
 
 
@@ -88,7 +88,7 @@ def test_a_notch_is_never_exceeded_and_nothing_else_changes(low, width, level, q
     profile = Profile.from_steps([(5.0, 0.01, "displacement"), (20.0, 0.5, "velocity"), (80.0, 30.0, "acceleration")])
     high = low + width
     level = level / (2 * np.pi * 20) ** {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
-    notched = profile.notched(low, high, level, quantity)
+    notched = profile.with_notch(low, high, level, quantity)
     assert np.all(np.diff(notched.edge) > 0)
     f = np.linspace(1.0, 130.0, 3001)
     omega = 2 * np.pi * f

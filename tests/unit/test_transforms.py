@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.channels import NEIGHBOURS, MotionPart, evenly_spaced_sums, interpolated
+from beamsim.flow.channels import NEIGHBOURS, MotionPart, evenly_spaced_sums, interpolate_integrals
 from beamsim.flow.exact import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
@@ -46,7 +46,7 @@ def test_between_the_known_frequencies():
 
     known = ramp(step * np.arange(60 + NEIGHBOURS))
     position = np.append(np.random.default_rng(5).uniform(0.05, 59.0, 200), [0.0, 7.0])
-    np.testing.assert_allclose(interpolated(known, position), ramp(step * position), atol=1e-12)
+    np.testing.assert_allclose(interpolate_integrals(known, position), ramp(step * position), atol=1e-12)
 
 
 @pytest.mark.parametrize("highest", [8.0, 200.0])

@@ -28,7 +28,7 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity_weights
-from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
+from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, join_directions, side_branches
 from beamsim.outcomes import (
     COMPLETE,
     Outcome,
@@ -155,11 +155,11 @@ def coexisting(
         for index, outcome in evaluate.outcomes.items():
             if not outcome.failed:
                 ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
-        motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
+        motions = {f: _attracting_motions(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not stop_requested():
             _add_unstable(marches, motions, budget)
         order = _in_order(motions)
-        branches = [_measured(marches, motion) for _, motion in order]
+        branches = [_measure(marches, motion) for _, motion in order]
         result = _result_of_starts(marches, order, branches, rows, ends)
         result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
     ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
@@ -183,7 +183,7 @@ def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
     return order
 
 
-def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) -> list[_Motion]:
+def _attracting_motions(marches: Marches, hz: float, ends: Mapping[int, Destination]) -> list[_Motion]:
     """The motions that starts have come to: periodic ones by shooting from there."""
     motions: list[_Motion] = []
     flow = marches.flow_at(hz)
@@ -216,7 +216,7 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
         alike = [b for b in branches if b.problem.multiple == m.problem.multiple]
         if not coincides(m.point, alike) and budget.allows_another(len(branches)):
             halves = [follow(Tracer(m.problem, reach), m.point, way, budget, alike) for way in (1.0, -1.0)]
-            branches.append(joined(*halves))
+            branches.append(join_directions(*halves))
     branches += side_branches(branches, reach, min(LONGEST_SIDE, marches.settings.longest_period), budget)
     for hz, of in motions.items():
         wanted = [TargetPoint("frequency", 2.0 * np.pi * hz, lambda point: point.parameter, 2.0 * np.pi * hz)]
@@ -259,7 +259,7 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[
     return {"disturbances": DISTURBANCES.table(smallest, units)} if smallest else {}
 
 
-def _measured(marches: Marches, motion: _Motion) -> MeasuredBranch:
+def _measure(marches: Marches, motion: _Motion) -> MeasuredBranch:
     """A motion as a branch of one point."""
     traced = OrbitBranch(motion.problem, (motion.point,), COMPLETE)
     branch = response(marches.model, traced, marches.model.levels[0])

@@ -184,7 +184,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
         predicted_spectrum=spectra[0],
         measured_spectrum=spectra[1],
         start_s=float(run.x[0]),
-        aliased_share=_aliased(result, place, quantity),
+        aliased_share=_aliased_share(result, place, quantity),
         record=likeness,
     )
 
@@ -248,7 +248,7 @@ def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iter
 
 def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
     """A warning where a history has a notable part above half its sample rate."""
-    share = _aliased(result, place, quantity)
+    share = _aliased_share(result, place, quantity)
     if share is not None:
         times = result["histories"]["time"].values
         rate = (times.size - 1) / float(times[-1] - times[0])
@@ -259,7 +259,7 @@ def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
         )
 
 
-def _aliased(result: RunResult, place: str, quantity: str) -> float | None:
+def _aliased_share(result: RunResult, place: str, quantity: str) -> float | None:
     """Share of the root mean square of a history above half the output rate; None where it is not notable."""
     called = {"moment": "force", "absolute_displacement": "displacement"}.get(quantity, quantity)
     shares = result.summary.get("aliased_in_histories") or {}
@@ -344,7 +344,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
                 "resample it, or export it without gaps",
             )
         (record,) = sampled_records(signal.x, np.asarray(signal.y, dtype=float)[None], excitation)
-        amplitude, peak = np.abs(record.amplitudes(Window.named("hann"))), record.levels().peak
+        amplitude, peak = np.abs(record.amplitudes(Window.of_name("hann"))), record.levels().peak
         frequency = np.arange(amplitude.size) / record.duration
     return ComparedSpectrum(frequency, amplitude, amplitude_db(amplitude, peak))
 
@@ -509,7 +509,7 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
     """
     purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
     try:
-        return signal.required(_functions(of_sweep), purpose).at_level(level, "--level")
+        return signal.require(_functions(of_sweep), purpose).at_level(level, "--level")
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 

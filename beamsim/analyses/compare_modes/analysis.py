@@ -124,7 +124,7 @@ def compare_modes(
     _check(measured)
     frequencies, shapes = _computed_modes(scenario, measured, closed=contacts == "closed")
     mac, auto = (np.nan_to_num(modal_assurance(shape, shapes)) for shape in (measured.shapes, shapes))
-    paired = _paired(mac, measured.frequency_hz, frequencies)
+    paired = _pair(mac, measured.frequency_hz, frequencies)
     pairs = [
         {
             "number": k + 1,
@@ -205,7 +205,7 @@ def _computed_modes(scenario: Scenario, measured: ShapesAtPlaces, *, closed: boo
 FREQUENCY_WEIGHT = 0.01  # of the difference of log frequencies against the MAC, in the pairing of modes
 
 
-def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
+def _pair(mac: Floats, measured: Floats, computed: Floats) -> Ints:
     """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
     from scipy.optimize import linear_sum_assignment
 

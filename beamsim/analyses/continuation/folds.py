@@ -25,7 +25,7 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import lowest
-from beamsim.orbits.tracing import Budget, joined, walk
+from beamsim.orbits.tracing import Budget, join_directions, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.responses.parameters import ResponseModel
 from beamsim.responses.periodic_motion import Measurement
@@ -275,7 +275,7 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
     second, fold, touching = not_none(model.second), corner.fold, corner.touching
     halves = _halves(model, corner, _value_in_scenario(model, level), budget)
     # what was followed comes first, so that its points are kept
-    followed = joined(*sorted(halves, key=lambda half: not half.points))
+    followed = join_directions(*sorted(halves, key=lambda half: not half.points))
     displacements = model.system.channels.of_keys(DISPLACEMENT)
     measurement = Measurement(
         model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system

@@ -122,7 +122,7 @@ def with_parameters(scenario: Scenario, numbers: Sequence[FitParameter], x: Floa
     for number, each in zip(numbers, x, strict=True):
         values |= zip(number.places, number.at(float(each)), strict=True)
     try:
-        return with_values(scenario, values).rechecked()
+        return with_values(scenario, values).recheck()
     except ScenarioError as error:
         raise UnpredictableError(str(error)) from error
 

@@ -646,13 +646,13 @@ def _fit_warnings(modes: ComparedModes, fitted: tuple[int, ...], interval: Inter
             warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
     low, high = interval
     if low == 0.0:
-        warnings.append(_unbounded("the frequency without snubber", "lower"))
+        warnings.append(_bound_warning("the frequency without snubber", "lower"))
     elif np.isinf(high):
-        warnings.append(_unbounded("the frequency with the point pinned", "upper"))
+        warnings.append(_bound_warning("the frequency with the point pinned", "upper"))
     return warnings
 
 
-def _unbounded(limit: str, side: str) -> str:
+def _bound_warning(limit: str, side: str) -> str:
     """A warning where a frequency that no finite stiffness gives is within the uncertainty of the measured one."""
     return (
         f"the uncertainty of the frequency extends to {limit}: the stiffness has no {side} bound; use a mode whose "

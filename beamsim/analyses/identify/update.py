@@ -124,7 +124,7 @@ def _fits_of_words(
     for choice in product(*(choices_at(scenario, place) for place in words)):
         text = ", ".join(choice)
         try:
-            case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
+            case = with_values(scenario, dict(zip(words, choice, strict=True))).recheck()
             fit = _fit(case, section, numbers)
             tried.append((text, case, fit, fit.minimise(np.zeros(len(numbers)))))
         except ScenarioError as error:  # a support that holds the snubber's point, for example

@@ -124,10 +124,12 @@ def fit_nonlinear(
     found = _judge_fit(vibrations, search, section, begin)
     records = zip(nonlinear.tests_with_files.values(), signals, strict=True)
     of_records = [f"{test.label}: {text}" for test, signal in records for text in signal.warnings]
-    return replace(found, warnings=(*of_records, *found.warnings), outcome=_clipped(nonlinear, signals, found.outcome))
+    return replace(
+        found, warnings=(*of_records, *found.warnings), outcome=_clipping_outcome(nonlinear, signals, found.outcome)
+    )
 
 
-def _clipped(settings: NonlinearFit, signals: Sequence[MeasuredSignal], outcome: Outcome) -> Outcome:
+def _clipping_outcome(settings: NonlinearFit, signals: Sequence[MeasuredSignal], outcome: Outcome) -> Outcome:
     """The outcome of a fit, not reliable where a record that it uses is clipped.
 
     Parameters
@@ -208,7 +210,7 @@ def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: Identif
     with deferred_stop():
         fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
-    unknown = _unreached(vibrations.scenario, fit.numbers, penetration)
+    unknown = _unreached_parameters(vibrations.scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
     jacobian, by_delay, complete = vibrations.jacobian(best.x, fit.residuals(best.x).size)
     jacobian[:, list(unknown)] = 0.0
@@ -223,7 +225,7 @@ def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: Identif
     with deferred_stop():
         records = [t.summarise_fit(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
         doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.fit_warnings(last)]
-    warnings += [*remarks, *unknown.values(), *_yielding(vibrations.scenario, fit.numbers), *doubts]
+    warnings += [*remarks, *unknown.values(), *_yield_warnings(vibrations.scenario, fit.numbers), *doubts]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
@@ -714,7 +716,7 @@ def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, f
     return misfit / freedom, warnings
 
 
-def _yielding(scenario: Scenario, numbers: Sequence[FitParameter]) -> list[str]:
+def _yield_warnings(scenario: Scenario, numbers: Sequence[FitParameter]) -> list[str]:
     """Warnings about gaps of snubbers that yield."""
     sought = {place[:-1] for number in numbers for place in number.places if place[-1] in ("gap", "preload")}
     return [
@@ -805,7 +807,7 @@ def steady_vibration(
     return SteadyVibration(system, motion, point.data.event_time.size > 0, point.u[:-1])
 
 
-def _unreached(scenario: Scenario, numbers: Sequence[FitParameter], penetration: Floats) -> dict[int, str]:
+def _unreached_parameters(scenario: Scenario, numbers: Sequence[FitParameter], penetration: Floats) -> dict[int, str]:
     """Numbers of the parameters that are segments of a table which no test reaches, and why.
 
     Parameters

@@ -48,7 +48,7 @@ class SymmetryBreaking:
     ratio: int  # n of n:1: that mode makes about n oscillations in a period
 
 
-def _bordered(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
+def _bordered_block(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
     """The scaled block b bordered by its trivial kernels, and the scale w of the coordinates' frequencies."""
     n = orbits.n
     q, period, factor, _ = orbits.split(point.u)
@@ -64,7 +64,7 @@ def _bordered(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
 
 
 def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
-    return float(np.linalg.det(_bordered(orbits, point)[0]))
+    return float(np.linalg.det(_bordered_block(orbits, point)[0]))
 
 
 SINGULAR = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
@@ -99,7 +99,7 @@ def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
 def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, float]:
     """The kick closest to a kernel of b: its direction, its main mode (from 0), that mode's oscillations in a period,
     and how close it is."""
-    B, w = _bordered(orbits, point)
+    B, w = _bordered_block(orbits, point)
     _, sizes, rows = np.linalg.svd(B)
     kick = w * rows[-1][: orbits.n]
     kick /= np.linalg.norm(kick)

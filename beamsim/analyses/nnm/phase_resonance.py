@@ -30,7 +30,7 @@ from beamsim.orbits.phase_resonance import (
     quadrature,
 )
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.tracing import joined
+from beamsim.orbits.tracing import join_directions
 from beamsim.outcomes import (
     COMPLETE,
     Outcome,
@@ -44,9 +44,9 @@ from beamsim.outcomes import (
 )
 from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.responses.loads import periodic_flow, periodic_forcing
-from beamsim.responses.orbit_energies import unbalanced
+from beamsim.responses.orbit_energies import imbalance_outcome
 from beamsim.responses.periodic_motion import Measurement
-from beamsim.results.branch import endings, numbered, of_multipliers
+from beamsim.results.branch import endings, of_multipliers, row_numbers
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
 from beamsim.signals.records import RECTANGULAR
@@ -161,7 +161,8 @@ class PhaseResonanceLevels:
         if curves:
             datasets["resonance_curves"] = RESONANCE_CURVES.dataset(
                 {
-                    **numbered(_sizes([motion.curve for motion in motions], "frequency_hz"), "level_index"), **probes,
+                    **row_numbers(_sizes([motion.curve for motion in motions], "frequency_hz"), "level_index"),
+                    **probes,
                     **{
                         name: np.concatenate([getattr(curve, name) for _, curve in curves], axis=-1)
                         for name in ("frequency_hz", "stable", "energy_error", "amplitude")
@@ -171,7 +172,7 @@ class PhaseResonanceLevels:
         for layout, x, y in ((HELD, "time", "displacement"), (HELD_SPECTRA, "frequency_hz", "line")):
             if held:
                 own = {name: np.concatenate([getattr(of, name) for _, of in held], axis=-1) for name in (x, y)}
-                rows = numbered(_sizes([motion.held for motion in motions], x), "level_index", "sample")
+                rows = row_numbers(_sizes([motion.held for motion in motions], x), "level_index", "sample")
                 datasets[layout.name] = layout.dataset({**rows, **probes, **own})
         return datasets
 
@@ -412,7 +413,7 @@ def _check_balance(outcome: Outcome, motions: Sequence[ResonantMotion], unit: st
         errors = np.append(np.zeros(0) if curve is None else curve, m.energy_error if m.found else 0.0)
         bad = ~(errors <= LARGEST_ERROR)
         if np.any(bad):
-            lost = unbalanced(float(errors.max()), int(bad.sum()), Where(m.level, unit, "level"))
+            lost = imbalance_outcome(float(errors.max()), int(bad.sum()), Where(m.level, unit, "level"))
             parts.insert(0, lost)
     return first_with_others(parts) if parts else outcome
 
@@ -538,13 +539,13 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     first = point.orient(1.0)
     halves: list[OrbitBranch] = []
-    for start in (first, first.reversed()):
+    for start in (first, first.reverse()):
         branch = Branch(problem, start, low, high, Settings(most_points=600))
         points = list(branch)
         halves.append(OrbitBranch(problem, points, branch.outcome.in_unit(lambda omega: omega / (2 * np.pi), "Hz")))
         if branch.outcome.code == CLOSED_CURVE:
             break
-    followed = joined(*halves)
+    followed = join_directions(*halves)
     motions = shared.forced.of(problem, followed.points)
     return ResponseAboutResonance(
         outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,

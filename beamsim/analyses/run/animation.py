@@ -12,7 +12,7 @@ from beamsim.analyses.run.motion import Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.outcomes import Progress, never
-from beamsim.responses.frames import CYCLES_SHOWN, MARGIN, Frames, frames_at, paced
+from beamsim.responses.frames import CYCLES_SHOWN, MARGIN, Frames, frame_times, frames_at
 from beamsim.responses.histories import between_samples
 from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario.run import OrbitStart
@@ -84,7 +84,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
         if stop > first and start < first + length
         for each in ([(start, stop)] if stop - start < 0.25 * period else [(start, start), (stop, stop)])
     ]
-    times, slow = paced(first, first + length, shown, MARGIN * period)
+    times, slow = frame_times(first, first + length, shown, MARGIN * period)
     if force > 0.0:
         times[np.abs(times - at).argmin()] = at  # the peak itself is among them
     return times, slow

@@ -50,7 +50,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     system, time, none = motion.system, histories.time, np.zeros(histories.time.size)
     turning = any(each.on_base and each.rotates for _, each in system.scenario.excitation.items)
     friction = [each.item for each in system.scenario.listed("friction")]
-    sliding = _sliding(motion, evaluation) if friction else []
+    sliding = _sliding_by_contact(motion, evaluation) if friction else []
     base = none if system.base_displacement is None else system.base_displacement(time)
     values: dict[str, Any] = {
         "time": time,
@@ -160,7 +160,7 @@ def _residual_crush(motion: RunMotion) -> dict[int, float]:
     }
 
 
-def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
+def _sliding_by_contact(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
     """Results of `sliding_values` for each friction contact, as far as they are known."""
     system, scenario = motion.system, motion.system.scenario
     contacts = [each.item for each in scenario.listed("friction")]

@@ -87,7 +87,7 @@ def _impact_datasets(
     settings, begin, stationary = not_none(run.impacts), run.from_, system.scenario.excitation.stationary
     each, statistics, cycles, intervals = [], [], [], []
     for j, of_snubber in enumerate(zip(*of_chunks, strict=True)):
-        contacts = _joined(of_snubber)
+        contacts = _join_parts(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
         counted = every.select(every.peak_force >= settings.force_threshold)
         each.append(counted)
@@ -206,7 +206,7 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     return _Contacts(rows, forces, float(lost[~since].sum()), begins_in_contact, bool(touching[-1]))
 
 
-def _joined(parts: Sequence[_Contacts]) -> _Contacts:
+def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:
     """The contacts of all parts in a row; one that goes on in the next part is one contact."""
     rows = _Impacts(*map(np.concatenate, zip(*(vars(part.rows).values() for part in parts), strict=True)))
     starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # number of the first contact of each part
@@ -217,11 +217,11 @@ def _joined(parts: Sequence[_Contacts]) -> _Contacts:
         if number:
             rows.energy_lost[number - 1] += part.lost_before
     forces = tuple(force for part in parts for force in part.forces)
-    whole = _merged(_Contacts(rows, forces, 0.0, parts[0].begins_in_contact, parts[-1].lasts), ~begins_in_contact)
+    whole = _merge(_Contacts(rows, forces, 0.0, parts[0].begins_in_contact, parts[-1].lasts), ~begins_in_contact)
     return replace(whole, rows=replace(whole.rows, contacts=np.ones_like(whole.rows.contacts)))
 
 
-def _merged(contacts: _Contacts, begins: Bools) -> _Contacts:
+def _merge(contacts: _Contacts, begins: Bools) -> _Contacts:
     """The contacts, each with those that follow it up to the next that ``begins`` (n,) a new one."""
     rows, first = contacts.rows, np.flatnonzero(begins)
     last = np.append(first[1:], rows.begin.size) - 1 if first.size else first
@@ -244,7 +244,7 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     """Contacts that follow each other within the minimum rest time are one impact."""
     begin, end = contacts.rows.begin, contacts.rows.end
     rest = np.append(np.inf, begin[1:] - end[:-1])[: begin.size]
-    impacts = _merged(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
+    impacts = _merge(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
     if contacts.begins_in_contact:
         impacts.approach_speed[0], impacts.cut[0] = np.nan, True
     if contacts.lasts:

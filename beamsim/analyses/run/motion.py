@@ -49,7 +49,7 @@ from beamsim.results.values import (
 )
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import Run
-from beamsim.signals.filters import filtered
+from beamsim.signals.filters import filter_outputs
 from beamsim.structures.places import COMPONENTS
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
@@ -389,7 +389,7 @@ def exact_motion_of(
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
-        for part in _evaluated(march, values, GracePeriod(stop), extremes):
+        for part in _evaluate_chunks(march, values, GracePeriod(stop), extremes):
             for observer in (recorder, impacts, stresses, plates, latest, states):
                 if observer is not None:
                     observer.add(part)
@@ -406,7 +406,7 @@ def exact_motion_of(
     )  # fmt: skip
 
 
-def _evaluated(
+def _evaluate_chunks(
     march: MotionInChunks, values: ChunkValues, overdue: GracePeriod, progress: Progress
 ) -> Iterator[Trajectory]:
     """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
@@ -468,7 +468,7 @@ class _LatestPart:
     @property
     def trajectory(self) -> Trajectory:
         """The part, shorter where the motion ended early."""
-        whole = self._chunks[0] if len(self._chunks) == 1 else Trajectory.joined(self._chunks)
+        whole = self._chunks[0] if len(self._chunks) == 1 else Trajectory.join(self._chunks)
         begin = whole.end - self.length_s
         return whole.extract(begin, whole.end) if begin > whole.time[0] else whole
 
@@ -555,7 +555,7 @@ class ChunkValues:
         if self.low_passed is not None:
             low = self.low_passed.copy()
             hz, through = low.frequency_hz, low.filter
-            low.add(chunk.end, lambda times: filtered(chunk, self._accelerations, hz, times, through))
+            low.add(chunk.end, lambda times: filter_outputs(chunk, self._accelerations, hz, times, through))
         return energies, found, low
 
     def computed_of_beginning(self, chunk: Trajectory) -> tuple[Trajectory, Computed]:

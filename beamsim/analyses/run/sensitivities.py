@@ -145,7 +145,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
         rows += [_derivative(number, of, each, holds.change) for of, each in zip(every, decided, strict=True)]
         warnings += _derivative_limits(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
         noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.noted]
-    warnings += _competing(noted)
+    warnings += _competition_notes(noted)
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
     return (SENSITIVITIES.table(rows, units) if rows else None), warnings
 
@@ -185,7 +185,7 @@ def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) ->
             yield abs(one - both) / size, of.name
 
 
-def _competing(noted: Sequence[tuple[VariedParameter, Contenders, Competition]]) -> Iterator[str]:
+def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Competition]]) -> Iterator[str]:
     """A note on the values for which extremes compete: the nearest with both derivatives, and how many others.
 
     Parameters
@@ -318,7 +318,7 @@ def _neighbouring_flow(
     """
     try:
         values = dict.fromkeys(number.places, float(number.nominal) + change)
-        built = build_system(with_values(scenario, values).rechecked(), shared)
+        built = build_system(with_values(scenario, values).recheck(), shared)
     except ScenarioError as error:
         first = error.problems[0]
         message = f"{number.path} has a neighbouring value that is refused: {first.path} {first.message}"

@@ -175,7 +175,7 @@ def _spectra(
     duration = records[0].duration
     curves, levels = [], [record.levels() for record in records]
     columns: dict[str, list[Any]] = {name: [] for name in SPECTRA.variables if name.startswith("line_")}
-    shapes = [Window.named(window) for window in windows]
+    shapes = [Window.of_name(window) for window in windows]
     for number, (label, record, shape) in enumerate(zip(labels, records, shapes, strict=True)):
         check_stop()
         curves.append(np.abs(record.amplitudes(shape)))
@@ -356,7 +356,7 @@ def lines_of_record(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Flo
     size, level, every_hz = (known[f"line_{name}"].values for name in ("amplitude", "amplitude_db", "frequency_hz"))
     if not size.any():  # of a signal that rests
         return every_hz, size
-    excitation_hz, one_sided = known["excitation_hz"].item(), Window.named(known["window"].item()).one_sided
+    excitation_hz, one_sided = known["excitation_hz"].item(), Window.of_name(known["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
     frequency, free = every_hz[1:], np.isin(known["line_kind"].values[1:], ("other", "residual"))
     fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), frequency[free].tolist())

@@ -73,7 +73,7 @@ def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParamete
     """
     assert of.critical is not None
     critical = of.critical.u[0]
-    found = _sampled(scatter, of) if of.failures.weights.size else _beyond_a_plane(scatter, critical, of)
+    found = _dependence_of_samples(scatter, of) if of.failures.weights.size else _beyond_a_plane(scatter, critical, of)
     importance, low, high = found["importance"]
     unit = {"number": [{"unit": number.unit} for number in numbers]}
     sizes = scatter.deviations[:, None]
@@ -88,7 +88,7 @@ def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParamete
     return RANDOM_NUMBERS.dataset(values, unit)
 
 
-def _sampled(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
+def _dependence_of_samples(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
     """Dependence from samples beyond the limit, with intervals from their scatter."""
     failures = of.failures
     if of.origin.blends[0][0][0]:  # with random processes the mean of what fails stands for the nearest point

@@ -89,7 +89,7 @@ class Estimator:
         self.asked += len(values)
         return values
 
-    def estimated(self) -> None:
+    def sample_until_sure(self) -> None:
         """Sample until the estimate is sure enough, and check it."""
         METHODS[self.method](self)
         if self.critical is None and self._batches and self.failures.weights.size:
@@ -210,7 +210,7 @@ def subset(of: Estimator) -> None:
     failures = of.failures
     of.regions.look(np.vstack([failures.points.u, of.explore(of.estimate.probability)]))
     seen = np.bincount(of.regions.nearest(failures.points.u), failures.weights, len(of.regions.found))
-    missed = (seen == 0.0) & (of.regions.expected() > MISSED * of.estimate.probability)
+    missed = (seen == 0.0) & (of.regions.tangent_probabilities() > MISSED * of.estimate.probability)
     of.critical = of.regions.nearest_point()
     if missed.any():
         count = f"{int(missed.sum())} of {len(seen)} regions"
@@ -229,7 +229,7 @@ def importance_sampling(of: Estimator) -> None:
     known = level.edge == 0.0
     if known and not of.rounds:  # nothing is rare
         of.method = "monte_carlo"
-        return monte_carlo(of, _padded(of, level.inside, level.values))
+        return monte_carlo(of, _whole_first_level(of, level.inside, level.values))
     inside = level.inside.u if known else level.inside.u[:0]
     bad = of.explore(level.estimate.probability if known else math.nan)
     of.regions.look(np.vstack([inside, bad]))
@@ -243,13 +243,13 @@ def importance_sampling(of: Estimator) -> None:
     else:
         of.check = _one_value()
     of.critical = of.regions.nearest_point()
-    while not (_sampled(of, inside) and (not known or _agrees(of, checks))):  # as often as there are new regions
+    while not (_sample_regions(of, inside) and (not known or _agrees(of, checks))):  # as often as there are new regions
         of.restart()
     of.critical = of.regions.nearest_point()
     return None
 
 
-def _padded(of: Estimator, points: sampling.Points, values: Floats) -> tuple[sampling.Points, Floats]:
+def _whole_first_level(of: Estimator, points: sampling.Points, values: Floats) -> tuple[sampling.Points, Floats]:
     """The first level of a subset simulation whole: what is not beyond the limit, whose place does not matter."""
     more = of.samples - len(values)
     rest = sampling.points_at(np.zeros((more, points.u.shape[1])))
@@ -259,7 +259,7 @@ def _padded(of: Estimator, points: sampling.Points, values: Floats) -> tuple[sam
     )
 
 
-def _sampled(of: Estimator, u: Floats) -> bool:
+def _sample_regions(of: Estimator, u: Floats) -> bool:
     """Sample about the known regions until the estimate is sure; false as soon as a new one has much of it.
 
     What a new region with little of it adds is kept: to forget such batches would make the estimate too low.

@@ -145,7 +145,7 @@ class Study:
             scenario = with_values(scenario, self.realisations.values(scenario, deviations))
         if case.compared:
             scenario = with_values(scenario, {(self.section, "convergence"): "on"})
-        return scenario.rechecked()
+        return scenario.recheck()
 
     @property
     def section(self) -> str:
@@ -172,7 +172,7 @@ def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
     alone = scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
     alone = replace_values(alone, scenario.whole_paths(alone))  # it has no folder that they could be relative to
     alone = with_random_amplitudes(alone, varied)
-    return with_parameters(alone, varied, case["parameters"].values()).rechecked()
+    return with_parameters(alone, varied, case["parameters"].values()).recheck()
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ def plan_draws(
     """
     if not draws:
         raise ScenarioError.at("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}")
-    varied = drawn_parameters(scenario, _listed(draws))
+    varied = drawn_parameters(scenario, _values_by_path(draws))
     columns = [list(parameter.values) for parameter in varied]
     responses = (responses,) if isinstance(responses, str) else responses
     return _plan(
@@ -291,7 +291,7 @@ def plan_draws(
     )
 
 
-def _listed(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, list[Any]]:
+def _values_by_path(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, list[Any]]:
     """The values of each path; raises a ScenarioError where they are no row of numbers or words."""
     listed, problems = dict[str, list[Any]](), []
     for path, values in draws.items():
@@ -328,7 +328,7 @@ def check_cases(plan: StudyPlan) -> None:
         try:
             plan.study.scenario(case)
         except ScenarioError as error:
-            named = ", ".join(_assigned(c, value) for c, value in zip(plan.parameters, case.values, strict=True))
+            named = ", ".join(_assignment_text(c, value) for c, value in zip(plan.parameters, case.values, strict=True))
             within = " and within tolerances" if case.realisation else ""
             problems += [
                 Problem("vary", f"with {named}{within}: {p.path} {p.message}", p.remedy or "leave out such cases")
@@ -472,7 +472,7 @@ def _column(parameter: VariedParameter, values: list[Value]) -> ParameterColumn:
     return ParameterColumn(parameter.path, np.array(texts), "1")
 
 
-def _assigned(column: ParameterColumn, value: Value) -> str:
+def _assignment_text(column: ParameterColumn, value: Value) -> str:
     shown, unit = value if isinstance(value, str) else f"{value:.6g}", column.unit
     return f"{column.path} = {shown} {unit if unit != '1' else ''}".rstrip()
 

@@ -63,7 +63,7 @@ def propose_designs(
     places = np.union1d(places, np.searchsorted(usable, parents))
     candidates = _new(varied, _designs_near(varied, known.points[parents], generator), known.points)
     modelled = known.points[usable[places]], np.hstack([objectives, beyond])[places]
-    predicted = _interpolated(varied, modelled, candidates)
+    predicted = _interpolate(varied, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
     if not front.size:
         return candidates[np.argsort(excess, kind="stable")[:count]]
@@ -110,7 +110,7 @@ def _most_gaining(predicted: Floats, front: Floats, count: int) -> list[int]:
     return chosen
 
 
-def _interpolated(varied: Sequence[VariedParameter], known: tuple[Floats, Floats], points: Floats) -> Floats:
+def _interpolate(varied: Sequence[VariedParameter], known: tuple[Floats, Floats], points: Floats) -> Floats:
     """(n, m) values at points (n, parameters) between known points and their values (k, m)."""
     from scipy.interpolate import RBFInterpolator
 

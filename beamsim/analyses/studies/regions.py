@@ -118,7 +118,7 @@ class Regions:
         near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + APART
         return Region(found, True) if near else None
 
-    def expected(self) -> Floats:
+    def tangent_probabilities(self) -> Floats:
         """(regions,) probability beyond the tangent plane of each."""
         from scipy.special import ndtr
 
@@ -126,7 +126,7 @@ class Regions:
 
     def matters(self) -> Bools:
         """(regions,) whether the probability beyond the tangent plane of each is not negligible."""
-        expected = self.expected()
+        expected = self.tangent_probabilities()
         return np.asarray(expected >= NEGLIGIBLE * expected.max())
 
     def nearest_point(self) -> Points | None:
@@ -146,7 +146,7 @@ class Regions:
         ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.matters())
         of = self.nearest(u) if len(u) else np.zeros(0, dtype=int)
         parts, shares = [_normal(np.zeros(size), scale**2 * np.eye(size))], [DEFENSIVE]
-        expected = self.expected()[chosen]
+        expected = self.tangent_probabilities()[chosen]
         seen = np.array([weights[of == j].sum() for j in chosen])
         share = expected / expected.sum() + (seen / seen.sum() if seen.sum() > 0.0 else 0.0)
         share = np.maximum(share / share.sum(), LEAST_SHARE)

@@ -83,7 +83,7 @@ def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = Non
     """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
     histories = Exceedance(plan, evaluate, progress)
     with suppress(StopEvaluation):
-        histories.estimator.estimated()
+        histories.estimator.sample_until_sure()
     return histories
 
 

@@ -19,7 +19,7 @@ from beamsim.analyses.sweep.swept_sine import of_levels, sweep_level, with_held_
 from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
-from beamsim.labelled import Dataset, joined
+from beamsim.labelled import Dataset, join_tables
 from beamsim.outcomes import Outcome, Progress, Where, interruption, part_of, stop_requested
 from beamsim.responses.gapping import (
     contact_levels,
@@ -193,7 +193,7 @@ def _result(
 ) -> SweepResult:
     """The result of the levels computed so far, of ``count`` in all."""
     curves = [curve for run in runs.values() for curve in run.curves]
-    levels = joined([run.level for run in runs.values()], level_index=list(runs))
+    levels = join_tables([run.level for run in runs.values()], level_index=list(runs))
     unit = levels["level"].unit
     outcome = of_levels(outcomes_of(levels), [Where(value, unit, "level") for value in levels["level"].values.tolist()])
     if len(runs) < count:
@@ -211,7 +211,7 @@ def _result(
     histories = [run.history for run in runs.values() if run.history is not None]
     if histories:
         number = np.repeat(np.arange(len(histories)), [of["sample"].values.size for of in histories])
-        datasets["histories"] = joined(histories, sample=1 + np.arange(number.size), level=number)
+        datasets["histories"] = join_tables(histories, sample=1 + np.arange(number.size), level=number)
     result = SweepResult(
         scenario=scenario,
         outcome=check_reduction(outcome, scenario, system.modes),
@@ -221,7 +221,7 @@ def _result(
     warnings = (
         *scenario.warnings,
         *system.warnings,
-        *_not_followed(system, summary["margins"]),
+        *_unsupported_requests(system, summary["margins"]),
         *([] if correction is None else correction.warnings(held=has_level_steps(settings))),
         *(warnings_along(scenario, system.modes, datasets["cycles"]) if curves else []),
     )
@@ -352,7 +352,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
             for curve in curves.values()
         },
         "impacts": {name: of for name, curve in curves.items() if (of := _impacts(curve))} or None,
-        "sliding": {name: of for name, curve in curves.items() if (of := _sliding(curve))} or None,
+        "sliding": {name: of for name, curve in curves.items() if (of := _sliding_summary(curve))} or None,
         "notches": {name: of for name, curve in curves.items() if (of := _notches(curve))} or None,
         "energy_error": max(errors, default=None),
         "without_limit": [key for curve in curves.values() for key in _values_without_limit(curve)] or None,
@@ -390,7 +390,7 @@ def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:
     return found
 
 
-def _sliding(curve: SweepCurve) -> dict[str, dict[str, float]]:
+def _sliding_summary(curve: SweepCurve) -> dict[str, dict[str, float]]:
     """Largest values of sliding along a curve, by friction contact; none where the sweep does not look at it."""
     entries = {
         "most_slides_per_cycle": "friction_slides", "largest_distance_m": "friction_distance",
@@ -485,7 +485,7 @@ def _gap(curve: SweepCurve, snubber: str) -> Floats:
     return curve["peak_gap"].sel(snubber=snubber).values
 
 
-def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:
+def _unsupported_requests(system: StructuralSystem, margins: Margins) -> Iterator[str]:
     """Requests that a sweep does not follow: energies, and limits on energies and accelerations left out."""
     for output in system.outputs:
         if output.squared:

@@ -54,7 +54,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
         sampled = _swept(level, curve, (begin, begin + CYCLES_SHOWN / float(curve.frequency_hz[cycle])), progress)
     else:
         f = float(curve.frequency_hz[cycle])
-        sampled = _stepped(level, curve.direction, f, progress)
+        sampled = _steady_motion(level, curve.direction, f, progress)
         system = replace(system, forcing=loads_at(level, f)[0])  # supports follow it
     times = np.linspace(*sampled.span, SAMPLES)
     instants = paced_by_contact(times, sampled.at(times)[1])
@@ -105,7 +105,7 @@ def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], prog
     return _ShownMotion(level.system, parts, (span[0], min(span[1], since + last.end)))
 
 
-def _stepped(level: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
+def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
     """The steady motion of a step, over whole periods where it has one."""
     steps, (stepper, motion) = steps_of(level), stepper_of(level)
     upto = steps.index((direction, f)) + 1

@@ -110,7 +110,7 @@ class CycleRecord:
         return int(self.energy.size)
 
     @classmethod
-    def joined(cls, parts: Sequence[CycleRecord]) -> CycleRecord:
+    def join(cls, parts: Sequence[CycleRecord]) -> CycleRecord:
         """Several records of cycles that follow each other, as one."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
@@ -118,7 +118,7 @@ class CycleRecord:
         """The record of some of the cycles."""
         return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
 
-    def merged(self) -> CycleRecord:
+    def merge(self) -> CycleRecord:
         """One row for all cycles together."""
         weight = self.duration / self.duration.sum()
         return CycleRecord(
@@ -138,7 +138,7 @@ class CycleRecord:
 
     def with_rest_in_last(self) -> CycleRecord:
         """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
-        whole = CycleRecord.joined([self.select(slice(-2)), self.select(slice(-2, None)).merged()])
+        whole = CycleRecord.join([self.select(slice(-2)), self.select(slice(-2, None)).merge()])
         harmonic = np.concatenate([whole.harmonic[:, :, :1], self.harmonic[:-1, :, 1:]], axis=2)
         return replace(whole, harmonic=harmonic, cycles=self.cycles[:-1])
 

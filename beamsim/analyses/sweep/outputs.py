@@ -50,7 +50,7 @@ def level_row(
     level : the level.
     outcome : how its computation ended.
     columns : the work of the solver, and what else is known of it.
-    aliased : of a kept history, see `SweepLevel.aliased`.
+    aliased : of a kept history, see `SweepLevel.aliased_columns`.
     """
     values = {
         "level_index": level.index, "level": float(level.value), **outcome.as_texts(), "status": outcome.of_part,
@@ -130,7 +130,7 @@ class SweepLevel:
         """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
         return np.arange(self.channels.order.size + len(self.system.snubbers) * self.settings.impacts)
 
-    def _named(self, key: Key, unit: str = "") -> dict[str, int]:
+    def _columns_by_name(self, key: Key, unit: str = "") -> dict[str, int]:
         """Columns of channels that are alike, by name of probe, snubber or output; of one unit, if given."""
         return {c.name: k for c, k in self.channels.located if c.key == key and unit in ("", c.unit)}
 
@@ -171,7 +171,7 @@ class SweepLevel:
             columns["spring_changes"] = cycles_with_breakpoint(record.contact_share[:, len(snubbers) :])
         columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
         if "gap" in self.limited:
-            opening = self._named(OPENING, "m")
+            opening = self._columns_by_name(OPENING, "m")
             unknown = np.full(count, np.nan)
             gaps = [record.high[:, opening[s.name]] if s.name in opening else unknown for s in snubbers]
             columns["peak_gap"] = np.array(gaps).reshape(len(snubbers), count)
@@ -268,7 +268,7 @@ class SweepLevel:
         They follow from rates in contact and from outputs whose squares are the power lost, or from the product of rate
         and force that a snubber which yields loses.
         """
-        force = self._named(FORCE)
+        force = self._columns_by_name(FORCE)
         yielding = self._mean_products(record)
         rates, losses = np.split(self._columns_after_channels[0], [len(force)])
         owner = loss_owner(self.system.dynamics.contacts)
@@ -341,14 +341,14 @@ class SweepLevel:
             ("probe", "displacement", DISPLACEMENT), ("probe", "absolute_acceleration", ACCELERATION),
             ("snubber", "force", FORCE),
         ):  # fmt: skip
-            if located := self._named(key):
+            if located := self._columns_by_name(key):
                 columns |= {dim: list(located), quantity: values[:, list(located.values())].T}
         units = [contact_units(snubber.gap_unit) for snubber in self.system.snubbers]
         return HISTORIES.dataset(columns, {"snubber": units})
 
-    def aliased(self, shares: Floats) -> dict[str, Any]:
+    def aliased_columns(self, shares: Floats) -> dict[str, Any]:
         """The columns of `LEVELS` with shares (K,) of the columns above half the rate of a history."""
-        located = self._named(DISPLACEMENT)
+        located = self._columns_by_name(DISPLACEMENT)
         return {"probe": list(located), "aliased_displacement": shares[None, list(located.values())]}
 
 

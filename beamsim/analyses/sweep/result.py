@@ -20,7 +20,7 @@ from beamsim.analyses.sweep.layouts import (
     PEAKS,
 )
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.labelled import Dataset, LabelledArray, joined
+from beamsim.labelled import Dataset, LabelledArray, join_tables
 from beamsim.responses.gapping import ContactLevels
 from beamsim.results.result import (
     CLOSEST_TO_TEST,
@@ -258,7 +258,7 @@ def tables_of(curves: Sequence[SweepCurve]) -> dict[str, Dataset]:
             dim = next(iter(layout.variables))
             number = np.repeat(list(parts), [part[dim].values.size for part in parts.values()])
             rows = {dim: 1 + np.arange(number.size), "curve": number}
-            tables[layout.name] = joined(list(parts.values()), **rows)
+            tables[layout.name] = join_tables(list(parts.values()), **rows)
     return tables
 
 

@@ -174,6 +174,6 @@ def _curve(level: SweepLevel, direction: str, points: list[_SteadyPoint]) -> Swe
         "excitation_amplitude": [acceleration_amplitude(amplitude, level.quantity, f) for f in frequencies],
         "energy_error": np.array([energy_errors(m.imbalance, m.energy).max() for m in measured]),
     }  # fmt: skip
-    merged = CycleRecord.joined([m.merged() for m in measured])
+    merged = CycleRecord.join([m.merge() for m in measured])
     tables = {"steady_states": steady, "poincare": at_phase_0}
     return level.curve(merged, direction, values, tables)

@@ -98,7 +98,7 @@ def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress
     legs, (profile, phase) = legs_of(settings), sweep_profile(level)
     if notching is not None:  # as the same table in a file would give it
         table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
-        profile = Profile.interpolated([(f, value, notching.quantity) for f, value in table])
+        profile = Profile.log_log([(f, value, notching.quantity) for f, value in table])
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
@@ -130,7 +130,7 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     march, profile, corrections = swept_march(level, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
     parts, history, aliased = _record_cycles(level, march)
-    curves = _curves(level, profile, windows, CycleRecord.joined(parts)) if parts else ()
+    curves = _curves(level, profile, windows, CycleRecord.join(parts)) if parts else ()
     columns = {
         "truncation": windows.truncation, "cycles": sum(part.count for part in parts), "events": march.events,
         "evaluations": march.evaluations, "segments": march.segments, "states": march.states,
@@ -156,7 +156,7 @@ def _record_cycles(
     Returns
     -------
     parts : of the cycles.
-    history, aliased : rows of `HISTORIES`, and what lies above half their rate, see `SweepLevel.aliased`.
+    history, aliased : rows of `HISTORIES`, and what lies above half their rate, see `SweepLevel.aliased_columns`.
     """
     settings, windows = of_kind(SweptSine, level.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
@@ -178,7 +178,7 @@ def _record_cycles(
     values = np.concatenate(samples)
     values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # it may end between two samples
     history = level.history(times[: values.shape[0] : 2], values[::2])
-    return parts, history, level.aliased(share_above_half_rate(values))
+    return parts, history, level.aliased_columns(share_above_half_rate(values))
 
 
 def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
