@@ -73,8 +73,8 @@ def stop_requests(stop: Stop = never, *, at_once: bool = False, progress: Progre
 def deferred_stop() -> Iterator[None]:
     """Let the block come to its end, whoever asks: a short computation without which what was found would be lost.
 
-    >>> with asked_by(lambda: True), finishing():
-    ...     asked_to_stop()
+    >>> with stop_requests(lambda: True), deferred_stop():
+    ...     stop_requested()
     False
     """
     outer = _REQUESTS.set(_NOBODY)
@@ -87,8 +87,8 @@ def deferred_stop() -> Iterator[None]:
 def stop_requested() -> bool:
     """Whether the computation is asked to end: polled between points, which are kept.
 
-    >>> with asked_by(lambda: True):
-    ...     asked_to_stop()
+    >>> with stop_requests(lambda: True):
+    ...     stop_requested()
     True
     """
     return any(stop() for stop in _REQUESTS.get().stops)
@@ -99,16 +99,16 @@ def check_stop(share: float | None = None) -> None:
 
     Parameters
     ----------
-    share : of the loop that is done, where it is known; it is reported to the ``progress`` of `asked_by`.
+    share : of the loop that is done, where it is known; it is reported to the ``progress`` of `stop_requests`.
 
     Raises
     ------
     Interrupted
         If it is, within a block of `stop_requests` that may end at once.
 
-    >>> with asked_by(never, at_once=True):
+    >>> with stop_requests(never, at_once=True):
     ...     check_stop()
-    >>> with asked_by(lambda: True, at_once=True):
+    >>> with stop_requests(lambda: True, at_once=True):
     ...     check_stop()
     Traceback (most recent call last):
     beamsim.outcomes.Interrupted
@@ -134,8 +134,8 @@ def report_progress(progress: Progress, share: float) -> None:
 def until_stop(points: Iterable[Point]) -> Iterator[Point]:
     """The points up to the first one after which the computation is asked to end.
 
-    >>> with asked_by(lambda: True):
-    ...     list(until_asked("abc"))
+    >>> with stop_requests(lambda: True):
+    ...     list(until_stop("abc"))
     ['a']
     """
     for point in points:

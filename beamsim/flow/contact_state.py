@@ -334,7 +334,7 @@ def _with_series(
     Parameters
     ----------
     forced : (F, degree + 1, N) the responses of other modes.
-    modes, polynomial, sources, longest : as for `_forced`.
+    modes, polynomial, sources, longest : as for `_forced_responses`.
     near : (F, modes) whether an eigenvalue is near the exponent, of the sources that act.
     """
     X, left, lam = modes.simple

@@ -153,7 +153,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     if not shown.size:
         return Chart(("Frequency", HERTZ), (quantity, ""), [])
     frequency, levels = spectra["frequency_hz"].values, spectra["amplitude_db"].values[shown]
-    excitation = result.scenario.excitation.tone_hz
+    excitation = float(spectra["excitation_hz"].item())
     forced = math.isfinite(excitation)
     unit = excitation if forced else 1.0  # Hz
     # the end of the frequencies at which there is something to see

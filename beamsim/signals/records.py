@@ -82,7 +82,7 @@ class Window:
         return np.asarray(sum(c * np.cos(j * angle) for j, c in enumerate(self.cosines)))
 
     def amplitudes(self, x: Floats) -> Complexes:
-        r"""(N // 2 + 1,) single-sided amplitudes of N samples, the weighted mean first; see `spectrum_of`."""
+        r"""(N // 2 + 1,) single-sided amplitudes of N samples, the weighted mean first; see `spectra_of` of runs."""
         window, total = _sample_window(self, x.size)
         mean = float(window @ x) / total
         out = np.fft.rfft(window * (x - mean)) * (2.0 / total)
@@ -160,7 +160,7 @@ class SpectrumRecord(ABC):
     def amplitudes(self, window: Window) -> Complexes:
         """(F,) single-sided amplitudes under a window, phases since the start, the weighted mean first.
 
-        See `spectrum_of`.
+        See `beamsim.analyses.run.spectra.spectra_of`.
         """
 
     @abstractmethod

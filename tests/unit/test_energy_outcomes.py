@@ -84,10 +84,10 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     with np.errstate(invalid="ignore"):
         lost = EnergyBalance()
         lost.add(times, EnergyHistory(0 * times, 0 * times, stored), 0.0)
-    assert lost.checked(COMPLETE).code == "not_finite"
+    assert lost.check(COMPLETE).code == "not_finite"
     limit, balance = too_many_events(1.0, 7), EnergyBalance()
     balance.add(times, EnergyHistory(0 * times, 0 * times, times), 0.0)
-    kept = balance.checked(limit)
+    kept = balance.check(limit)
     assert (kept.code, kept.sub_outcomes) == ("energy_not_balanced", (limit,))
 
 

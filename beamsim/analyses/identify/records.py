@@ -138,7 +138,7 @@ class Test:
         ----------
         kind, rows, more : see `FittedTest`.
         part : its part of the misfit.
-        delay : s, see `Compared`.
+        delay : s, see `TestComparison`.
 
         Returns
         -------

@@ -440,7 +440,7 @@ def sliding_values(
 
     Returns
     -------
-    Of each contact the fields of `FrictionHistory` about sliding, energy and wear.
+    Of each contact the numbers about sliding, energy and wear, by name.
     """
     begin, times = float(trajectory.time[0]), np.array([trajectory.end])
     if random:
