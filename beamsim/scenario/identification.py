@@ -609,7 +609,9 @@ def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
     low, high = (in_metres(scenario, place, read_as(scenario, place, bound, ("bounds",))) for bound in sought.bounds)
     if (side := side_at(scenario, place)) is not None:
         for bound in (low, high):
-            beyond = scenario.all_bodies[side.body].beyond(scenario.body_path(side.body), ("bounds",), bound, side.axis)
+            beyond = scenario.all_bodies[side.body].position_problems_of_side(
+                scenario.body_path(side.body), ("bounds",), bound, side.axis
+            )
             for found in beyond:
                 raise InvalidValueError(found.message, found.remedy, ("bounds",))
     return low, high

@@ -80,7 +80,7 @@ class Swept:
         parts = [
             record_cycles(
                 s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
-            ).select(slice(s.reached))
+            ).select(slice(s.cycle_count))
             for s in self.stretches
         ]
         self.record = CycleRecord.join(parts)

@@ -218,12 +218,12 @@ def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(
 
     numbers = [FitParameter(name, ((name,),), (0.0,), (0.0, np.inf), np.nan, shift=1.0) for name in ("a", "b")]
     with stop_requests(lambda: len(evaluated) >= most):
-        part = Fit(numbers, measured).best(np.array([0.2, 0.9]))
+        part = Fit(numbers, measured).minimise(np.array([0.2, 0.9]))
     assert len(evaluated) == most
     assert not part.converged
     assert part.misfit == min(float(each @ each) for each in evaluated)
     np.testing.assert_array_equal(rosenbrock(part.x) @ rosenbrock(part.x), part.misfit)
-    whole = Fit(numbers, lambda x, beside: rosenbrock(x)).best(np.array([0.2, 0.9]))
+    whole = Fit(numbers, lambda x, beside: rosenbrock(x)).minimise(np.array([0.2, 0.9]))
     assert whole.converged
     np.testing.assert_allclose(whole.x, 1.0, rtol=0, atol=1e-6)
 
