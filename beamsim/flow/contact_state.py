@@ -315,7 +315,8 @@ def _forced_responses(modes: BlockForm, polynomial: Complexes, sources: Sources,
     """
     (X, left, lam), forced = modes.simple, np.empty_like(polynomial)
     beta, distance = polynomial @ left.T, sources.exponent[:, None] - lam
-    near, w = np.abs(distance) * longest[:, None] < sources.limit[:, None], np.zeros_like(beta[:, 0])
+    near: Bools = np.abs(distance) * longest[:, None] < sources.limit[:, None]
+    w = np.zeros_like(beta[:, 0])
     series = bool(modes.blocks) or bool(near.any())
     if series:
         near &= polynomial.any(axis=(1, 2))[:, None]  # what drives nothing needs no series

@@ -66,7 +66,7 @@ def propose_designs(
     predicted = _interpolate(varied, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
     if not front.size:
-        return candidates[np.argsort(excess, kind="stable")[:count]]
+        return np.asarray(candidates[np.argsort(excess, kind="stable")[:count]])
     meets = excess <= -INSIDE
     return candidates[meets][_most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)]
 
