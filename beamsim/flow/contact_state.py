@@ -315,11 +315,11 @@ def _forced_responses(modes: BlockForm, polynomial: Complexes, sources: Sources,
     """
     (X, left, lam), forced = modes.simple, np.empty_like(polynomial)
     beta, distance = polynomial @ left.T, sources.exponent[:, None] - lam
-    near: Bools = np.abs(distance) * longest[:, None] < sources.limit[:, None]
+    near = np.abs(distance) * longest[:, None] < sources.limit[:, None]
     w = np.zeros_like(beta[:, 0])
     series = bool(modes.blocks) or bool(near.any())
     if series:
-        near &= polynomial.any(axis=(1, 2))[:, None]  # what drives nothing needs no series
+        near &= np.asarray(polynomial.any(axis=(1, 2)))[:, None]  # what drives nothing needs no series
         distance[near | (distance == 0.0)] = np.inf
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dofs import DIRECTIONS
-from beamsim.files import replacement_file
+from beamsim.files import open_input, replacement_file
 from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, absent_in, last, parent, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
@@ -549,7 +549,7 @@ def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
             if isinstance(error.__context__, OSError):
                 raise error.__context__ from None
             raise
-        with temporary.open("rb") as file:  # what Python closes is not written, without an error, on a full disk
+        with open_input(temporary) as file:  # what Python closes is not written, without an error, on a full disk
             file.seek(-min(END_OF_SET, temporary.stat().st_size), os.SEEK_END)
             if not file.read().rstrip().endswith(b"-1"):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

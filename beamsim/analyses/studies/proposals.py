@@ -68,7 +68,8 @@ def propose_designs(
     if not front.size:
         return np.asarray(candidates[np.argsort(excess, kind="stable")[:count]])
     meets = excess <= -INSIDE
-    return candidates[meets][_most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)]
+    gaining = _most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)
+    return np.asarray(candidates[meets][gaining])
 
 
 def ranges_of(known: SolvedPoints, front: Ints) -> Floats:
