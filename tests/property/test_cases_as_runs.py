@@ -21,9 +21,13 @@ ALONE = {"run": beamsim.run, "continuation": beamsim.continuation}  # by analysi
 VARIED = ("run.duration", "sweep.to", "sweep.parameter.to", "excitation.level")  # the first that a scenario has
 QUICK = ("one_sided_65hz", "dry_friction", "foam_drop")
 SHORT = {
-    "sweep_notched": {"sweep.to": "90 Hz"}, "sweep_up_down": {"sweep.rate": "8 oct/min"},
-    "sweep_one_sided_2g": {"sweep.rate": "8 oct/min"},
+    "sweep_notched": {"sweep.to": "70 Hz", "sweep.rate": "16 oct/min"},
+    "sweep_up_down": {"sweep.rate": "32 oct/min", "sweep.levels": ["1 g"]},
+    "sweep_one_sided_2g": {"sweep.rate": "32 oct/min"}, "sweep_backlash": {"sweep.rate": "16 oct/min"},
     "continuation_friction": {"sweep.from": "4.95 Hz", "sweep.to": "5.05 Hz"},
+    "continuation_60_120hz": {"sweep.from": "80 Hz", "sweep.to": "86 Hz"},
+    "vibeams": {"sweep.from": "28.5 Hz", "sweep.to": "28.7 Hz", "sweep.levels": ["0.028 m/s^2"]},
+    "shock_matched": {"run.duration": "0.1 s"}, "earthquake": {"run.duration": "1 s"},
 }  # fmt: skip
 
 
