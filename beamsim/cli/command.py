@@ -194,8 +194,8 @@ def run_analysis(
 
     name = options.case.name
     label = f"{doing} {name}"
-    if kind == "run" and (cycles := _cycles_to_march(scenario)):
-        label += cycles
+    if kind == "run" and any(part.kind == "swept_sine" for _, part in scenario.excitation.items):
+        label += _cycles_to_march(scenario)
         if not options.quiet:
             _announce_time(label, scenario)
     compute_and_save(kind, target, options, computed, label, f"evaluating the motion of {name}")
@@ -212,9 +212,9 @@ def _announce_time(label: str, scenario: Scenario) -> None:
 
 
 def _cycles_to_march(scenario: Scenario) -> str:
-    """How many cycles of a swept sine a run has, on which its time depends; empty without any."""
+    """How many cycles of its swept sines a run has, on which its time depends."""
     assert scenario.run is not None
     cycles = [
         part.cycles_in(scenario.run.duration) for _, part in scenario.excitation.items if part.kind == "swept_sine"
     ]
-    return f" ({max(cycles):.0f} cycles)" if cycles else ""
+    return f" ({max(cycles):.0f} cycles)"

@@ -177,7 +177,8 @@ def work_factors(flow: ExactFlow) -> PowerFactors:
     """Factors of the power in: signals, and the velocities and forces on which they act."""
     system, equations, loads, stands = flow.system, flow.equations, flow.forcing.load, flow.stands
     given = np.vstack([
-        equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0])), equations.signal_rates(stands)
+        equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0])),
+        equations.rows(stands.size, slopes=stands[:, None] == equations.channel),
     ])  # fmt: skip
     loaded = equations.rows(loads.shape[0] + 1, velocities=np.vstack([system.constant_load, loads]))
     push = -flow.influence[stands] * system.contacts.sign  # of contacts on what they stand on

@@ -69,11 +69,10 @@ def contact_jumps(motion: Trajectory) -> tuple[Floats, Floats]:
     changed = np.flatnonzero(np.diff(motion.state)) + 1
     time, first = np.unique(motion.time[changed], return_index=True)
     before = motion.length[changed[first] - 1]
-
-    def force(phases: Ints) -> Floats:
-        return motion.flow.at(phases).force
-
-    return time, np.abs(motion.sample(time, force) - motion.sample(time - JUST_BEFORE * before, force))
+    after, previous = (
+        motion.sample(at, lambda phases: motion.flow.at(phases).force) for at in (time, time - JUST_BEFORE * before)
+    )
+    return time, np.abs(after - previous)
 
 
 def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:

@@ -656,11 +656,6 @@ class Body(Schema):
         """Places of the point masses on a body with a mesh, m."""
         return ()
 
-    def mass_at(self, point: Point) -> float:
-        """Sum of the point masses at a place of a body with a mesh, kg."""
-        masses = getattr(self, "point_masses", ())
-        return float(sum(each.mass for at, each in zip(self.mass_points, masses, strict=True) if at == point))
-
     @property
     def depth(self) -> float:
         """Largest thickness in the direction of the motion, m; 0 where none is known."""

@@ -626,7 +626,8 @@ class Scenario(Schema):
         for place in located.item.places:
             body = bodies[place.body or located.body]
             if body.refine() is not body:
-                mass = body.mass_at(body.point_of(place))
+                point, masses = body.point_of(place), getattr(body, "point_masses", ())
+                mass = sum(each.mass for at, each in zip(body.mass_points, masses, strict=True) if at == point)
                 total += 1.0 / mass if mass else math.inf
         return total
 

@@ -194,10 +194,6 @@ class Equations:
         """(k, V) signals of channels (k,)."""
         return self.rows(channels.size, inputs=channels[:, None] == self.channel)
 
-    def signal_rates(self, channels: Ints) -> Floats:
-        """(k, V) time derivatives of the signals of channels (k,)."""
-        return self.rows(channels.size, slopes=channels[:, None] == self.channel)
-
 
 @dataclass(frozen=True)
 class EventFunctions:
