@@ -34,6 +34,7 @@ from beamsim.results.result import Result, used_processor_time
 from beamsim.results.values import limits_not_met
 from beamsim.scenario import Scenario
 from beamsim.store.results import keep_result, refusing_damage
+from beamsim.typing import not_none
 
 _Result = TypeVar("_Result", bound=Result)
 WORTH_STATING_S = 10.0  # processor time of a command that the first screen states
@@ -194,8 +195,10 @@ def run_analysis(
 
     name = options.case.name
     label = f"{doing} {name}"
-    if kind == "run" and any(part.kind == "swept_sine" for _, part in scenario.excitation.items):
-        label += _cycles_to_march(scenario)
+    swept = [part for _, part in scenario.excitation.items if part.kind == "swept_sine"]
+    if kind == "run" and swept:  # of whose cycles the time depends
+        marched = not_none(scenario.run).duration
+        label += f" ({max(part.cycles_in(marched) for part in swept):.0f} cycles)"
         if not options.quiet:
             _announce_time(label, scenario)
     compute_and_save(kind, target, options, computed, label, f"evaluating the motion of {name}")
@@ -209,12 +212,3 @@ def _announce_time(label: str, scenario: Scenario) -> None:
         seconds = expected_time(scenario)
     if seconds is not None:
         say(f"beamsim: {label} takes about {duration(seconds)} of processor time")
-
-
-def _cycles_to_march(scenario: Scenario) -> str:
-    """How many cycles of its swept sines a run has, on which its time depends."""
-    assert scenario.run is not None
-    cycles = [
-        part.cycles_in(scenario.run.duration) for _, part in scenario.excitation.items if part.kind == "swept_sine"
-    ]
-    return f" ({max(cycles):.0f} cycles)"

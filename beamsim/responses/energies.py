@@ -147,9 +147,8 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     """(S + 1,) stored energy where the segments begin, and at the end, J."""
     flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
     y = np.vstack([trajectory.y, trajectory.final_y])
-    penetration = flow.system.contacts.penetrations(y, None)[
-        0
-    ] - flow.system.contacts.sign * flow.mounting_displacements(times)
+    contacts = flow.system.contacts
+    penetration = contacts.penetrations(y, None)[0] - contacts.sign * flow.mounting_displacements(times)
     phases = np.concatenate([trajectory.phases, trajectory.phases[-1:]])
     return stored_energy(flow.system, y, penetration, phases)
 

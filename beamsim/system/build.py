@@ -277,10 +277,11 @@ def _model_with_contacts(
     scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
 ) -> tuple[ReducedModel, _StaticLoads]:
     """The reduced model and its contacts, by default up to higher frequencies as long as contacts need more modes."""
-    model, before = build_reduced_model(scenario, also_at, shared), math.inf
-    found = model, _pushing(model)
+    model = build_reduced_model(scenario, also_at, shared)
+    pushing, before = _pushing(model), math.inf
+    found = model, pushing
     while model.default:
-        pushing, static = _pushing(model), slice(model.basis.modes, model.basis.size)
+        static = slice(model.basis.modes, model.basis.size)
         compliance = np.sum((pushing.contacts.shape[:, static] / model.omega[static]) ** 2, axis=1)
         stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
         beyond = float(np.max(stiffness * compliance, initial=0.0))
@@ -290,6 +291,7 @@ def _model_with_contacts(
         if beyond <= _STIFFNESS_BEYOND_MODES:
             break
         model = build_reduced_model(scenario, also_at, model.shared, 2.0 * model.highest_hz)
+        pushing = _pushing(model)
     return found
 
 

@@ -122,23 +122,14 @@ def fit_nonlinear(
     _check_count(vibrations.numbers, tests)
     search = _search_starts(vibrations, nonlinear, progress)
     found = _judge_fit(vibrations, search, section, begin)
-    records = zip(nonlinear.tests_with_files.values(), signals, strict=True)
-    of_records = [f"{test.label}: {text}" for test, signal in records for text in signal.warnings]
-    return replace(
-        found, warnings=(*of_records, *found.warnings), outcome=_clipping_outcome(nonlinear, signals, found.outcome)
-    )
+    records = [*zip((test.label for test in nonlinear.tests_with_files.values()), signals, strict=True)]
+    of_records = [f"{label}: {text}" for label, signal in records for text in signal.warnings]
+    clipped = [label for label, signal in records if clipping_warnings(signal)]
+    return replace(found, warnings=(*of_records, *found.warnings), outcome=_clipping_outcome(clipped, found.outcome))
 
 
-def _clipping_outcome(settings: NonlinearFit, signals: Sequence[MeasuredSignal], outcome: Outcome) -> Outcome:
-    """The outcome of a fit, not reliable where a record that it uses is clipped.
-
-    Parameters
-    ----------
-    settings, signals : the tests, and the signals of those that are records.
-    outcome : of the fit to them.
-    """
-    records = zip(settings.tests_with_files.values(), signals, strict=True)
-    names = [test.label for test, signal in records if clipping_warnings(signal)]
+def _clipping_outcome(names: Sequence[str], outcome: Outcome) -> Outcome:
+    """The outcome of a fit, not reliable where records that it uses are clipped, given by name."""
     if not names:
         return outcome
     what = f"{first_of(names, MOST_LISTED)} is clipped at the end of the sensor's range"
