@@ -595,7 +595,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), {number}))
 signal.setitimer(signal.ITIMER_PROF, {at})
 from beamsim.cli import main
-main()
+try:
+    main()
+finally:  # a signal that comes while Python shuts down meets no handler, and it can't interrupt the command any more
+    signal.setitimer(signal.ITIMER_PROF, 0)
 """
 LONG = {
     "run": ("run", "one_sided_65hz", "--set", "run.duration=20 s"),
