@@ -108,10 +108,12 @@ def check_stop(share: float | None = None) -> None:
 
     >>> with stop_requests(never, at_once=True):
     ...     check_stop()
-    >>> with stop_requests(lambda: True, at_once=True):
-    ...     check_stop()
-    Traceback (most recent call last):
-    beamsim.outcomes.Interrupted
+    >>> try:
+    ...     with stop_requests(lambda: True, at_once=True):
+    ...         check_stop()
+    ... except Interrupted:
+    ...     print("interrupted")
+    interrupted
     """
     requests = _REQUESTS.get()
     if requests.at_once and any(stop() for stop in requests.stops):

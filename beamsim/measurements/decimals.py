@@ -81,7 +81,7 @@ class NumberFormat:
     def with_decimal_points(self, text: str) -> str:
         """A text whose numbers are written with a decimal point and without marks between thousands.
 
-        >>> NumberFormat(",").plain("-1.104,5 mm"), NumberFormat(",").plain("tip2")
+        >>> NumberFormat(",").with_decimal_points("-1.104,5 mm"), NumberFormat(",").with_decimal_points("tip2")
         ('-1104.5 mm', 'tip2')
         """
 

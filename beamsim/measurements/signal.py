@@ -55,7 +55,7 @@ def split_heading(heading: str) -> tuple[str, str]:
 def label_unit(unit: str) -> str:
     """The unit of a label in a file; empty where it says none. Powers may lack their sign, as in netCDF.
 
-    >>> stated(" NONE "), stated("m s-2")
+    >>> label_unit(" NONE "), label_unit("m s-2")
     ('', 'm s^-2')
     """
     return "" if unit.strip().upper() in ("", "NONE", "1", "-") else _BARE_POWER.sub(r"^\1", unit.strip())

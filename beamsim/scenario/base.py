@@ -436,7 +436,7 @@ class ShortFor:
 def count_text(number: int, noun: str, plural: str = "") -> str:
     """A number with its noun.
 
-    >>> counted(1, "value"), counted(2, "mass", "masses")
+    >>> count_text(1, "value"), count_text(2, "mass", "masses")
     ('1 value', '2 masses')
 
     Parameters
@@ -528,7 +528,7 @@ def closest_name(name: str, names: Iterable[str]) -> str:
 
     Another number is no spelling mistake.
 
-    >>> closest("bottom", ["below", "above", "both"]), closest("stop_12", ["stop_1", "stop_2"])
+    >>> closest_name("bottom", ["below", "above", "both"]), closest_name("stop_12", ["stop_1", "stop_2"])
     ('below', '')
     """
     word, numbers = re.sub(r"[\s-]", "_", name.lower()), re.findall(r"\d+", name)

@@ -68,7 +68,7 @@ AppliedTo = Annotated[
 def quantity_text(quantity: str) -> str:
     """A quantity as text says it.
 
-    >>> spoken("force_per_length")
+    >>> quantity_text("force_per_length")
     'force per length'
     """
     return quantity.replace("_", " ")

@@ -515,7 +515,7 @@ class SeedType(Whole):
 def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
     """The seeds of a blend and the share of the realisation of each, whose squares add up to one.
 
-    >>> blended("4*7 + 3*8")
+    >>> shares_of_seeds("4*7 + 3*8")
     [(7, 0.8), (8, 0.6)]
     """
     if not isinstance(seed, str):

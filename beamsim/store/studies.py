@@ -145,10 +145,11 @@ def ensemble(
     --------
     >>> import beamsim, numpy as np
     >>> rng = np.random.default_rng(1)
-    >>> case = beamsim.load_scenario("configs/one_sided_65hz.yaml")  # doctest: +SKIP
-    >>> draws = {"snubbers.tip.gap": rng.normal(0.0, 2e-5, 1000), "excitation.level": rng.uniform(15.0, 25.0, 1000)}
-    >>> table = beamsim.ensemble(case, draws, ["peak_force"]).table  # doctest: +SKIP
-    >>> np.quantile(table["snubbers/tip/peak_force"], 0.99)  # doctest: +SKIP
+    >>> case = beamsim.load_scenario("configs/one_sided_65hz.yaml")
+    >>> draws = {"snubbers.tip.gap": rng.normal(0.0, 2e-5, 4), "excitation.level": rng.uniform(15.0, 25.0, 4)}
+    >>> table = beamsim.ensemble(case, draws, ["peak_force"]).table
+    >>> print(f"{np.quantile(table['snubbers/tip/peak_force'], 0.9):.2f} N")
+    22.33 N
     """
     scenario = scenario_of(scenario)
     plan = plan_draws(scenario, draws, responses)
