@@ -1,5 +1,6 @@
 """The documents stay true to the code."""
 
+import ast
 import importlib.util
 import json
 import re
@@ -117,3 +118,43 @@ def test_every_page_is_in_the_site():
     pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index"}
     assert pages <= listed
     assert {f"notebooks/{path.stem}" for path in (ROOT / "docs/notebooks").glob("*.ipynb")} <= listed
+
+
+def named_functions(text):
+    """Dotted names that a page has in code font or as the first word of a line of a code block."""
+    blocks = "\n".join(re.findall(r"```\n(.*?)```", text, re.S))
+    found = re.findall(r"`([a-z_]+(?:\.\w+)+)`", text) + re.findall(r"^ *((?:\w+\.)+\w+)(?= |$)", blocks, re.M)
+    return {name for name in found if (ROOT / "beamsim" / name.partition(".")[0]).is_dir()}
+
+
+def is_defined(name):
+    """Whether a dotted name below the package is a module, or a function, class, constant or method of one."""
+    *words, last = name.split(".")
+    for count in range(len(words) + 1, 0, -1):
+        path = (ROOT / "beamsim").joinpath(*[*words, last][:count])
+        if path.is_dir() or path.with_suffix(".py").exists():
+            break
+    members = [*words, last][count:]
+    if path.is_dir() or not members:
+        return not members
+    nodes = ast.parse(path.with_suffix(".py").read_text(encoding="utf-8")).body
+    for member in members:
+        found = [node for node in nodes if member in names_of(node)]
+        if not found:
+            return False
+        nodes = getattr(found[0], "body", [])
+    return True
+
+
+def names_of(node):
+    """Names that a statement defines."""
+    targets = getattr(node, "targets", [getattr(node, "target", None)])
+    return {getattr(node, "name", None), *(getattr(target, "id", None) for target in targets)}
+
+
+@pytest.mark.parametrize("document", ["architecture.md", "from_yaml_to_picture.md"])
+def test_functions_that_a_page_about_the_code_names_exist(document):
+    names = named_functions((ROOT / "docs" / document).read_text(encoding="utf-8"))
+    assert "flow.transient.MotionInChunks.chunks" in names
+    assert [name for name in sorted(names) if not is_defined(name)] == []
+    assert not is_defined("flow.transient.MotionInChunks.parts")
