@@ -217,8 +217,8 @@ def _moved_one_by_one(x: Floats, y: Floats, knots: Floats) -> Floats:
             low = knots[i - 1]
             high = knots[i + 1] if i + 1 < knots.size else x[-1]
 
-            def misfit(at: float, below: Floats = knots[:i], above: Floats = knots[i + 1 :]) -> float:
-                return _slopes(x, y, np.concatenate([below, [at], above]))[1]
+            def misfit(position: float, below: Floats = knots[:i], above: Floats = knots[i + 1 :]) -> float:
+                return _slopes(x, y, np.concatenate([below, [position], above]))[1]
 
             # the misfit has a minimum for each gap between points: look at a few places before going downhill
             places = np.linspace(low, high, 12)[1:-1]

@@ -150,13 +150,13 @@ class SpectralDensity:
             k = ahead
         return 0.0
 
-    def demand_resolved(self, period: float, at: str) -> None:
+    def demand_resolved(self, period: float, key: str) -> None:
         """Refuse a record that has too few lines in the band, a plateau or a peak.
 
         Parameters
         ----------
         period : s, after which the record repeats.
-        at : key that gives it.
+        key : key that gives it.
 
         Raises
         ------
@@ -172,7 +172,7 @@ class SpectralDensity:
             enough, what, low, high, lines = max(few, key=lambda feature: feature[0])
             given = f"= {period:g} s gives the random input {lines or 'no'} line{'s' * (lines != 1)}"
             raise ScenarioError.at(
-                at,
+                key,
                 f"{given} in the {what} of its density from {low:g} to {high:g} Hz (at least {FEWEST_LINES}): its "
                 f"sines are {1.0 / period:.4g} Hz apart",
                 f"{_round_up(enough):g} s or more suffices; excitation.period may be longer than the run",

@@ -417,11 +417,11 @@ def highest_excited_hz(scenario: Scenario) -> float:
     return highest
 
 
-def _highest_of_curve(scenario: Scenario, at: Keys, excitation: MatchedInput | RandomInput) -> float:
+def _highest_of_curve(scenario: Scenario, path: Keys, excitation: MatchedInput | RandomInput) -> float:
     """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
-    with prefix_problems("excitation", path_text(at)):
+    with prefix_problems("excitation", path_text(path)):
         if isinstance(excitation, MatchedInput):
-            return float(target_curve(excitation, scenario.folder_of(*at, "srs", "file"))[0][-1])
+            return float(target_curve(excitation, scenario.folder_of(*path, "srs", "file"))[0][-1])
         if isinstance(excitation.psd, CurveFile):
-            return float(read_density(excitation, excitation.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
+            return float(read_density(excitation, excitation.psd, scenario.folder_of(*path, "psd", "file"))[0][-1])
     return 0.0

@@ -239,8 +239,8 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
     return signal.on_si_axis(excitation.time_unit, "excitation.time_unit")
 
 
-def _reject(message: str, remedy: str, at: str = "excitation.file") -> NoReturn:
-    raise ScenarioError.at(at, message, remedy)
+def _reject(message: str, remedy: str, key: str = "excitation.file") -> NoReturn:
+    raise ScenarioError.at(key, message, remedy)
 
 
 def read_profile(table: CurveFile, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
@@ -323,7 +323,7 @@ def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: f
 def read_curve(
     given: tuple[tuple[float, float], ...] | CurveFile,
     folder: Path,
-    at: Keys,
+    path: Keys,
     dimensions: Mapping[str, Dimension],
     *,
     steps: bool = False,
@@ -334,7 +334,7 @@ def read_curve(
     ----------
     given : points, or the text file with them.
     folder : where its path begins.
-    at : path of the key.
+    path : path of the key.
     dimensions : what the values may be, by quantity.
     steps : whether two points within a file may have one frequency.
 
@@ -344,7 +344,7 @@ def read_curve(
         If it is a file that cannot be read, or no table of frequencies and values.
     """
     if isinstance(given, CurveFile):
-        return _read_table(given, folder, path_text(at), dimensions, steps=steps)
+        return _read_table(given, folder, path_text(path), dimensions, steps=steps)
     frequency, value = np.transpose(given)
     return frequency, value, meant(given[0][1])
 
@@ -432,44 +432,44 @@ def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tupl
 
 
 def _read_table(
-    table: CurveFile, folder: Path, at: str, dimensions: Mapping[str, Dimension], *, steps: bool = False
+    table: CurveFile, folder: Path, key: str, dimensions: Mapping[str, Dimension], *, steps: bool = False
 ) -> tuple[Floats, Floats, str | None]:
     """Frequencies, Hz, and levels in SI units of a table, and the quantity of the levels.
 
     Parameters
     ----------
     table, folder : the file, and where its path begins.
-    at : the key that names it.
+    key : the key that names it.
     dimensions : what the levels may be, by quantity; levels that may be nothing have no unit.
     steps : whether two rows within the table may have one frequency.
     """
     file = table.file
     try:
-        signal, factor, quantity = _levels(read_file(find_file(file, folder), table.decimal), table, at, dimensions)
+        signal, factor, quantity = _levels(read_file(find_file(file, folder), table.decimal), table, key, dimensions)
         unit = signal.axis_unit
         if not unit:
             raise InputFileError("cannot be used: its first column states no unit", "head it frequency (Hz)")
         frequency = np.asarray(signal.x * read_quantity(f"1 {unit}", FREQUENCY), dtype=float)
     except (InputFileError, UnitError) as fault:
-        _reject(f"= {file} {fault.message}", fault.remedy, at)
+        _reject(f"= {file} {fault.message}", fault.remedy, key)
     level = np.asarray(signal.y * factor, dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
-        _reject(f"= {file} has frequencies or levels that are not positive numbers", "correct the table", at)
+        _reject(f"= {file} has frequencies or levels that are not positive numbers", "correct the table", key)
     rising = np.diff(frequency) > 0
     if steps and rising.size > 2:  # one that stands between two lines
         rising[1:-1] |= (np.diff(frequency)[1:-1] == 0) & rising[:-2] & rising[2:]
     if not rising.all():
         row = int(np.flatnonzero(~rising)[0]) + 2
-        _reject(f"= {file} has frequencies that do not increase at row {row}", "sort the table", at)
+        _reject(f"= {file} has frequencies that do not increase at row {row}", "sort the table", key)
     if np.any(level <= 0):
         row = int(np.flatnonzero(level <= 0)[0]) + 1
         what = f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm"
-        _reject(what, "give a small level", at)
+        _reject(what, "give a small level", key)
     return frequency, level, quantity
 
 
 def _levels(
-    signals: list[MeasuredSignal], table: CurveFile, at: str, dimensions: Mapping[str, Dimension]
+    signals: list[MeasuredSignal], table: CurveFile, key: str, dimensions: Mapping[str, Dimension]
 ) -> tuple[MeasuredSignal, float, str | None]:
     """The column of levels along its frequencies, the SI value of one of its unit, and the quantity of the levels.
 
@@ -483,7 +483,7 @@ def _levels(
     if len(signals) < 2:
         raise InputFileError("has one column", "give a frequency and a level in each row, with their units above")
     if table.column is None:
-        signal = only_column(signals, *dimensions.values(), key=f"{at}.column")
+        signal = only_column(signals, *dimensions.values(), key=f"{key}.column")
     else:
         signal = column_named(signals, table.column)
     if not signal.axis:

@@ -85,9 +85,9 @@ class InvalidValueError(ValueError):
     at : path below the value that is validated.
     """
 
-    def __init__(self, message: str, remedy: str = "", at: Path = ()) -> None:
+    def __init__(self, message: str, remedy: str = "", path: Path = ()) -> None:
         super().__init__(message)
-        self.message, self.remedy, self.at = message, remedy, at
+        self.message, self.remedy, self.at = message, remedy, path
 
     def problem(self, path: Path) -> Problem:
         """It as a problem of the value at a path."""
@@ -114,7 +114,7 @@ def problem(path: Path, message: str, remedy: str = "", mark: Mark = NOWHERE) ->
 def demand_rising(
     values: Iterable[float],
     unit: str,
-    at: Callable[[int], Path],
+    path_of: Callable[[int], Path],
     remedy: str = "list them from the lowest to the highest",
 ) -> None:
     """Refuse numbers of a list that do not increase.
@@ -123,7 +123,7 @@ def demand_rising(
     ----------
     values : the numbers, in SI units.
     unit : their unit, for the message.
-    at : path of a number, by its index.
+    path_of : path of a number, by its index.
     remedy : what to do about it.
 
     Raises
@@ -134,7 +134,7 @@ def demand_rising(
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
             raise InvalidValueError(
-                f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index)
+                f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, path_of(index)
             )
 
 
@@ -174,11 +174,11 @@ class Schema(BaseModel):
     def check(self) -> None:
         """Compare fields with each other; raises `InvalidValueError`."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """What is wrong with it in its scenario, where it is written at a path; its own parts are asked themselves."""
         yield from ()
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A sentence for each questionable value, likewise."""
         yield from ()
 

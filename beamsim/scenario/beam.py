@@ -221,7 +221,7 @@ class Bent(Schema):
         """Bending stiffness, mass and stress factor that follow from the section."""
         raise NotImplementedError
 
-    def material_warnings(self, where: Path) -> Iterator[str]:
+    def material_warnings(self, body_path: Path) -> Iterator[str]:
         """A sentence for each doubtful number."""
         yield from ()
 
@@ -318,14 +318,14 @@ class StatedBending(Bent):
         depth = None if fibre is None else 2.0 * fibre
         return Bending(self.bending_stiffness, self.mass_per_length, stress, depth)
 
-    def material_warnings(self, where: Path) -> Iterator[str]:
+    def material_warnings(self, body_path: Path) -> Iterator[str]:
         """Half of what the bending stress needs."""
         given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
         missing = [name for name, value in given.items() if value is None]
         if len(missing) == 1:
             (alone,) = given.keys() - missing
             yield (
-                f"{path_text((*where, alone))} has no effect without {missing[0]}: the bending stress needs both; "
+                f"{path_text((*body_path, alone))} has no effect without {missing[0]}: the bending stress needs both; "
                 f"give {missing[0]} too, or leave {alone} out"
             )
 
@@ -526,19 +526,19 @@ class BeamBody(Body):
             return "left_end", AtPlace(position=0.0)
         return "middle", AtPlace(position=self.length / 2.0)
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Nothing left to move; points beyond the ends."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         if self.elements == 1 and self.supports.kinds == ("clamped", "clamped"):
-            yield from self._problem_of_one_element((*at, "elements"))
+            yield from self._problem_of_one_element((*path, "elements"))
         for index, x in enumerate(self.nodes):
-            yield from self.position_problems(at, (*at, "nodes", index), x, "")
+            yield from self.position_problems(path, (*path, "nodes", index), x, "")
 
-    def _problem_of_one_element(self, at: Path) -> Problems:
+    def _problem_of_one_element(self, path: Path) -> Problems:
         """A problem if the beam is one element between two clamped ends, which cannot move."""
         inside = any(0.0 < x < self.length for x in self.mass_points)
         if not inside and len(self.uniform_segments) == 1 and not self.nodes:
-            yield problem(at, "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more")
+            yield problem(path, "= 1 leaves no degree of freedom between two clamped ends", "use 2 or more")
 
     def support_at(self, position: WrittenPosition) -> str:
         """The end at a position, where its deflection is held."""
@@ -548,12 +548,12 @@ class BeamBody(Body):
                 return f"the {support} {end} end"
         return ""
 
-    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """A polynomial with a deflection or slope that the supports prevent.
 
         Parameters
         ----------
-        at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+        path, numbers : see `beamsim.scenario.body.Body.start_problems`.
 
         Yields
         ------
@@ -565,24 +565,24 @@ class BeamBody(Body):
                 value = sum(c * x**j for j, c in enumerate(terms))
                 scale = sum(abs(c) * self.length**j for j, c in enumerate(terms))
                 if support in holding and abs(value) > 1e-9 * scale:
-                    of = what if at[-1] == "displacement" else f"{what} velocity"
+                    of = what if path[-1] == "displacement" else f"{what} velocity"
                     yield problem(
-                        at,
+                        path,
                         f"= [{', '.join(f'{c:g}' for c in numbers)}] has the {of} {value:g} "
                         f"at the {support} {end} end, where it must be 0",
                         "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
                     )
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Numbers of no solid, depth, too few elements."""
-        yield from super().find_warnings(scenario, at)
+        yield from super().find_warnings(scenario, path)
         for segment in self.uniform_segments:
-            yield from segment.section.material_warnings((*at, *segment.path))
+            yield from segment.section.material_warnings((*path, *segment.path))
         if self.depth > DEEPEST * self.length:
-            yield f"{path_text(at)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
+            yield f"{path_text(path)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
         ratio = min(segment.bending_stiffness / segment.mass_per_length for segment in self.uniform_segments)
         highest_hz = scenario.excitation.highest_tone_hz
-        yield from coarse_mesh((*at, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
+        yield from coarse_mesh((*path, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
 
 
 class UniformBeam(Bent, BeamBody):
@@ -633,19 +633,19 @@ class SegmentedBeam(BeamBody):
         mass = sum(segment.mass_per_length * segment.length for segment in self.uniform_segments)
         return Bending(max(segment.bending_stiffness for segment in self.uniform_segments), mass / self.length)
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         shortest, segments = SHORTEST * self.length / self.elements, self.uniform_segments
         ends = [(each.path, key, x) for each in segments for key, x in (("from", each.start), ("to", each.end))]
-        for path, key, x in ends:
+        for place, key, x in ends:
             if x > self.length * (1.0 + _TOGETHER):
-                yield from self.position_problems_of_side(at, (*at, *path, key), x)
+                yield from self.position_problems_of_side(path, (*path, *place, key), x)
                 return
         for segment in segments:
             if segment.length <= shortest:
                 yield problem(
-                    (*at, *segment.path, "to"),
+                    (*path, *segment.path, "to"),
                     f"= {segment.end:g} m is not beyond its from = {segment.start:g} m by more than {SHORTEST:g} of an "
                     "element",
                     "give from < to",
@@ -656,12 +656,12 @@ class SegmentedBeam(BeamBody):
         for key, expected, given, segment in bounds:
             if abs(given - expected) > _TOGETHER * self.length:
                 yield problem(
-                    (*at, *segment.path, key),
+                    (*path, *segment.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",
                     "segments follow one another from 0 to length without gap or overlap",
                 )
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Segments that keep the others' stress from being given, in addition to the warnings of every beam."""
         known = [segment.bending.stress_per_moment is not None for segment in self.uniform_segments]
         if any(known) and not all(known):
@@ -669,10 +669,10 @@ class SegmentedBeam(BeamBody):
             needed = ("extreme_fibre", "youngs_modulus")
             missing = " and ".join(name for name in needed if getattr(section, name, None) is None)
             yield (
-                f"{path_text((*at, 'segments', known.index(False)))} gives no bending stress, so none is given for "
+                f"{path_text((*path, 'segments', known.index(False)))} gives no bending stress, so none is given for "
                 f"the beam: add {missing}"
             )
-        yield from super().find_warnings(scenario, at)
+        yield from super().find_warnings(scenario, path)
 
 
 AnyBeam = Beam | StiffnessBeam | SandwichBeam | SegmentedBeam

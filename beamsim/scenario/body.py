@@ -95,36 +95,36 @@ class AtPlace(PointOfBody):
         """Itself: what sits somewhere names one place or two."""
         return (self,)
 
-    def problems(self, scenario: Whole, at: Path, number: Path = ()) -> Problems:
+    def problems(self, scenario: Whole, path: Path, number: Path = ()) -> Problems:
         """A body that is unknown or of another kind, a point that is not on it or cannot move.
 
         Parameters
         ----------
         scenario : that has the bodies.
-        at : where it is written, or what sits there.
+        path : where it is written, or what sits there.
         number : where its mass is written, by default below that.
 
         Yields
         ------
         Problem
         """
-        holder = scenario.body_at(at)
+        holder = scenario.body_at(path)
         if holder and self.body is not None:
-            yield problem((*at, "body"), f"= {self.body} is named in the list of {holder}", "leave it out")
+            yield problem((*path, "body"), f"= {self.body} is named in the list of {holder}", "leave it out")
             return
         if not holder and (self.body is not None or len(scenario.all_bodies) > 1):
-            yield from body_problems(scenario, at, self.body, "name one: at: {body: BODY, position: 270 mm}")
+            yield from body_problems(scenario, path, self.body, "name one: at: {body: BODY, position: 270 mm}")
         name = holder or self.body or scenario.default_body
         if name not in scenario.all_bodies:
             return
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         if self.node is not None:
-            yield from body.node_problems(where, (*at, "node"))
+            yield from body.node_problems(where, (*path, "node"))
         elif self.mass is not None:
-            yield from body.mass_problems(where, number or (*at, "mass"), self.mass)
+            yield from body.mass_problems(where, number or (*path, "mass"), self.mass)
         elif self.position is not None:
-            sits = "" if "outputs" in at[:2] else _SITS.get(str(at[0]), "a force")
-            yield from body.position_problems(where, (*at, "position"), self.position, sits)
+            sits = "" if "outputs" in path[:2] else _SITS.get(str(path[0]), "a force")
+            yield from body.position_problems(where, (*path, "position"), self.position, sits)
 
 
 _SITS = {
@@ -139,14 +139,14 @@ _SITS = {
 """What sits at places of a section; nothing for what may sit on a support."""
 
 
-def body_problems(scenario: Whole, at: Path, body: str | None, example: str) -> Problems:
+def body_problems(scenario: Whole, path: Path, body: str | None, example: str) -> Problems:
     """A body that there is not, or none named where there are several; ``example`` shows how with BODY for its name."""
     bodies = scenario.all_bodies
     if body is not None:
-        yield from unknown((*at, "body"), body, "body", bodies)
+        yield from unknown((*path, "body"), body, "body", bodies)
     elif len(bodies) > 1:
         remedy = example.replace("BODY", next(iter(bodies)))
-        yield problem(at, f"names no body, and there are several: {', '.join(bodies)}", remedy)
+        yield problem(path, f"names no body, and there are several: {', '.join(bodies)}", remedy)
 
 
 BaseOrPlace = Literal["base"] | AtPlace
@@ -181,18 +181,18 @@ class Sited(PointOfBody):
         """Paths of the place in the scenario, below the item that is there."""
         return (() if self.at is None else ("at",),)
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
-        """Problems of a place in the short form; a place under ``at`` reports its own."""
-        yield from super().problems(scenario, at)
+    def problems(self, scenario: Whole, path: Path) -> Problems:
+        """Problems of a place in the short form; a place under ``path`` reports its own."""
+        yield from super().problems(scenario, path)
         if self.at is None:
-            yield from self.place.problems(scenario, at)
+            yield from self.place.problems(scenario, path)
 
-    def support_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def support_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A warning if it is at a support of its body, and so does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
         if body is not None and place.position is not None and body.support_at(place.position):
-            yield f"{path_text(at)} sits on a support, which cannot deflect"
+            yield f"{path_text(path)} sits on a support, which cannot deflect"
 
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
@@ -252,13 +252,13 @@ class BetweenPlaces(Schema):
         """Paths of both places in the scenario, below the item that acts between them."""
         return ("between", 0), ("between", 1)
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems of numbers of masses; places that are written out report their own."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         key, ends = self.ends
         for index, end in enumerate(ends):
             if isinstance(end, int):
-                yield from AtPlace(mass=end).problems(scenario, at, (*at, key, index))
+                yield from AtPlace(mass=end).problems(scenario, path, (*path, key, index))
 
 
 class Named(Schema):
@@ -303,9 +303,9 @@ class Probe(Sited):
     name: q.Name
     """Name, unique; it names the datasets of the result file."""
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A support, which does not move."""
-        yield from self.support_warnings(scenario, at)
+        yield from self.support_warnings(scenario, path)
 
 
 class PlacedForce(Sited):
@@ -314,10 +314,10 @@ class PlacedForce(Sited):
     force: q.Force
     """The force, positive upwards (towards positive displacement)."""
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A support, which does not move."""
-        if at[0] == "constant_forces":
-            yield from self.support_warnings(scenario, at)
+        if path[0] == "constant_forces":
+            yield from self.support_warnings(scenario, path)
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]
@@ -371,21 +371,21 @@ class MovedSupport(Schema):
     places: ClassVar[tuple[AtPlace, ...]] = ()
     """None: it acts on no free point."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A joint or body that there is not; which supports a body has is known to its model.
 
         A sine is followed at a constant frequency only: while it changes, the motion of the support would drift.
         """
         if self.joint is not None:
             linear = (each.name for each in scenario.joined_by if each.kind not in ("cubic", "piecewise_linear"))
-            yield from unknown((*at, "joint"), self.joint, "joint", linear)
+            yield from unknown((*path, "joint"), self.joint, "joint", linear)
         else:
-            yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
+            yield from body_problems(scenario, path, self.body, f"name one: {{body: BODY, support: {self.support}}}")
         sine = "phase resonance" if "nnm.phase_resonance" in _sections_of_orbits(scenario) else ""
         sine = "a swept sine" if getattr(scenario.sweep, "kind", "") == "swept_sine" else sine
-        if at[0] == "excitation" and sine:
+        if path[0] == "excitation" and sine:
             yield problem(
-                at, f"is a support that moves, which {sine} does not follow",
+                path, f"is a support that moves, which {sine} does not follow",
                 "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
                 "support as a body",
             )  # fmt: skip
@@ -420,13 +420,13 @@ class MovedStop(Schema):
     level_quantities: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
     places: ClassVar[tuple[AtPlace, ...]] = ()
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A snubber that there is not, and commands that do not follow it: runs alone do."""
         movable = [each.item.name for each in scenario.listed("snubbers") if hasattr(each.item, "mounted_on")]
-        yield from unknown((*at, "snubber"), self.snubber, "snubber", movable)
-        if at[0] == "excitation" and (following := _sections_of_orbits(scenario)):
+        yield from unknown((*path, "snubber"), self.snubber, "snubber", movable)
+        if path[0] == "excitation" and (following := _sections_of_orbits(scenario)):
             yield problem(
-                at, f"is a stop that moves, which {following[0]} does not follow", _fixed_stop_remedy(following)
+                path, f"is a stop that moves, which {following[0]} does not follow", _fixed_stop_remedy(following)
             )
 
 
@@ -439,13 +439,13 @@ class OnSupport(Schema):
     body: q.Name | None = None
     """The body that the support holds; may be left out where there is only one."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A body that there is not, and commands that do not follow a stop on a support that moves: runs alone do."""
-        yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
+        yield from body_problems(scenario, path, self.body, f"name one: {{body: BODY, support: {self.support}}}")
         moves = any(isinstance(each.applied_to, MovedSupport) for _, each in scenario.excitation.items)
         if moves and (following := _sections_of_orbits(scenario)):
             message = f"= {self.support} carries the stop along, which {following[0]} does not follow"
-            yield problem((*at, "support"), message, _fixed_stop_remedy(following))
+            yield problem((*path, "support"), message, _fixed_stop_remedy(following))
 
 
 Ratios = Annotated[
@@ -460,13 +460,13 @@ class RatioDamping(Schema):
     if TYPE_CHECKING:
         ratio: Any  # one, or several
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A damping ratio that is critical or above."""
         ratio = max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio
         if ratio >= 1.0:
-            known = scenario.unit_written((*at, "ratio"), ratio, units.RATIO)  # of one ratio
+            known = scenario.unit_written((*path, "ratio"), ratio, units.RATIO)  # of one ratio
             meant = "" if known == "%" else f"; was {ratio:g} % meant?"
-            yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above{meant}"
+            yield f"{path_text((*path, 'ratio'))} = {ratio:g} is critical or above{meant}"
 
 
 class ModalDamping(RatioDamping):
@@ -558,12 +558,12 @@ class Located(NamedTuple):
         return path_text((*self.path[:-1], self.item.name))
 
 
-def coarse_mesh(where: Path, elements: int, size: float, ratio: float, highest_hz: float) -> Iterator[str]:
+def coarse_mesh(body_path: Path, elements: int, size: float, ratio: float, highest_hz: float) -> Iterator[str]:
     """A doubt about a mesh that has less than six elements in a bending wavelength.
 
     Parameters
     ----------
-    where : path of the number of elements.
+    body_path : path of the number of elements.
     elements : their number.
     size : of one, m.
     ratio : bending stiffness over mass, m^4/s^2.
@@ -576,7 +576,7 @@ def coarse_mesh(where: Path, elements: int, size: float, ratio: float, highest_h
     per_wave = math.inf if highest_hz <= 0.0 else math.sqrt(2.0 * math.pi / highest_hz) * ratio**0.25 / size
     if per_wave < 6.0:
         gives = f"gives {per_wave:.1f} elements a bending wavelength at {highest_hz:g} Hz"
-        yield f"{path_text(where)} = {elements} {gives}: use 6 or more"
+        yield f"{path_text(body_path)} = {elements} {gives}: use 6 or more"
 
 
 class Body(Schema):
@@ -727,19 +727,19 @@ class Body(Schema):
         """The support that keeps a point from deflecting, such as "the clamped left end"; empty if there is none."""
         return ""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems of the body alone, such as points that are not on it."""
-        for path, part in walk(self, at) if self.sides else ():
+        for place, part in walk(self, path) if self.sides else ():
             if (position := getattr(part, "position", None)) is not None:
-                yield from self.position_problems(at, (*path, "position"), position, "")
+                yield from self.position_problems(path, (*place, "position"), position, "")
 
-    def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
+    def position_problems(self, body_path: Path, path: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
         """Problems of a position on the body.
 
         Parameters
         ----------
-        where : path of the body.
-        at : path at which the position is written.
+        body_path : path of the body.
+        path : path at which the position is written.
         position : as it is written.
         what : what sits there and does nothing on a support; empty for what may stand on one.
 
@@ -749,35 +749,35 @@ class Body(Schema):
         """
         along = position if isinstance(position, tuple) else (position,)
         if len(along) != len(self.sides):
-            yield self._dimension_problem(where, at, position)
+            yield self._dimension_problem(body_path, path, position)
             return
         for axis, x in enumerate(along):
-            yield from self.position_problems_of_side(where, (*at, axis) if len(along) > 1 else at, x, axis)
+            yield from self.position_problems_of_side(body_path, (*path, axis) if len(along) > 1 else path, x, axis)
         if what and (held := self.support_at(position)):
-            yield self._without_effect(where, at, position, f"{held}, which cannot deflect: {what}")
+            yield self._without_effect(body_path, path, position, f"{held}, which cannot deflect: {what}")
 
-    def _without_effect(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Problem:
+    def _without_effect(self, body_path: Path, path: Path, position: WrittenPosition, what: str) -> Problem:
         """A warning that something acts where the body is supported."""
         point = self.point(position)
         shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
-        remedy = f"move it, or change {path_text((*where, 'supports'))}"
-        return problem(at, f"= {shown} m is {what} has no effect there", remedy)
+        remedy = f"move it, or change {path_text((*body_path, 'supports'))}"
+        return problem(path, f"= {shown} m is {what} has no effect there", remedy)
 
-    def _dimension_problem(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
+    def _dimension_problem(self, body_path: Path, path: Path, position: WrittenPosition) -> Problem:
         """A problem: the position has as many numbers as on bodies of another kind."""
         if not self.sides:
-            return self._other_kind_problem(where, at, "a beam")
+            return self._other_kind_problem(body_path, path, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
-        return problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
+        return problem(path, f"{given}, but {path_text(body_path)} is {self.called}", self.how_to_place)
 
     def position_problems_of_side(
-        self, where: Path, at: Path, position: float | q.Share, axis: int = 0
+        self, body_path: Path, path: Path, position: float | q.Share, axis: int = 0
     ) -> Iterator[Problem]:
         """A position beyond the end of a side.
 
         Parameters
         ----------
-        where, at : see `position_problems`.
+        body_path, path : see `position_problems`.
         position : along the side.
         axis : number of the side, from 0.
 
@@ -787,66 +787,66 @@ class Body(Schema):
         """
         x, side = self.metres(position, axis), self.sides[axis]
         if x > side:
-            yield self._too_far(where, at, distinct(x, side), axis)
+            yield self._too_far(body_path, path, distinct(x, side), axis)
 
-    def _too_far(self, where: Path, at: Path, numbers: tuple[str, str], axis: int) -> Problem:
+    def _too_far(self, body_path: Path, path: Path, numbers: tuple[str, str], axis: int) -> Problem:
         """A problem: a position is beyond the end of a side; both are given as text."""
         (given, last), (key, begins) = numbers, (("length", "left"), ("width", "bottom"))[axis]
         return problem(
-            at,
-            f"= {given} m lies beyond {path_text((*where, key))} = {last} m",
+            path,
+            f"= {given} m lies beyond {path_text((*body_path, key))} = {last} m",
             f"positions run from 0 to {last} m, from the {begins} {'end' if len(self.sides) == 1 else 'edge'}",
         )
 
-    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+    def mass_problems(self, body_path: Path, path: Path, mass: int) -> Iterator[Problem]:
         """Problems of the number of a mass of the body.
 
         Parameters
         ----------
-        where : path of the body.
-        at : path at which the number is written.
+        body_path : path of the body.
+        path : path at which the number is written.
         mass : the number, from 1.
 
         Yields
         ------
         Problem
         """
-        yield self._other_kind_problem(where, at, "a chain")
+        yield self._other_kind_problem(body_path, path, "a chain")
 
-    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
+    def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
         """Why a node is not a place of the body."""
-        yield self._other_kind_problem(where, at, "imported matrices")
+        yield self._other_kind_problem(body_path, path, "imported matrices")
 
-    def _other_kind_problem(self, where: Path, at: Path, of: str) -> Problem:
+    def _other_kind_problem(self, body_path: Path, path: Path, of: str) -> Problem:
         """A problem: the place is written as on bodies of another kind."""
-        this = "the structure" if len(where) == 1 else path_text(where)
-        return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
+        this = "the structure" if len(body_path) == 1 else path_text(body_path)
+        return problem(path, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
-    def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
+    def shape_problems(self, body_path: Path, path: Path, position: float | q.Share) -> Iterator[Problem]:
         """Problems of a position at which a mode shape was measured.
 
         Parameters
         ----------
-        where : path of the body.
-        at : path at which the position is written.
+        body_path : path of the body.
+        path : path at which the position is written.
         position : along the body, as it is written, or the number of a mass.
 
         Yields
         ------
         Problem
         """
-        yield from self.position_problems(where, at, position, "")
+        yield from self.position_problems(body_path, path, position, "")
 
     def power_of_start(self, index: int) -> int:
         """Power of x whose coefficient is the number of a displacement or velocity to start from."""
         return index
 
-    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Problems of the numbers of an initial displacement or velocity; by default none may be given.
 
         Parameters
         ----------
-        at : path at which the numbers are written.
+        path : path at which the numbers are written.
         numbers : as they are written, in SI units: coefficients of 1, x, x^2, ..., or one for each mass.
 
         Yields
@@ -855,4 +855,4 @@ class Body(Schema):
         """
         if numbers:
             remedy = "start from rest, the static equilibrium, a mode, or a released force"
-            yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
+            yield problem(path, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)

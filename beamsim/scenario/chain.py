@@ -93,12 +93,12 @@ class Chain(Body):
         """The last mass."""
         return f"mass_{self.count}", AtPlace(mass=self.count)
 
-    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+    def mass_problems(self, body_path: Path, path: Path, mass: int) -> Iterator[Problem]:
         """A number above that of the masses.
 
         Parameters
         ----------
-        where, at, mass : see `beamsim.scenario.body.Body.mass_problems`.
+        body_path, path, mass : see `beamsim.scenario.body.Body.mass_problems`.
 
         Yields
         ------
@@ -106,17 +106,17 @@ class Chain(Body):
         """
         if mass > self.count:
             yield problem(
-                at,
+                path,
                 f"= {mass}, but the chain has {count_text(self.count, 'mass', 'masses')}",
                 f"masses are numbered from 1 to {self.count}" if self.count > 1 else "its number is 1",
             )
 
-    def shape_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
+    def shape_problems(self, body_path: Path, path: Path, position: float | Share) -> Iterator[Problem]:
         """Mode shapes are measured at masses, given by their numbers.
 
         Parameters
         ----------
-        where, at, position : see `beamsim.scenario.body.Body.shape_problems`.
+        body_path, path, position : see `beamsim.scenario.body.Body.shape_problems`.
 
         Yields
         ------
@@ -124,18 +124,18 @@ class Chain(Body):
         """
         if position not in range(1, self.count + 1):
             remedy = f"masses are numbered from 1 to {self.count}"
-            yield problem(at, f"= {position:g} is not the number of a mass", remedy)
+            yield problem(path, f"= {position:g} is not the number of a mass", remedy)
 
     def power_of_start(self, index: int) -> int:
         """None: each mass has its own displacement."""
         return 0
 
-    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Not one number a mass.
 
         Parameters
         ----------
-        at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+        path, numbers : see `beamsim.scenario.body.Body.start_problems`.
 
         Yields
         ------
@@ -143,4 +143,4 @@ class Chain(Body):
         """
         if numbers and len(numbers) != self.count:
             given = f"has {count_text(len(numbers), 'number')} for {count_text(self.count, 'mass', 'masses')}"
-            yield problem(at, given, "give one number per mass, or leave it out")
+            yield problem(path, given, "give one number per mass, or leave it out")

@@ -226,40 +226,42 @@ class MeasuredForces(Schema):
             raise InvalidValueError("has too few points to fit", "measure more points", ("points",))
 
 
-def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
+def check_points(points: ForcePoints, path: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
     """Reject points that are no rising curve from zero.
 
     Parameters
     ----------
     points : (k,) deflections and forces.
-    at : path of the points.
+    path : path of the points.
     units : of both, for messages.
     """
     way, push = units
     if len(points) < 2:
         raise InvalidValueError(
-            f"has {count_text(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
+            f"has {count_text(len(points), 'point')}",
+            "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]",
+            path,
         )
     if points[0] != (0.0, 0.0):
         near = abs(points[0][0]) <= 0.05 * points[-1][0] and abs(points[0][1]) <= 0.05 * points[-1][1]
         falls = any(x >= after or force > rising for (x, force), (after, rising) in pairwise(points))
         remedy = "where it is noise, add fit: {segments: 5}" if near or falls else _START
         raise InvalidValueError(
-            f"starts at {points[0][0]:g} {way}, {points[0][1]:g} {push} instead of zero", remedy, (*at, 0)
+            f"starts at {points[0][0]:g} {way}, {points[0][1]:g} {push} instead of zero", remedy, (*path, 0)
         )
     demand_rising(
-        (x for x, _ in points), way, lambda k: (*at, k, 0),
+        (x for x, _ in points), way, lambda k: (*path, k, 0),
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
     )  # fmt: skip
     for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
         if following < force:
             remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
             raise InvalidValueError(
-                f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*at, index, 1)
+                f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*path, index, 1)
             )
     if points[-1][1] == 0.0:
         raise InvalidValueError(
-            "has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1)
+            "has no force at all", "give the force at the largest deflection", (*path, len(points) - 1, 1)
         )
 
 
@@ -449,21 +451,21 @@ class SnubberAtPlaces(SnubberBase):
     if TYPE_CHECKING:
         places: Any
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A gap that is larger than the structure deflects."""
-        owner, all_bodies = scenario.body_at(at) or scenario.default_body, scenario.all_bodies
+        owner, all_bodies = scenario.body_at(path) or scenario.default_body, scenario.all_bodies
         named = [place.body or owner for place in self.places]
         bodies = [all_bodies[name] for name in named if name in all_bodies]
         largest = min((min(of.largest_deflection, 10.0 * of.depth or math.inf) for of in bodies), default=math.inf)
         if self.gap is not None and abs(self.gap) > largest:
-            meant = scenario.unit_written((*at, "gap"), self.gap, units.LENGTH) in ("", "m")
-            yield _large_gap((*at, "gap"), self.gap, largest) + (f"; was {self.gap:g} mm meant?" if meant else "")
+            meant = scenario.unit_written((*path, "gap"), self.gap, units.LENGTH) in ("", "m")
+            yield _large_gap((*path, "gap"), self.gap, largest) + (f"; was {self.gap:g} mm meant?" if meant else "")
 
 
-def _large_gap(at: Path, gap: float, largest: float) -> str:
+def _large_gap(path: Path, gap: float, largest: float) -> str:
     """A warning that a gap, m, is larger than structures usually deflect."""
     return (
-        f"{path_text(at)} = {gap:g} m is a large {'gap' if gap > 0 else 'prestress'} for a structure of this size "
+        f"{path_text(path)} = {gap:g} m is a large {'gap' if gap > 0 else 'prestress'} for a structure of this size "
         f"(more than {largest:.3g} m)"
     )
 
@@ -606,15 +608,15 @@ class FrictionBase(Named):
         """The place, or both places."""
         raise NotImplementedError
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A snubber that presses and is not there, or pulls."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         if self.pressed_by is not None:
-            yield from self._problems_of_pressing(scenario, at, self.pressed_by)
+            yield from self._problems_of_pressing(scenario, path, self.pressed_by)
 
-    def _problems_of_pressing(self, scenario: Whole, at: Path, name: str) -> Problems:
+    def _problems_of_pressing(self, scenario: Whole, path: Path, name: str) -> Problems:
         snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
-        where = (*at, "normal_force")
+        where = (*path, "normal_force")
         yield from unknown((*where, "snubber"), name, "snubber", snubbers, "there is no snubber: give a force")
         if name not in snubbers:
             return
@@ -624,7 +626,7 @@ class FrictionBase(Named):
             yield problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
         elif damped and self.stiffness is not None:
             yield problem(
-                (*at, "stiffness"),
+                (*path, "stiffness"),
                 f"does not go with the force of {name}: the slider behind a tangential spring follows the rate of the "
                 "force, and that of a dashpot depends on accelerations",
                 "leave stiffness out, or give the snubber maxwell branches instead of its damping",
@@ -633,7 +635,7 @@ class FrictionBase(Named):
         if self.stiffness is None and len(rigid) > 1:
             others = ", ".join(other for other in rigid if other != self.name)
             yield problem(
-                (*at, "stiffness"), f"is missing, and {others} sticks without a spring as well",
+                (*path, "stiffness"), f"is missing, and {others} sticks without a spring as well",
                 "give the contact a tangential stiffness",
             )  # fmt: skip
 
@@ -686,28 +688,28 @@ class Joint(Named):
         """Whether a rotation of one end acts on the other."""
         return False
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems: rotation of points that only deflect; a body that is joined to itself."""
         bodies = scenario.all_bodies
         names = [place.body or scenario.default_body for place in self.places]
         for name in names:
             if name in bodies and not bodies[name].has_slope and self.turns_against:
                 yield problem(
-                    at,
+                    path,
                     f"acts on the rotation of {name}, but the points of a {bodies[name].body_kind} only deflect",
                     "use kind: hinge, or kind: spring with stiffness alone",
                 )
         itself = len(names) == 2 and names[0] == names[1] and names[0] in bodies
         if itself and getattr(self, "kind", "") != "spring" and bodies[names[0]].has_slope:
             message = f"joins {names[0]} to itself: the two points would have to deflect alike"
-            yield problem(at, message, "use kind: spring")
+            yield problem(path, message, "use kind: spring")
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Points that lie apart."""
         for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
-            if ("joints", apart.index) == at:
+            if ("joints", apart.index) == path:
                 yield (
-                    f"{path_text(at)} joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
+                    f"{path_text(path)} joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
                     f"it place {apart.through}: it acts as if they were together; check its positions"
                 )
 
@@ -904,14 +906,14 @@ class HingeJoint(_Turning):
             stops.append((("free_play",), HingeStop.model_validate(play)))
         return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Stops at large angles."""
-        yield from super().find_warnings(scenario, at)
-        for path, stop in self.all_stops:
+        yield from super().find_warnings(scenario, path)
+        for place, stop in self.all_stops:
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
-                meant = scenario.unit_written((*at, *path, "angle"), stop.gap, units.ANGLE) in ("", "rad")
+                meant = scenario.unit_written((*path, *place, "angle"), stop.gap, units.ANGLE) in ("", "rad")
                 yield (
-                    f"{path_text((*at, *path))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory of "
+                    f"{path_text((*path, *place))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory of "
                     f"small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg)"
                     + (f"; was {stop.gap:.3g} deg meant?" if meant else "")
                 )
@@ -1015,13 +1017,13 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
     return Placed(origin, group, tuple(apart))
 
 
-def base_problems(scenario: Whole, at: Path, direction: str, what: str) -> Problems:
+def base_problems(scenario: Whole, path: Path, direction: str, what: str) -> Problems:
     """A motion of the base moves points of every body; where it turns several, joints must say how they lie.
 
     Parameters
     ----------
     scenario : that has the bodies.
-    at : where the motion is written.
+    path : where the motion is written.
     direction : x, y, z, or rx, ry, rz.
     what : the motion, for the message.
 
@@ -1033,10 +1035,10 @@ def base_problems(scenario: Whole, at: Path, direction: str, what: str) -> Probl
     for name, body in bodies.items():
         if direction not in body.base_directions:
             remedy = f"use {' or '.join(filter(None, body.base_directions))}"
-            yield problem(at, f"{what} moves no point of {name}, a {body.body_kind}", remedy)
+            yield problem(path, f"{what} moves no point of {name}, a {body.body_kind}", remedy)
     known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
     if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
         yield problem(
-            at, f"{what} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+            path, f"{what} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
             "join them by points of beams, or model them as one body",
         )  # fmt: skip

@@ -148,17 +148,17 @@ class TableShape(Shape):
             for axis, (key, positions) in enumerate((("x", self.x), ("y", self.y))) if positions is not None
         })  # fmt: skip
 
-    def problems_on(self, body: Body, where: Path, at: Path) -> Problems:
-        """Positions that are not on a body, or do not increase; ``where`` is the path of the body."""
+    def problems_on(self, body: Body, body_path: Path, path: Path) -> Problems:
+        """Positions that are not on a body, or do not increase; ``body_path`` is the path of the body."""
         shape = self.on_the_body(body)
         for axis, key in enumerate(("x", "y")):
             positions = getattr(shape, key) or ()
             for index, position in enumerate(positions):
-                yield from body.position_problems_of_side(where, (*at, key, index), position, axis)
+                yield from body.position_problems_of_side(body_path, (*path, key, index), position, axis)
             for index, (one, two) in enumerate(pairwise(positions), start=1):
                 if two <= one:
                     message = "does not lie beyond the one before it"
-                    yield problem((*at, key, index), message, "list increasing positions")
+                    yield problem((*path, key, index), message, "list increasing positions")
 
 
 AnyShape = Annotated[
@@ -200,26 +200,26 @@ class DistributedLoad(Schema):
                 ("shape",),
             )
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A body that is unknown or of another kind, and a part that is not on it."""
-        yield from body_problems(scenario, at, self.body, "name one: {body: BODY, line: whole}")
+        yield from body_problems(scenario, path, self.body, "name one: {body: BODY, line: whole}")
         name = self.body or scenario.default_body
         if name not in scenario.all_bodies:
             return
         body, where, key = scenario.all_bodies[name], scenario.body_path(name), self.part
         if body.body_kind != self.acts_on:
             message = f"belongs to a {self.acts_on}, but {path_text(where)} is {body.called}"
-            yield problem((*at, key), message, body.how_to_load)
+            yield problem((*path, key), message, body.how_to_load)
             return
         if self.ends is not None:
             for index, end in enumerate(self.ends):
-                yield from body.position_problems(where, (*at, key, index), end, "")
+                yield from body.position_problems(where, (*path, key, index), end, "")
             ends: Any = [body.point(end) for end in self.ends]
             pairs = [ends] if key == "line" else list(zip(*ends, strict=True))
             if any(last <= first for first, last in pairs):
-                yield problem((*at, key), "does not end beyond where it begins", "give the lower end first")
+                yield problem((*path, key), "does not end beyond where it begins", "give the lower end first")
         if isinstance(self.shape, TableShape):
-            yield from self.shape.problems_on(body, where, (*at, "shape"))
+            yield from self.shape.problems_on(body, where, (*path, "shape"))
 
 
 class LineLoad(DistributedLoad):

@@ -205,10 +205,10 @@ class Driven(Input):
                 "belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",)
             )
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A direction in which no body moves."""
         if self.direction is not None:
-            yield from base_problems(scenario, (*at, "direction"), self.direction, f"= {self.direction}")
+            yield from base_problems(scenario, (*path, "direction"), self.direction, f"= {self.direction}")
 
     @property
     def rotates(self) -> bool:
@@ -257,13 +257,13 @@ class Span(Schema, Generic[Number]):
         types = type(self).model_fields["to"].metadata
         return next((item.dimension.unit for item in types if isinstance(item, q.Quantity)), "")
 
-    def demand_inside(self, values: Sequence[float], at: Path) -> None:
+    def demand_inside(self, values: Sequence[float], path: Path) -> None:
         """Refuse values of a list at a path that lie outside the range."""
         low, high = sorted(map(float, self.ends))
         for k, value in enumerate(values):
             if not low <= value <= high:
                 raise InvalidValueError(
-                    f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k)
+                    f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*path, k)
                 )
 
     changing: ClassVar[str] = "continuation"
@@ -358,13 +358,13 @@ def has_level_steps(section: Any) -> bool:
     return bool(getattr(section, "profile", ())) and section.between == "held"
 
 
-def level_jumps(scenario: Whole, at: Path, section: Any) -> Iterator[str]:
+def level_jumps(scenario: Whole, path: Path, section: Any) -> Iterator[str]:
     """A sentence for each step of more than 1 % in the level of a profile that is held, within the sweep.
 
     Parameters
     ----------
     scenario : what has the excitation, whose levels these are.
-    at : path of the section.
+    path : path of the section.
     section : with a profile or without one.
     """
     quantity = getattr(scenario.excitation, "level_quantities", (q.FACTOR,))[0]
@@ -382,16 +382,16 @@ def level_jumps(scenario: Whole, at: Path, section: Any) -> Iterator[str]:
             if powers := q.power_of(before.quantity) - q.power_of(point.quantity):
                 meet = f" (they meet at {f * (levels[1] / levels[0]) ** (1.0 / powers):.4g} Hz)"
         jump = f"jumps at {f:.4g} Hz from {below} to {above}{size}; let the levels meet{meet}"
-        yield f"{path_text(at)}: the level of the profile {jump}"
+        yield f"{path_text(path)}: the level of the profile {jump}"
 
 
-def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
+def level_problems(scenario: Whole, path: Path, section: Schema) -> Problems:
     """Levels of an analysis in a unit of another quantity than the excitation's.
 
     Parameters
     ----------
     scenario : what has the excitation.
-    at : path of the section.
+    path : path of the section.
     section : what may have levels; tests with an excitation or a start of their own are left out.
 
     Yields
@@ -403,8 +403,8 @@ def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
         return
     factors = isinstance(excitation, Forces)
     but = "but multiplies the levels of all forces" if factors else f"and the excitation is of {excitation.quantity}"
-    for path, part in walk(section, at):
-        if "start" in path or "excitation" in path:
+    for item_path, part in walk(section, path):
+        if "start" in item_path or "excitation" in item_path:
             continue
         stated = part.quantity if isinstance(part, ProfilePoint | Notch) else None
         fits = (excitation.quantity,) if stated is None else excitation.level_quantities
@@ -413,7 +413,7 @@ def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
             for k, level in enumerate(held if isinstance(held, tuple) else (held,)):
                 of_level = (stated or level.quantity) if isinstance(level, q.LevelValue) else None
                 if of_level is not None and of_level not in fits:
-                    place = (*path, key, k) if isinstance(held, tuple) else (*path, key)
+                    place = (*item_path, key, k) if isinstance(held, tuple) else (*item_path, key)
                     remedy = "give a plain number: 0.5" if factors else "give it in the unit of excitation.level"
                     yield problem(place, f"is a level of {of_level}, {but}", remedy)
 
@@ -484,10 +484,10 @@ class Shock(Driven):
     time: q.Time = 0.0
     """When it begins."""
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Few samples in a pulse, and one after the end."""
-        yield from super().find_warnings(scenario, at)
-        if scenario.run is None or at[0] != "excitation":
+        yield from super().find_warnings(scenario, path)
+        if scenario.run is None or path[0] != "excitation":
             return
         if scenario.sample_rate < 20.0 * self.highest_frequency_hz:
             yield (
@@ -496,7 +496,7 @@ class Shock(Driven):
             )
         if self.time >= scenario.run.duration:
             end = scenario.run.duration
-            yield f"{path_text((*at, 'time'))} = {self.time:g} s lies after the end of the run, {end:g} s"
+            yield f"{path_text((*path, 'time'))} = {self.time:g} s lies after the end of the run, {end:g} s"
 
     @property
     def most_integrals(self) -> int:
@@ -671,10 +671,10 @@ class SweptSineInput(Driven, FrequencyRange):
                 why, remedy = not_taken(point.quantity, self.level_quantities)
                 raise InvalidValueError(f"is {why}", remedy, ("profile", index, "level"))
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Steps of the level."""
-        yield from super().find_warnings(scenario, at)
-        yield from level_jumps(scenario, at, self)
+        yield from super().find_warnings(scenario, path)
+        yield from level_jumps(scenario, path, self)
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -767,16 +767,18 @@ class PsdPoint(Schema):
             )
 
 
-def _demand_rising_or_steps(frequency: Sequence[float], at: Callable[[int], Path]) -> None:
+def _demand_rising_or_steps(frequency: Sequence[float], path_of: Callable[[int], Path]) -> None:
     """Refuse frequencies, Hz, that fall, or stay other than at a step: two equal ones, not at an end of the list.
 
-    ``at`` is the path of a frequency, by its index.
+    ``path_of`` is the path of a frequency, by its index.
     """
     remedy = "list them from the lowest to the highest; two points at one frequency within the band are a step"
     for k, (before, here) in enumerate(pairwise(frequency), 1):
         again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
         if here < before or again:
-            raise InvalidValueError(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, at(k))
+            raise InvalidValueError(
+                f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, path_of(k)
+            )
 
 
 def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]:
@@ -906,10 +908,10 @@ ShockCurve = Annotated[
 ]  # fmt: skip
 
 
-def check_limit_curve(points: tuple[tuple[float, float], ...] | CurveFile, at: Path) -> None:
+def check_limit_curve(points: tuple[tuple[float, float], ...] | CurveFile, path: Path) -> None:
     """Refuse points of a limit at a path that fall in frequency, other than a step; a file is not read."""
     if not isinstance(points, CurveFile):
-        _demand_rising_or_steps([f for f, _ in points], lambda k: (*at, k, 0))
+        _demand_rising_or_steps([f for f, _ in points], lambda k: (*path, k, 0))
 
 
 class MatchedInput(Driven):
@@ -944,11 +946,11 @@ class MatchedInput(Driven):
             raise InvalidValueError("is an acceleration of the base along a direction",
                         "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A run that ends before it."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         run = scenario.run
-        if at[0] == "excitation" and run is not None and run.duration < self.duration * (1 - 1e-9):
+        if path[0] == "excitation" and run is not None and run.duration < self.duration * (1 - 1e-9):
             message = f"= {run.duration:g} s ends before the matched record, of {self.duration:g} s"
             yield problem(("run", "duration"), message, "run longer: what follows the record counts, too")
 
@@ -1076,7 +1078,7 @@ def sine_problems(excitation: Any, section: str) -> Problems:
         yield not_harmonic((section,), "the frequency of a harmonic excitation", excitation)
 
 
-def not_harmonic(at: Path, needed: str, excitation: Any) -> Problem:
+def not_harmonic(path: Path, needed: str, excitation: Any) -> Problem:
     """A problem: a section at a path needs another excitation."""
     remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
-    return problem(at, f"needs {needed}, but this one is {excitation.kind}", remedy)
+    return problem(path, f"needs {needed}, but this one is {excitation.kind}", remedy)

@@ -187,17 +187,17 @@ class MeasuredShapes(Schema):
                     "is zero everywhere", "leave out modes that were not measured", ("shapes", index)
                 )
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A snubber between two bodies, and positions that are not on the one body that it acts on."""
         sought = scenario.identify_stiffness.snubber
         bodies = next((each.bodies for each in scenario.located_snubbers if each.item.name == sought), ())
         if len(bodies) > 1:
             message = f"holds the shapes of one body, and {sought} acts between {' and '.join(bodies)}"
-            yield problem(at, message, "leave it out")
+            yield problem(path, message, "leave it out")
         elif bodies and bodies[0] in scenario.all_bodies:
             body, where = scenario.all_bodies[bodies[0]], scenario.body_path(bodies[0])
             for index, position in enumerate(self.positions):
-                yield from body.shape_problems(where, (*at, "positions", index), position)
+                yield from body.shape_problems(where, (*path, "positions", index), position)
 
 
 class _AnyTest(Schema):
@@ -210,15 +210,15 @@ class _AnyTest(Schema):
     gain: q.PositiveNumber = 1.0
     """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A probe that there is not."""
-        yield from _problems_of_probe(scenario, at, self.probe)
+        yield from _problems_of_probe(scenario, path, self.probe)
 
 
-def _problems_of_probe(scenario: Whole, at: Path, name: str | None) -> Problems:
-    """A probe that is named and is not there; ``at`` is the path of what names it."""
+def _problems_of_probe(scenario: Whole, path: Path, name: str | None) -> Problems:
+    """A probe that is named and is not there; ``path`` is the path of what names it."""
     if name is not None:
-        yield from unknown((*at, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
+        yield from unknown((*path, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
 
 
 class _RecordedTest(_AnyTest, RecordPreparation):
@@ -301,9 +301,9 @@ class MeasuredPeak(Schema):
     scatter: q.Ratio = 0.02
     """Standard deviation, relative."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A probe that there is not."""
-        yield from _problems_of_probe(scenario, at, self.probe)
+        yield from _problems_of_probe(scenario, path, self.probe)
 
     def check(self) -> None:
         """Demand one value."""
@@ -401,18 +401,18 @@ class NonlinearFit(Schema):
         """The tests whose measurement is a file, by number."""
         return {k: test for k, test in self.used_tests.items() if not isinstance(test, SweepTest)}
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Numbers that cannot be sought, an excitation that is no sine, tests left out that there are not."""
         yield from listing_problems(
-            self.estimate, (*at, "estimate"), lambda each: _sought_places(scenario, each, words=False)
+            self.estimate, (*path, "estimate"), lambda each: _sought_places(scenario, each, words=False)
         )
         steady = any(test.kind != "transient" for test in self.used_tests.values())
         if steady and not isinstance(scenario.excitation, Harmonic):
-            yield not_harmonic(at, "a harmonic excitation", scenario.excitation)
+            yield not_harmonic(path, "a harmonic excitation", scenario.excitation)
         if not any(isinstance(test, SweepTest) and test.file for test in self.tests):  # whose rows have names too
             labels = [test.label for test in self.tests]
             for index, name in enumerate(self.leave_out):
-                yield from unknown((*at, "leave_out", index), name, "test", labels)
+                yield from unknown((*path, "leave_out", index), name, "test", labels)
 
     def check(self) -> None:
         """Demand a test that is used."""
@@ -457,24 +457,24 @@ class IdentifyStiffness(Schema):
     pad: Pad | None = None
     """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A snubber and numbers that there are not, bounds that make no sense, levels in a unit of something else."""
         snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
-        where = (*at, "snubber")
+        where = (*path, "snubber")
         yield from unknown(where, self.snubber, "snubber", snubbers, "give the snubber in snubbers")
         if isinstance(snubbers.get(self.snubber), HingeStop):
             yield from no_stop_of_hinge(where, self.snubber)
         if self.parameter_uncertainty:
-            uncertain = (*at, "parameter_uncertainty")
+            uncertain = (*path, "parameter_uncertainty")
             yield from listing_problems(
                 self.parameter_uncertainty, uncertain, lambda each: _numbers(scenario, each.parameter)
             )
         if self.update:
             yield from listing_problems(
-                self.update, (*at, "update"), lambda each: _sought_places(scenario, each, words=True)
+                self.update, (*path, "update"), lambda each: _sought_places(scenario, each, words=True)
             )
         if self.nonlinear is not None:
-            yield from level_problems(scenario, at, self)
+            yield from level_problems(scenario, path, self)
 
     def check(self) -> None:
         """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""

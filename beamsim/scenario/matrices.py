@@ -193,6 +193,6 @@ class MatricesBody(Body):
         """Names of the rows of the recovery matrix."""
         return () if self.recovery is None else self.recovery.rows
 
-    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
+    def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
         """No problems: only the files know the nodes."""
         yield from ()

@@ -33,14 +33,14 @@ from beamsim.scenario.units import NUMBER, Dimension, UnitError
 Part = TypeVar("Part", bound=Schema)
 
 
-def find_parameters(scenario: Whole, path: str, at: Path = ()) -> list[Path]:
+def find_parameters(scenario: Whole, path: str, source_path: Path = ()) -> list[Path]:
     """The places that a path names, at least one: numbers, words and sweep rates.
 
     Parameters
     ----------
     scenario : what has them.
     path : as a user writes it.
-    at : where the path stands, for what is raised.
+    source_path : where the path stands, for what is raised.
 
     Returns
     -------
@@ -55,13 +55,13 @@ def find_parameters(scenario: Whole, path: str, at: Path = ()) -> list[Path]:
     parts = path_parts(path)
     if not parts:
         raise InvalidValueError(
-            f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at
+            f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", source_path
         )
     try:
         return _walk(scenario, parts, ())
     except InvalidValueError as error:
         remedy = body_path_remedy(from_python(as_plain_data(scenario)), parts) or error.remedy
-        raise InvalidValueError(f"= {path} {error.message}", remedy, at) from None
+        raise InvalidValueError(f"= {path} {error.message}", remedy, source_path) from None
 
 
 def value_at(scenario: Whole, place: Path) -> Any:
@@ -172,7 +172,7 @@ def replace_values(part: Part, values: Mapping[Path, object]) -> Part:
     return part
 
 
-def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
+def read_as(scenario: Whole, place: Path, value: object, path: Path = ()) -> Any:
     """Read a value as the field at a place would: an SI number, which may know its quantity, a word, rate or share.
 
     Parameters
@@ -180,7 +180,7 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
     scenario : what has the field.
     place : of the field.
     value : a number, perhaps with a unit, or a word.
-    at : where the value stands, for what is raised.
+    path : where the value stands, for what is raised.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
     if choices := choices_at(scenario, place):
         if value not in choices:
             raise InvalidValueError(
-                f"= {single_line(value)} is not one of {', '.join(choices)}", "choose one of these", at
+                f"= {single_line(value)} is not one of {', '.join(choices)}", "choose one of these", path
             )
         return value
     field = field_type_at(scenario, place)
@@ -205,8 +205,8 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
             raise UnitError("must be a number", f"write the SI value for {path_text(place)}")
         return float(value)
     except UnitError as error:
-        as_place = f" (as {path_text(place)})" if field is not None and at not in ((), place) else ""
-        raise InvalidValueError(f"= {single_line(value)} {error.message}{as_place}", error.remedy, at) from None
+        as_place = f" (as {path_text(place)})" if field is not None and path not in ((), place) else ""
+        raise InvalidValueError(f"= {single_line(value)} {error.message}{as_place}", error.remedy, path) from None
 
 
 def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:

@@ -231,36 +231,38 @@ class PlateBody(Body):
         on_point = any(same_position(x, a) and same_position(y, b) for a, b in self.supported_points)
         return "on the point support" if on_point else ""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Elements too small for the digits there are, points outside the plate, stiffeners without a length."""
         for index, count in enumerate(self.elements):
             smallest = (2.0 / count) ** self.grading / 2.0
             if count > 2 and smallest < SMALLEST_ELEMENT:
                 yield problem(
-                    (*at, "grading"),
+                    (*path, "grading"),
                     f"= {self.grading:g} with {count} elements along {'xy'[index]} makes one of {smallest:.2g} of the "
                     f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
                     "use a smaller grading, or fewer elements: they are small where it matters",
                 )
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         for index, stiffener in enumerate(self.stiffeners):
             for key, end in (("from", stiffener.from_), ("to", stiffener.to)):
-                yield from self.position_problems(at, (*at, "stiffeners", index, key), end, "")
+                yield from self.position_problems(path, (*path, "stiffeners", index, key), end, "")
             if len(set(self.line_of(stiffener))) == 1:
-                yield problem((*at, "stiffeners", index), "begins and ends at the same point", "give it a length")
+                yield problem((*path, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
-    def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
+    def shape_problems(self, body_path: Path, path: Path, position: float | q.Share) -> Iterator[Problem]:
         """Measured mode shapes have one coordinate.
 
         Parameters
         ----------
-        where, at, position : see `beamsim.scenario.body.Body.shape_problems`.
+        body_path, path, position : see `beamsim.scenario.body.Body.shape_problems`.
 
         Yields
         ------
         Problem
         """
-        yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
+        yield problem(
+            path, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes"
+        )
 
     def _force_warnings(self, scenario: Whole) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
@@ -282,20 +284,20 @@ class PlateBody(Body):
                         "thickness or more next to it"
                     )
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
-        yield from super().find_warnings(scenario, at)
+        yield from super().find_warnings(scenario, path)
         depth, side = self.depth, min(self.sides)
         if depth > side / 10.0:
             yield (
-                f"{path_text(at)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
+                f"{path_text(path)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
                 "is doubtful when the thickness is more than a tenth of the shorter side"
             )
         stiffness = self.bending.rigidity
         for axis, d in enumerate((stiffness.dx, stiffness.dy)):
             elements, ratio = self.elements[axis], d / self.bending.mass_per_area
             size, highest_hz = self.sides[axis] / elements, scenario.excitation.highest_tone_hz
-            yield from coarse_mesh((*at, "elements", axis), elements, size, ratio, highest_hz)
+            yield from coarse_mesh((*path, "elements", axis), elements, size, ratio, highest_hz)
         if self.gives_stress:
             yield from self._force_warnings(scenario)
 

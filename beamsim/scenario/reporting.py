@@ -43,13 +43,13 @@ class MotionOutput(Output, Sited):
     kind: Literal["displacement", "velocity", "acceleration", "rotation"]
     """Displacement or velocity relative to the base, absolute acceleration, or the slope dw/dx of a beam."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A slope of points that only deflect."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         _, body = named_body(scenario, self)
         if self.kind == "rotation" and body is not None and not body.has_slope:
             message = f"asks for a slope, but the points of a {body.body_kind} have none"
-            yield problem(at, message, "name a point of a beam")
+            yield problem(path, message, "name a point of a beam")
 
 
 class BendingOutput(Output, Sited):
@@ -69,26 +69,26 @@ class BendingOutput(Output, Sited):
         if self.kind == "bending_moment" and self.surface is not None:
             raise InvalidValueError("belongs to a stress or strain", "leave it out", ("surface",))
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A body that does not bend, a component of a beam, and an unknown distance of the fibre."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         name, body = named_body(scenario, self)
         if body is None:
             return
         if body.body_kind not in ("beam", "plate"):
             message = f"asks for a {self.kind.replace('_', ' ')}, but {name} is of the kind {body.body_kind}"
-            yield problem(at, message, "name a point of a beam or plate")
+            yield problem(path, message, "name a point of a beam or plate")
         elif self.component is not None and body.body_kind == "beam":
-            yield problem((*at, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
+            yield problem((*path, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
         elif self.kind == "strain" and body.gives_strain:
             return
         elif self.kind == "strain" and body.body_kind == "plate":
             yield problem(
-                at, f"needs the thickness of {name}, which does not follow from its stiffnesses", "give its thickness"
+                path, f"needs the thickness of {name}, which does not follow from its stiffnesses", "give its thickness"
             )
         elif self.kind != "bending_moment" and not body.gives_stress:
             yield problem(
-                at, f"needs the outermost fibre of {name}, which does not follow from its bending stiffness",
+                path, f"needs the outermost fibre of {name}, which does not follow from its bending stiffness",
                 "give a section, or ask for kind: bending_moment",
             )  # fmt: skip
 
@@ -109,20 +109,20 @@ class ReactionOutput(Output):
     """Of the moment of the base, a point on its axis, m: a position along a beam, [x, y] of a plate, [x, y, z] of
     imported matrices; their origin by default."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems of the base or a support; only the model of a body knows its supports."""
         of_base, is_moment = self.support == "base", self.kind == "reaction_moment"
         if not of_base:
-            yield from body_problems(scenario, at, self.body, "add body: BODY")
+            yield from body_problems(scenario, path, self.body, "add body: BODY")
         if self.about is not None and not (of_base and is_moment):
-            yield problem((*at, "about"), "belongs to the moment of the base", "leave it out")
+            yield problem((*path, "about"), "belongs to the moment of the base", "leave it out")
         if of_base and self.body is not None:
-            yield problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
+            yield problem((*path, "body"), "belongs to a support; the base holds all bodies", "leave it out")
         elif of_base and (is_moment or self.direction is not None):
             direction = self.direction or ("ry" if is_moment else "z")
-            yield from base_problems(scenario, (*at, "direction"), direction, f"= {direction}")
+            yield from base_problems(scenario, (*path, "direction"), direction, f"= {direction}")
         if self.direction is not None and (len(self.direction) == 2) != is_moment:
-            yield problem((*at, "direction"), f"= {self.direction} is none of a {self.kind.replace('_', ' ')}",
+            yield problem((*path, "direction"), f"= {self.direction} is none of a {self.kind.replace('_', ' ')}",
                            "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
 
 
@@ -135,9 +135,9 @@ class JointOutput(Output):
     joint: q.Name
     """Name of the joint or spring."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A joint that there is not."""
-        yield from unknown((*at, "joint"), self.joint, "joint", (joint.name for joint in scenario.joined_by))
+        yield from unknown((*path, "joint"), self.joint, "joint", (joint.name for joint in scenario.joined_by))
 
 
 class RecoveredOutput(Output):
@@ -154,17 +154,17 @@ class RecoveredOutput(Output):
     unit: q.Text = "1"
     """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A body that is unknown, or has no recovery matrix with this row."""
-        yield from body_problems(scenario, at, self.body, "add body: BODY")
+        yield from body_problems(scenario, path, self.body, "add body: BODY")
         name, body = named_body(scenario, self)
         if body is not None and not body.recovered_rows:
             yield problem(
-                at, f"needs a recovery matrix, which {name} lacks",
+                path, f"needs a recovery matrix, which {name} lacks",
                 "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
             )  # fmt: skip
         elif body is not None:
-            yield from unknown((*at, "row"), self.row, "row of the recovery matrix", body.recovered_rows)
+            yield from unknown((*path, "row"), self.row, "row of the recovery matrix", body.recovered_rows)
 
 
 class EnergyOutput(Output):
@@ -175,9 +175,9 @@ class EnergyOutput(Output):
     body: q.Name | None = None
     """The body; may be left out where there is only one."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A body that there is not."""
-        yield from body_problems(scenario, at, self.body, "add body: BODY")
+        yield from body_problems(scenario, path, self.body, "add body: BODY")
 
 
 AnyOutput = Annotated[
@@ -326,27 +326,27 @@ class Limits(Schema):
         for name in self.curves:
             yield from ((name, place, points) for place, points in (getattr(self, name) or {}).items())
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Limits on what this structure or analysis does not have."""
         stationary = scenario.excitation.stationary
         if self.bending_stress is not None:
-            yield from stress_problems(scenario, (*at, "bending_stress"))
+            yield from stress_problems(scenario, (*path, "bending_stress"))
         for name in ("rms_displacement", "rms_acceleration"):
             if getattr(self, name) is not None and not stationary and scenario.run is None:
-                yield problem((*at, name), "needs a run", "limit peaks, or add run: {duration: 1 s}")
+                yield problem((*path, name), "needs a run", "limit peaks, or add run: {duration: 1 s}")
         if self.rms_force is not None and not stationary:
             message = f"needs a stationary input, and the excitation is {scenario.excitation.kind}"
-            yield problem((*at, "rms_force"), message, "limit peak_force")
+            yield problem((*path, "rms_force"), message, "limit peak_force")
         if self.gapping is not None:
             sine = scenario.excitation.kind != "none" and not any(sine_problems(scenario.excitation, "sweep"))
             if not sine or getattr(scenario.sweep, "kind", "stepped") not in SWEPT:
                 needed = "needs a run or a sweep of a harmonic excitation"
-                yield problem((*at, "gapping"), needed, "limit gap instead")
-        yield from self._problems_of_curves(scenario, at)
-        yield from self._problems_of_places(scenario, at)
-        yield from self._problems_of_outputs(scenario, (*at, "outputs"))
+                yield problem((*path, "gapping"), needed, "limit gap instead")
+        yield from self._problems_of_curves(scenario, path)
+        yield from self._problems_of_places(scenario, path)
+        yield from self._problems_of_outputs(scenario, (*path, "outputs"))
 
-    def _problems_of_places(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_places(self, scenario: Whole, path: Path) -> Problems:
         """Places that there are not."""
         for name in type(self).model_fields:
             of_place = getattr(self, name)
@@ -358,42 +358,44 @@ class Limits(Schema):
             if snubbers and not stops:
                 what, remedy = ("stops of hinges", "stops to a hinge") if moment else ("snubbers", "a snubber")
                 message = f"limits the {what}, and there are none"
-                yield problem((*at, name), message, f"add {remedy}, or leave it out")
+                yield problem((*path, name), message, f"add {remedy}, or leave it out")
             elif isinstance(of_place, dict):
                 known = [each.name for each in (stops if snubbers else scenario.effective_probes)]
                 for place in of_place:
-                    yield from unknown((*at, name, place), place, "snubber" if snubbers else "probe", known)
+                    yield from unknown((*path, name, place), place, "snubber" if snubbers else "probe", known)
 
-    def _problems_of_outputs(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_outputs(self, scenario: Whole, path: Path) -> Problems:
         """Outputs that there are not, and limits in a unit of something else."""
         outputs = {output.name: output for _, output in scenario.requested_outputs}
         for name, limit in (self.outputs or {}).items():
-            yield from unknown((*at, name), name, "output", outputs, "list it in outputs")
+            yield from unknown((*path, name), name, "output", outputs, "list it in outputs")
             if name in outputs:
                 dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)
                 kind = outputs[name].kind.replace("_", " ")
-                yield from unit_problems((*at, name), limit, dimension, f"and the output is a {kind}")
+                yield from unit_problems((*path, name), limit, dimension, f"and the output is a {kind}")
 
-    def _problems_of_curves(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_curves(self, scenario: Whole, path: Path) -> Problems:
         """Curves of spectra that are not asked for, and of places that there are not."""
         for name, place, points in self.given_curves():
-            path = (*at, name, place)
+            item_path = (*path, name, place)
             needed, remedy = _missing_for_curve(scenario, name)
             stated = None if name == "srs" or isinstance(points, CurveFile) else q.meant(points[0][1])
             if needed:
-                yield problem(path, f"needs {needed}", remedy)
+                yield problem(item_path, f"needs {needed}", remedy)
             elif name != "srs" and not isinstance(points, CurveFile):
                 other = [k for k, (_, level) in enumerate(points) if q.meant(level) != stated]
                 if other:
-                    yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
+                    yield problem(
+                        (*item_path, other[0], 1), "is of another quantity than the first", "give all in one unit"
+                    )
             snubbers, forces = [each.name for each in scenario.all_snubbers], not needed and stated in _FORCES
             places = [*(each.name for each in scenario.effective_probes), *([INPUT] if name in ("srs", "psd") else [])]
             if name == "srs":
                 moved = (each.applied_to for _, each in scenario.excitation.items)
-                places += [at.label for at in moved if isinstance(at, MovedSupport) and not at.rotates]
+                places += [path.label for path in moved if isinstance(path, MovedSupport) and not path.rotates]
             elif isinstance(points, CurveFile):
                 places += snubbers
-            yield from unknown(path, place, "place", snubbers if forces else places)
+            yield from unknown(item_path, place, "place", snubbers if forces else places)
 
     @property
     def values_by_name(self) -> dict[str, float]:
@@ -432,19 +434,19 @@ def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
     return ("", "") if there else (needed, remedy)
 
 
-def stress_problems(scenario: Whole, at: Path) -> Problems:
+def stress_problems(scenario: Whole, path: Path) -> Problems:
     """A problem: an item at a path needs a stress, which no body has."""
     if not any(body.gives_stress for body in scenario.all_bodies.values()):
         remedy = "leave it out, or give a beam's extreme_fibre and youngs_modulus"
-        yield problem(at, "needs a body whose stress is known", remedy)
+        yield problem(path, "needs a body whose stress is known", remedy)
 
 
-def unit_problems(at: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
+def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
     """A limit in a unit of something else.
 
     Parameters
     ----------
-    at : path of the limit.
+    path : path of the limit.
     limit : its value, which remembers its unit.
     dimension : of what is limited; None of rows of recovery matrices, which have units of their own.
     but : what is limited, for the message.
@@ -455,9 +457,9 @@ def unit_problems(at: Path, limit: float, dimension: units.Dimension | None, but
     """
     stated = q.meant(limit)
     if dimension is None and stated is not None:
-        yield problem(at, "has a unit, and the output has one of its own", "give a plain number in that unit")
+        yield problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
     elif dimension is not None and stated not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
-        yield problem(at, f"is in {stated or 'no unit'}, {but}", f"write {dimension.example}")
+        yield problem(path, f"is in {stated or 'no unit'}, {but}", f"write {dimension.example}")
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:

@@ -43,13 +43,13 @@ _COARSE = (
 )
 
 
-def closed_form_problems(scenario: Whole, at: Path) -> Problems:
+def closed_form_problems(scenario: Whole, path: Path) -> Problems:
     """A problem: statistics at a path need a motion in closed form, which this run does not compute."""
     if scenario.run.method == "reference":
-        yield problem(at, "needs the motion in closed form", "leave run.method: reference out")
+        yield problem(path, "needs the motion in closed form", "leave run.method: reference out")
     elif scenario.has_cubic_springs:
         yield problem(
-            at, "needs the motion in closed form, which cubic springs do not have",
+            path, "needs the motion in closed form, which cubic springs do not have",
             "leave it out, or replace the cubic springs by piecewise-linear ones",
         )  # fmt: skip
 
@@ -68,11 +68,11 @@ class ImpactSettings(Schema):
     force_threshold: NonNegativeForce = 0.0
     """Impacts whose peak force is smaller are not counted; sums over all time keep them."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Statistics that this structure, or time stepping, does not have."""
-        yield from closed_form_problems(scenario, at)
+        yield from closed_form_problems(scenario, path)
         if not scenario.all_snubbers:
-            yield problem(at, "needs a snubber, and there is none", "leave it out, or add a snubber")
+            yield problem(path, "needs a snubber, and there is none", "leave it out, or add a snubber")
 
 
 class StressLife(Schema):
@@ -88,10 +88,10 @@ class StressLife(Schema):
     endurance_limit: Stress | None = None
     """Stress range up to which a cycle does no damage; none by default."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A stress that this structure, or time stepping, does not have."""
-        yield from closed_form_problems(scenario, at)
-        yield from stress_problems(scenario, at)
+        yield from closed_form_problems(scenario, path)
+        yield from stress_problems(scenario, path)
 
 
 class PolynomialStart(Schema):
@@ -110,29 +110,29 @@ class PolynomialStart(Schema):
                 "is an empty initial state", "give displacement, velocity or both, or write start: rest"
             )
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Shapes that do not fit their body, and one shape for several bodies."""
         bodies = scenario.all_bodies
-        name = str(at[-1]) if at[-2] == "bodies" else scenario.default_body
+        name = str(path[-1]) if path[-2] == "bodies" else scenario.default_body
         if not name:
             named = f"{{bodies: {{{next(iter(bodies))}: {{displacement: [...]}}}}}}"
             message = f"gives one shape, and there are {len(bodies)} bodies"
-            yield problem(at, message, f"name the body: start: {named}")
+            yield problem(path, message, f"name the body: start: {named}")
         elif name in bodies:
             for key, numbers in (("displacement", self.displacement), ("velocity", self.velocity)):
-                yield from _units_of_shape(bodies[name], (*at, key), numbers)
-                yield from bodies[name].start_problems((*at, key), numbers)
+                yield from _units_of_shape(bodies[name], (*path, key), numbers)
+                yield from bodies[name].start_problems((*path, key), numbers)
 
 
-def _units_of_shape(body: Body, at: Path, numbers: tuple[float, ...]) -> Problems:
+def _units_of_shape(body: Body, path: Path, numbers: tuple[float, ...]) -> Problems:
     """Numbers with the unit of another one of the shape."""
-    dimensions = q.SHAPE_DISPLACEMENTS if at[-1] == "displacement" else q.SHAPE_VELOCITIES
+    dimensions = q.SHAPE_DISPLACEMENTS if path[-1] == "displacement" else q.SHAPE_VELOCITIES
     for index, number in enumerate(numbers):
         stated, power = q.meant(number), body.power_of_start(index)
         if stated is not None and int(stated) != power:
             wanted = dimensions[power] if power < len(dimensions) else None
             yield problem(
-                (*at, index),
+                (*path, index),
                 f"is {dimensions[int(stated)].with_article}, but must be "
                 f"{f'the coefficient of x^{power}' if wanted is None else wanted.with_article}",
                 "write a bare number in SI units" if wanted is None else f"write for example {wanted.example}",
@@ -146,10 +146,10 @@ class BodiesStart(Schema):
     bodies: Annotated[dict[q.Name, PolynomialStart], Field(min_length=1)]
     """Displacement and velocity by name of the body."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Bodies that there are not."""
         for name in self.bodies:
-            yield from unknown((*at, "bodies", name), name, "body", scenario.all_bodies)
+            yield from unknown((*path, "bodies", name), name, "body", scenario.all_bodies)
 
 
 class ModeStart(Schema):
@@ -161,19 +161,19 @@ class ModeStart(Schema):
     amplitude: q.Amplitude
     """Largest displacement of the shape."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A mode that there is not."""
-        yield from mode_problems(scenario, (*at, "mode"), self.mode)
+        yield from mode_problems(scenario, (*path, "mode"), self.mode)
 
 
-def mode_problems(scenario: Whole, at: Path, mode: int) -> Problems:
+def mode_problems(scenario: Whole, path: Path, mode: int) -> Problems:
     """A problem if there are fewer modes than the number at a path."""
     counts = [body.mode_count for body in scenario.all_bodies.values()]
     known = [count for count in counts if count is not None]
     total = sum(known)
     if len(known) == len(counts) and mode > total:
         what = f"a chain of {total} masses has" if len(counts) == 1 else f"the bodies together have {total} masses and"
-        yield problem(at, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
+        yield problem(path, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
 
 
 class ReleasedForceStart(Schema):
@@ -241,38 +241,38 @@ class SpectrumSettings(Schema):
                 message = f"= {frequency:g} Hz is given twice"
                 raise InvalidValueError(message, "remove one of them", ("frequencies", index))
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A part that is longer than the run, and frequencies that its spectra do not have."""
         duration = scenario.run.duration
         if self.last is not None and self.last > duration * (1.0 + 1e-12):
             message = f"= {self.last:g} s is longer than run.duration = {duration:g} s"
-            yield problem((*at, "last"), message, "analyse a shorter part, or use a longer run")
+            yield problem((*path, "last"), message, "analyse a shorter part, or use a longer run")
         if self.periods is not None:
-            yield from self._problems_of_periods(scenario, (*at, "periods"), self.periods)
+            yield from self._problems_of_periods(scenario, (*path, "periods"), self.periods)
         if self.frequencies or self.to is not None:
             stepped = scenario.run.method == "reference" or scenario.has_cubic_springs
-            yield from self._problems_of_frequencies(scenario, at, stepped=stepped)
+            yield from self._problems_of_frequencies(scenario, path, stepped=stepped)
 
-    def _problems_of_periods(self, scenario: Whole, at: Path, periods: int) -> Problems:
+    def _problems_of_periods(self, scenario: Whole, path: Path, periods: int) -> Problems:
         """Periods of no frequency, or more than the run has."""
         frequencies, duration = scenario.excitation.frequencies_hz, scenario.run.duration
         if len(frequencies) != 1:
-            yield problem(at, "needs an excitation with one frequency", "give last: 0.4 s instead")
+            yield problem(path, "needs an excitation with one frequency", "give last: 0.4 s instead")
         elif periods / frequencies[0] > duration * (1.0 + 1e-12):
             yield problem(
-                at,
+                path,
                 f"= {periods} periods of {frequencies[0]:g} Hz take {periods / frequencies[0]:g} s, "
                 f"longer than run.duration = {duration:g} s",
                 f"analyse at most {int(duration * frequencies[0])} periods, or run longer",
             )
 
-    def _problems_of_frequencies(self, scenario: Whole, at: Path, *, stepped: bool) -> Problems:
+    def _problems_of_frequencies(self, scenario: Whole, path: Path, *, stepped: bool) -> Problems:
         """Frequencies that cannot be distinguished, or lie beyond the highest that a spectrum can have.
 
         Parameters
         ----------
         scenario : that has the run.
-        at : path of the settings.
+        path : path of the settings.
         stepped : whether the spectra are those of samples of time stepping.
 
         Yields
@@ -281,12 +281,12 @@ class SpectrumSettings(Schema):
         """
         if scenario.run.method == "reference" and self.to is not None:
             message = f"= {self.to:g} Hz does nothing: spectra of time stepping go up to half of the sample rate"
-            yield problem((*at, "to"), message, "leave it out, or give that run.sample_rate")
+            yield problem((*path, "to"), message, "leave it out, or give that run.sample_rate")
         chosen, tones = self.frequencies, scenario.excitation.frequencies_hz
         duration = min(self.last or scenario.run.duration, scenario.run.duration)
         if self.periods is not None and len(tones) == 1:
             duration = min(self.periods / tones[0], duration)
-        asked: dict[Path, float] = {(*at, "frequencies", k): value for k, value in enumerate(chosen)}
+        asked: dict[Path, float] = {(*path, "frequencies", k): value for k, value in enumerate(chosen)}
         for index, (place, frequency) in enumerate(asked.items()):
             near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
             if abs(near - frequency) * duration < 1.0:
@@ -297,7 +297,7 @@ class SpectrumSettings(Schema):
                     f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
                 )
         if self.to is not None and not stepped:
-            asked[*at, "to"] = self.to
+            asked[*path, "to"] = self.to
         for place, frequency in asked.items():
             if stepped and frequency >= 0.5 * scenario.sample_rate:
                 yield problem(
@@ -404,22 +404,22 @@ class Run(Schema):
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Too few or too many samples, a rate that does not resolve the excitation, settings that do nothing."""
         rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
-        place = (*at, "duration" if self.sample_rate is None else "sample_rate")
+        place = (*path, "duration" if self.sample_rate is None else "sample_rate")
         if not max(1.0 / self.duration, 2.0 * highest) <= rate <= MOST_SAMPLES / self.duration:
             yield from self._problems_of_samples(place, rate, highest)
         if self.method != "reference" and {"integrator", "rtol", "atol"} & self.model_fields_set:
-            yield from self._problems_of_stepping(scenario, at)
+            yield from self._problems_of_stepping(scenario, path)
         if self.from_:
-            yield from self._problems_of_counting(scenario, (*at, "from"))
+            yield from self._problems_of_counting(scenario, (*path, "from"))
         if self.srs is not None or scenario.excitation.stationary:
             yield from _names_of_input(scenario)
         if self.test_duration is not None:
-            yield from self._problems_of_test(scenario, (*at, "test_duration"))
+            yield from self._problems_of_test(scenario, (*path, "test_duration"))
         if self.sensitivities:
-            yield from self._problems_of_sensitivities(scenario, (*at, "sensitivities"))
+            yield from self._problems_of_sensitivities(scenario, (*path, "sensitivities"))
 
     def _problems_of_samples(self, place: Path, rate: float, highest: float) -> Problems:
         """A problem if a rate, Hz, gives too few or too many samples for the run or the highest tone."""
@@ -440,34 +440,34 @@ class Run(Schema):
             yield problem(place, message, remedy)
 
     @staticmethod
-    def _problems_of_test(scenario: Whole, at: Path) -> Problems:
+    def _problems_of_test(scenario: Whole, path: Path) -> Problems:
         """The duration of a test, where the input is not random."""
         if not scenario.excitation.stationary:
-            yield problem(at, "applies to a test with a random input, of which the run is a sample",
+            yield problem(path, "applies to a test with a random input, of which the run is a sample",
                           "leave it out, or simulate the whole test by run.duration")  # fmt: skip
 
-    def _problems_of_stepping(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_stepping(self, scenario: Whole, path: Path) -> Problems:
         """Settings of time stepping that do nothing in this run."""
         cubic = scenario.has_cubic_springs
         does = "which is integrated by DOP853" if cubic else "which is in closed form"
         for key in ("integrator",) if cubic else ("integrator", "rtol", "atol"):
             if getattr(self, key) != type(self).model_fields[key].default:
                 message = f"= {getattr(self, key)} does nothing in this run, {does}"
-                yield problem((*at, key), message, "leave it out, or give method: reference")
+                yield problem((*path, key), message, "leave it out, or give method: reference")
 
-    def _problems_of_counting(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_counting(self, scenario: Whole, path: Path) -> Problems:
         """A time from which on nothing counts, or that is after the end."""
         counts_none = self.impacts is None and not scenario.friction
         if self.method == "reference" or scenario.has_cubic_springs or counts_none:
             message = f"= {self.from_:g} s is the time from which impacts and sliding count, and this run counts none"
-            yield problem(at, message, "leave it out, or add impacts: {}")
+            yield problem(path, message, "leave it out, or add impacts: {}")
         elif self.from_ >= self.duration:
             message = f"= {self.from_:g} s is not before the end, {self.duration:g} s"
-            yield problem(at, message, "give an earlier time")
+            yield problem(path, message, "give an earlier time")
 
-    def _problems_of_sensitivities(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_sensitivities(self, scenario: Whole, path: Path) -> Problems:
         """Unknown paths, numbers that are named twice, and those that have no derivative."""
-        problems = list(parameter_problems(scenario, self.sensitivities, at))
+        problems = list(parameter_problems(scenario, self.sensitivities, path))
         yield from problems
         for k, asked in enumerate(() if problems else self.sensitivities):
             number = resolve_parameter(scenario, asked)
@@ -475,15 +475,15 @@ class Run(Schema):
             if settings or number.whole:
                 what = "is a setting of the run" if settings else "is a whole number"
                 remedy = "name a number of the structure, the excitation or the start"
-                yield problem((*at, k), f"= {number.path} {what}, which has no derivative", remedy)
+                yield problem((*path, k), f"= {number.path} {what}, which has no derivative", remedy)
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """No motion, a short run, and few or many samples."""
         excitation, rate = scenario.excitation, scenario.sample_rate
         if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
             yield from self._static_warnings(scenario)
         lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
-        if swept := [(path, part) for path, part in excitation.items if part.kind == "swept_sine"]:
+        if swept := [(place, part) for place, part in excitation.items if part.kind == "swept_sine"]:
             yield from self._sweep_warnings(swept)
         if self.duration * lowest < 1.0:
             yield f"run.duration = {self.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
@@ -518,12 +518,12 @@ class Run(Schema):
         if self.low_pass is not None:
             self._check_periods(self.low_pass, MOST_FILTERED, ("low_pass",))
 
-    def _check_periods(self, highest_hz: float, most: int, at: Path) -> None:
+    def _check_periods(self, highest_hz: float, most: int, path: Path) -> None:
         if highest_hz * self.duration > most:
             raise InvalidValueError(
                 f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
                 f"{self.duration:g} s (at most {most:.0e})",
-                "give a lower frequency, 2 kHz for example, or a shorter run", at,
+                "give a lower frequency, 2 kHz for example, or a shorter run", path,
             )  # fmt: skip
 
 
@@ -548,11 +548,11 @@ class Reduction(Schema):
         """Reject two rules."""
         self.exclude("highest_frequency", "modes")
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Modes that the excitation excites, and are left out."""
         highest = scenario.excitation.highest_frequency_hz
         if self.highest_frequency is not None and self.highest_frequency < highest:
-            key = path_text((*at, "highest_frequency"))
+            key = path_text((*path, "highest_frequency"))
             yield (
                 f"{key} = {self.highest_frequency:g} Hz is below the excitation frequency, {highest:g} Hz; the modes "
                 "it excites are omitted"

@@ -435,15 +435,15 @@ class Scenario(Schema):
                 message = f"= {name} is a file that the result names, and is not opened just because it does"
                 raise ScenarioError(problem(at, message, "add --open-files if it is yours, or run the case again"))
 
-    def whole_paths(self, part: Schema, where: Path = ()) -> dict[Path, str]:
+    def whole_paths(self, part: Schema, body_path: Path = ()) -> dict[Path, str]:
         """By path in a part the files that it names, from the root.
 
         Parameters
         ----------
         part : of the scenario, or a variant of all of it.
-        where : path of the part.
+        body_path : path of the part.
         """
-        return {at: str((self.folder_of(*where, *at) / name).absolute()) for at, name in named_files(part)}
+        return {at: str((self.folder_of(*body_path, *at) / name).absolute()) for at, name in named_files(part)}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -465,33 +465,33 @@ class Scenario(Schema):
                 if value is not None and size is not None and not usual.contains(value, size):
                     yield from self._question((*at, name), value, size, usual)
 
-    def _question(self, at: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
+    def _question(self, path: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
         """A question about a number outside its usual range; none about one that was not written.
 
         Parameters
         ----------
-        at : path of the number.
+        path : path of the number.
         value, size : SI.
         usual : range of the field.
         """
-        written = written_number(self.as_written, at, value, usual.of)
+        written = written_number(self.as_written, path, value, usual.of)
         if text := "" if written is None else usual.question(value, size, written):
-            yield f"{path_text(at)} {text}"
+            yield f"{path_text(path)} {text}"
 
     @property
     def as_written(self) -> Any:
         """The data that it was read from, with the units that were written; None where it comes from elsewhere."""
         return None if self._solved is not None else self._text
 
-    def unit_written(self, at: Path, value: float, of: Dimension) -> str | None:
+    def unit_written(self, path: Path, value: float, of: Dimension) -> str | None:
         """The unit in which a number was written, empty without one; None where it was not written.
 
         Parameters
         ----------
-        at : path of the number.
+        path : path of the number.
         value, of : SI, and its dimension.
         """
-        written = None if self.as_written is None else written_number(self.as_written, at, value, of)
+        written = None if self.as_written is None else written_number(self.as_written, path, value, of)
         return None if written is None else units.number_and_unit(written)[1]
 
     def to_yaml(self) -> str:

@@ -188,14 +188,14 @@ class _ManyCases(Schema):
 
     section: ClassVar[str] = "vary"
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Unknown paths, values that their fields do not accept, too many cases."""
         parameters: tuple[Any, ...] = getattr(self, "parameters", ())
-        yield from parameter_problems(scenario, parameters, (*at, "parameters"))
+        yield from parameter_problems(scenario, parameters, (*path, "parameters"))
         count = case_count(self)
         if count > MOST_CASES:
             yield problem(
-                at,
+                path,
                 f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
                 "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
             )
@@ -227,20 +227,20 @@ class Correlation(Schema):
     """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
 
 
-def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, at: Path) -> Problems:
+def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, path: Path) -> Problems:
     """Correlations of what is no parameter, of one with itself, or stated twice; samples too small to have them."""
     paths, stated = [parameter.path for parameter in sample.parameters], set[frozenset[str]]()
     for k, correlation in enumerate(sample.correlations):
-        place, pair = (*at, "correlations", k, "between"), frozenset(correlation.between)
-        for j, path in enumerate(correlation.between):
-            yield from unknown((*place, j), path, "parameter", paths)
+        place, pair = (*path, "correlations", k, "between"), frozenset(correlation.between)
+        for j, item_path in enumerate(correlation.between):
+            yield from unknown((*place, j), item_path, "parameter", paths)
         if len(pair) < 2 or pair in stated:
             what = "are one parameter" if len(pair) < 2 else "have a correlation already"
             yield problem(place, f"= {', '.join(correlation.between)} {what}", "name two parameters, each pair once")
         stated.add(pair)
     if stated and sample.samples <= len(paths):
         message = f"= {sample.samples} is too few for correlations of {count_text(len(paths), 'parameter')}"
-        yield problem((*at, "samples"), message, f"take more than {len(paths)}")
+        yield problem((*path, "samples"), message, f"take more than {len(paths)}")
 
 
 class Tolerances(Schema):
@@ -261,11 +261,11 @@ class Tolerances(Schema):
     correlations: tuple[Correlation, ...] = ()
     """Which of their deviations go together; all others are independent."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Unknown paths, deviations that a field does not accept, whole numbers, numbers that are varied in part."""
-        problems = list(parameter_problems(scenario, self.parameters, (*at, "parameters")))
+        problems = list(parameter_problems(scenario, self.parameters, (*path, "parameters")))
         yield from problems
-        yield from _correlation_problems(self, at)
+        yield from _correlation_problems(self, path)
         if problems:
             return
         try:
@@ -273,7 +273,7 @@ class Tolerances(Schema):
         except InvalidValueError:
             return  # reported where it is varied
         for k, asked in enumerate(self.parameters):
-            number, place = resolve_parameter(scenario, asked), (*at, "parameters", k, "path")
+            number, place = resolve_parameter(scenario, asked), (*path, "parameters", k, "path")
             if number.whole:
                 message = f"= {asked.path} is a whole number, which has no tolerance"
                 yield problem(place, message, "vary it: values: [...]")
@@ -322,13 +322,13 @@ class Zipped(_ToleratedStudy):
     parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
     """The varied parameters; all need the same number of values."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Different numbers of values."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         counts = [value_count(parameter) for parameter in self.parameters]
         if len(set(counts)) > 1:
             yield problem(
-                (*at, "parameters"),
+                (*path, "parameters"),
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
@@ -357,10 +357,10 @@ class LatinHypercube(_ToleratedStudy):
     correlations: tuple[Correlation, ...] = ()
     """Which of them go together; all others are independent."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Correlations of what is no parameter."""
-        yield from super().problems(scenario, at)
-        yield from _correlation_problems(self, at)
+        yield from super().problems(scenario, path)
+        yield from _correlation_problems(self, path)
 
 
 class Sobol(_Study):
@@ -375,16 +375,16 @@ class Sobol(_Study):
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A sample that is no power of two, and a single parameter."""
-        yield from super().problems(scenario, at)
+        yield from super().problems(scenario, path)
         if self.samples & (self.samples - 1):
             power = 2 ** (self.samples - 1).bit_length()
             message = f"= {self.samples} is not a power of two"
-            yield problem((*at, "samples"), message, f"take {power // 2} or {power}")
+            yield problem((*path, "samples"), message, f"take {power // 2} or {power}")
         if len(self.parameters) < 2:
             message = "has one, which causes all of the variance"
-            yield problem((*at, "parameters"), message, "write kind: latin_hypercube")
+            yield problem((*path, "parameters"), message, "write kind: latin_hypercube")
 
 
 Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0)]
@@ -427,14 +427,14 @@ class Reliability(_ManyCases):
             return self.method or "monte_carlo"
         return self.method or ("subset" if inputs else "importance_sampling")
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """Nothing or a whole number that scatters, no limit, few samples, random inputs with a method for numbers."""
-        yield from super().problems(scenario, at)
-        yield from _correlation_problems(self, at)
+        yield from super().problems(scenario, path)
+        yield from _correlation_problems(self, path)
         inputs = inputs_with_seed(scenario.excitation)
         if not (self.parameters or inputs):
             message = "is empty, and the excitation is not random"
-            yield problem((*at, "parameters"), message, "list the numbers that scatter")
+            yield problem((*path, "parameters"), message, "list the numbers that scatter")
         if scenario.limits is None:
             message = "is missing, so that there is nothing to exceed"
             yield problem(("limits",), message, "add limits: {peak_force: 50 N}")
@@ -442,20 +442,20 @@ class Reliability(_ManyCases):
         method = self.method_with([item for _, item in inputs])
         if method in ("subset", "importance_sampling") and self.samples < LEAST_SAMPLES:
             message = f"= {self.samples} is too few for {method.replace('_', ' ')}, whose interval would be too narrow"
-            yield problem((*at, "samples"), message, f"take {LEAST_SAMPLES} or more, or write method: monte_carlo")
+            yield problem((*path, "samples"), message, f"take {LEAST_SAMPLES} or more, or write method: monte_carlo")
         if inputs and self.method in ("form", "importance_sampling"):
             yield problem(
-                (*at, "method"), f"= {self.method} is for numbers only, and the excitation is random",
+                (*path, "method"), f"= {self.method} is for numbers only, and the excitation is random",
                 "write monte_carlo" if matched else "write subset, or monte_carlo",
             )  # fmt: skip
         elif matched and self.method == "subset":
             message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
-            yield problem((*at, "method"), message, "write monte_carlo")
+            yield problem((*path, "method"), message, "write monte_carlo")
         for k, parameter in enumerate(self.parameters):
             with suppress(InvalidValueError):  # is reported with the parameter
                 if resolve_parameter(scenario, parameter).whole:
                     message = f"= {parameter.path} is a whole number, which does not scatter"
-                    yield problem((*at, "parameters", k, "path"), message, "leave it out")
+                    yield problem((*path, "parameters", k, "path"), message, "leave it out")
         for place, item in inputs:
             if isinstance(item, RandomInput) and item.amplitudes == "fixed":
                 message = "= fixed is not a Gaussian process"
@@ -625,9 +625,9 @@ def value_count(parameter: Any) -> int:
     return parameter.points
 
 
-def parameter_problems(scenario: Whole, parameters: Sequence[Any], at: Path) -> Problems:
+def parameter_problems(scenario: Whole, parameters: Sequence[Any], path: Path) -> Problems:
     """Problems of the parameters that a section lists at a path, each alone and with the others."""
-    yield from listing_problems(parameters, at, lambda each: resolve_parameter(scenario, each).dependent_places)
+    yield from listing_problems(parameters, path, lambda each: resolve_parameter(scenario, each).dependent_places)
 
 
 def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
@@ -640,11 +640,11 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
     first, number = places[0], _number(scenario, parameter.path, places)
     nominal = number.nominal
 
-    def read_end(value: Value, at: Path) -> float:
-        end = _read(scenario, first, value, at)
+    def read_end(value: Value, path: Path) -> float:
+        end = _read(scenario, first, value, path)
         if isinstance(end, str):
             raise InvalidValueError(
-                f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at
+                f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", path
             )
         return float(end)
 
@@ -746,25 +746,25 @@ def _differences(first: Any, second: Any, place: Path) -> Iterator[tuple[Path, A
         yield from _differences(first[name], second[name], (*place, key))
 
 
-def _places(scenario: Whole, path: str, at: Path) -> list[Path]:
-    places = find_parameters(scenario, path, at)
+def _places(scenario: Whole, path: str, source_path: Path) -> list[Path]:
+    places = find_parameters(scenario, path, source_path)
     for place in places:
         if place[0] in _SECTIONS:
             raise InvalidValueError(
-                f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at
+                f"= {path} has no effect on a case", "vary a number of the structure or the excitation", source_path
             )
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
         takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
         if place[-1] == "kind" or (free_text and not takes_words):
             raise InvalidValueError(
-                f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at
+                f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", source_path
             )
     return places
 
 
-def _read(scenario: Whole, place: Path, value: Value, at: Path) -> Value:
+def _read(scenario: Whole, place: Path, value: Value, path: Path) -> Value:
     """Read a value as the field at a place does; a level must be of the quantity there."""
-    read: Any = read_as(scenario, place, value, at)
+    read: Any = read_as(scenario, place, value, path)
     if isinstance(read, q.LevelValue):
         field: Any = field_type_at(scenario, place)
         known = dict(field.quantities)
@@ -772,7 +772,7 @@ def _read(scenario: Whole, place: Path, value: Value, at: Path) -> Value:
         if stated is not None and stated != there:
             remedy = f"write for example {there.example}"
             raise InvalidValueError(
-                f"= {value} is {stated.with_article}, and {path_text(place)} is {there.with_article}", remedy, at
+                f"= {value} is {stated.with_article}, and {path_text(place)} is {there.with_article}", remedy, path
             )
         return float(read)
     return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case

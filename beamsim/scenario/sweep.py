@@ -69,7 +69,7 @@ class _Path(Span[Number]):
         """The parameter's own value in the scenario, where the curve has the levels; None where there is none."""
         return None
 
-    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+    def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
         """Why the parameter, given at a path, cannot be changed in a scenario."""
         yield from ()
 
@@ -92,9 +92,9 @@ class LevelPath(_Path[q.PositiveLevel]):
         return float(levels[0]) if levels else getattr(scenario.excitation, "level", None)
 
 
-def no_stop_of_hinge(at: Path, name: str) -> Problems:
+def no_stop_of_hinge(path: Path, name: str) -> Problems:
     """That a stop of a hinge, named at a path, is not what a snubber is needed for."""
-    yield problem(at, f"= {name} is a stop of a hinge", "vary joints[0].stops[0].stiffness or angle in a study")
+    yield problem(path, f"= {name} is a stop of a hinge", "vary joints[0].stops[0].stiffness or angle in a study")
 
 
 def stops_of_hinges(scenario: Whole) -> set[str]:
@@ -125,9 +125,9 @@ class SnubberPath(Schema):
         value: float | None = getattr(located.item, self.kind)
         return value
 
-    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+    def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
         """A snubber that there is not, or whose gap follows from its preload."""
-        located, where = self.changed(scenario), (*at, "snubber")
+        located, where = self.changed(scenario), (*path, "snubber")
         if located is None:
             yield from self._problems_of_name(scenario, where)
             return
@@ -137,24 +137,26 @@ class SnubberPath(Schema):
         preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
         if preloaded:
             yield problem(
-                (*at, "kind"),
+                (*path, "kind"),
                 f"= {self.kind} would change the gap that the preload of {preloaded[0]} asks for at every step",
                 "give its gap instead of its preload",
             )
 
-    def _problems_of_name(self, scenario: Whole, where: Path) -> Problems:
+    def _problems_of_name(self, scenario: Whole, body_path: Path) -> Problems:
         """A name at a path that is missing, unknown, or that of one stop of a pair."""
         written = tuple(scenario.listed("snubbers"))
         names = [each.item.name for each in written]
         pairs = [each.item.name for each in written for stop in each.item.stops if stop.name == self.snubber]
         if self.snubber is None:
             remedy = f"there are several: choose one of {', '.join(names)}" if names else "add one to snubbers"
-            yield problem(where, "is missing", remedy)
+            yield problem(body_path, "is missing", remedy)
         elif pairs:
             message = f"= {self.snubber} is one stop of a pair, and both have the same {self.kind}"
-            yield problem(where, message, f"name the pair: {pairs[0]}, or write two snubbers, side: above and below")
+            yield problem(
+                body_path, message, f"name the pair: {pairs[0]}, or write two snubbers, side: above and below"
+            )
         else:
-            yield from unknown(where, self.snubber, "snubber", names, "add one to snubbers")
+            yield from unknown(body_path, self.snubber, "snubber", names, "add one to snubbers")
 
 
 class GapPath(SnubberPath, _Path[q.Gap]):
@@ -197,13 +199,13 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
         snubber, body = self._body(scenario)
         return body.metres(snubber.places[0].position)
 
-    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+    def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
         """A snubber that cannot move along a beam, and positions that are not on it."""
-        yield from super().problems_of_parameter(scenario, at)
+        yield from super().problems_of_parameter(scenario, path)
         located = self.changed(scenario)
         if located is None or isinstance(located.item, HingeStop):
             return
-        place = (*at, "kind")
+        place = (*path, "kind")
         if len(located.item.places) > 1:
             yield problem(place, "= position moves a snubber between two places", "follow gap or stiffness")
             return
@@ -221,7 +223,7 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
             yield problem(place, message, "follow gap or stiffness, or vary the place in a study")
             return
         for key, value in (("from", self.from_), ("to", self.to)):
-            yield from body.position_problems(scenario.body_path(name), (*at, key), value, "a snubber")
+            yield from body.position_problems(scenario.body_path(name), (*path, key), value, "a snubber")
 
 
 ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
@@ -271,13 +273,13 @@ def swept_cycles(low: float, high: float, rate: q.Rate, direction: str) -> float
     return 2.0 * once if direction == "both" else once
 
 
-def demand_cycles(cycles: float, rate: q.Rate, at: Path) -> None:
-    """Refuse a sweep of too many or too few cycles; ``at`` is the path of its rate."""
+def demand_cycles(cycles: float, rate: q.Rate, path: Path) -> None:
+    """Refuse a sweep of too many or too few cycles; ``path`` is the path of its rate."""
     if cycles > MOST_CYCLES:
         message = f"= {rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})"
-        raise InvalidValueError(message, "sweep faster or over fewer frequencies", at)
+        raise InvalidValueError(message, "sweep faster or over fewer frequencies", path)
     if cycles < 2.0:
-        raise InvalidValueError(f"= {rate} covers the range in {cycles:.2g} cycles", "sweep more slowly", at)
+        raise InvalidValueError(f"= {rate} covers the range in {cycles:.2g} cycles", "sweep more slowly", path)
 
 
 class SweptOverlay(Schema):
@@ -292,7 +294,7 @@ class SweptOverlay(Schema):
 class OfSines(Schema):
     """Common part of what follows motions under sines."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """An excitation that is no sine, and levels in a unit of something else."""
         unfit, run = list(sine_problems(scenario.excitation, "sweep")), scenario.run
         yield from unfit
@@ -300,12 +302,12 @@ class OfSines(Schema):
             message = (
                 f"reports accelerations that run.low_pass = {run.low_pass:g} Hz, the band of runs, does not filter"
             )
-            yield problem(at, message, "leave the run out here (run: null), or its low_pass, or the sweep")
-        yield from level_problems(scenario, at, self)
+            yield problem(path, message, "leave the run out here (run: null), or its low_pass, or the sweep")
+        yield from level_problems(scenario, path, self)
         if not unfit:
-            yield from self.problems_with_sine(scenario, at)
+            yield from self.problems_with_sine(scenario, path)
 
-    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+    def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """What else is wrong where the excitation is a sine."""
         yield from ()
 
@@ -387,24 +389,24 @@ class Continuation(OfSines):
             cycles = swept_cycles(low, high, self.overlay.rate, self.overlay.direction)
             demand_cycles(cycles, self.overlay.rate, ("overlay", "rate"))
 
-    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+    def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """A parameter that cannot be changed, ranges that leave something out, a method for nonlinear systems alone."""
         given = {"follow_folds_in": self.follow_folds_in, "continue_in": self.continue_in}
         unfit = [
             found
-            for key, path in given.items()
-            if path is not None
-            for found in path.problems_of_parameter(scenario, (*at, key))
+            for key, place in given.items()
+            if place is not None
+            for found in place.problems_of_parameter(scenario, (*path, key))
         ]
-        yield from unfit or self._problems_of_ranges(scenario, at)
+        yield from unfit or self._problems_of_ranges(scenario, path)
         nonlinear = scenario.all_snubbers or scenario.nonlinear_springs
         if isinstance(self.method, HarmonicBalance) and not nonlinear:
             message = "= harmonic_balance needs a snubber or a nonlinear spring"
-            yield problem((*at, "method"), message, "use shooting, or add a snubber")
+            yield problem((*path, "method"), message, "use shooting, or add a snubber")
 
-    def _problems_of_ranges(self, scenario: Whole, at: Path) -> Problems:
+    def _problems_of_ranges(self, scenario: Whole, path: Path) -> Problems:
         """Points beyond the range, and a second range that leaves out where the folds are."""
-        section = at if self.continue_in is None else (*at, "continue_in")
+        section = path if self.continue_in is None else (*path, "continue_in")
         second: Any = self.follow_folds_in
         try:
             parameter: Any = self.parameter.in_metres(scenario)
@@ -412,7 +414,7 @@ class Continuation(OfSines):
             parameter.demand_inside(parameter.points_at, ("points_at",))
             if second is None:
                 return
-            section = (*at, "follow_folds_in")
+            section = (*path, "follow_folds_in")
             second = second.in_metres(scenario)
             second.check()
             present = second.value_in(scenario, self.levels)
@@ -485,11 +487,11 @@ class _UpAndDown(OfSines, FrequencyRange):
                     ("orders", index),
                 )
 
-    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+    def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """Impacts of no contact."""
         if self.impacts and not scenario.all_snubbers and not any(scenario.listed("friction")):
             message = "needs a snubber or friction, and there is none"
-            yield problem((*at, "impacts"), message, "leave it out, or add a snubber")
+            yield problem((*path, "impacts"), message, "leave it out, or add a snubber")
 
     @property
     def tracked_orders(self) -> tuple[float, ...]:
@@ -554,24 +556,24 @@ class SweptSine(_UpAndDown):
                     ("levels", index),
                 )
 
-    def find_warnings(self, scenario: Whole, at: Path) -> Iterator[str]:
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """Steps of the level."""
-        yield from level_jumps(scenario, at, self)
+        yield from level_jumps(scenario, path, self)
 
-    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+    def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """Too many samples, and limits of the level on what there is not."""
-        yield from super().problems_with_sine(scenario, at)
+        yield from super().problems_with_sine(scenario, path)
         samples = self.duration * (self.history_rate or 0.0)
         if samples > MOST_SAMPLES:
             yield problem(
-                (*at, "history_rate"),
+                (*path, "history_rate"),
                 f"= {self.history_rate:g} Hz over {self.duration:g} s gives {samples:.3g} samples, over the limit of "
                 f"{MOST_SAMPLES:.0e}",
                 "lower it, or leave it out: envelopes and harmonics are exact without it",
             )
         if self.notch_to is not None:
             for name, limit in self.notch_to.items():
-                yield from _problems_of_notch(scenario, (*at, "notch_to", name), name, limit)
+                yield from _problems_of_notch(scenario, (*path, "notch_to", name), name, limit)
             if not self.levels and not self.profile and not scenario.excitation.level > 0:
                 message = "cannot be lowered to sweep.notch_to"
                 yield problem(("excitation", "level"), message, "give a positive level")
@@ -605,13 +607,13 @@ class SweptSine(_UpAndDown):
                 )
 
 
-def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Problems:
+def _problems_of_notch(scenario: Whole, path: Path, name: str, limit: float) -> Problems:
     """A limit on what this structure does not have, or in a unit of something else.
 
     Parameters
     ----------
     scenario : that has the places.
-    at : path of the limit.
+    path : path of the limit.
     name : what is limited.
     limit : its value, which remembers its unit.
 
@@ -628,11 +630,11 @@ def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Pr
     of = limited_quantity(name, scenario.base_force or BASE_FORCE.name)
     if of is None:
         example = "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge"
-        yield problem(at, "names nothing that can be limited", example)
+        yield problem(path, "names nothing that can be limited", example)
     elif name == "base.force" and scenario.base_force is None and BASE_FORCE.name in outputs:
-        yield problem(at, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
+        yield problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
     elif name != "base.force" and of.item not in names[of.section]:
-        yield from unknown(at, of.item, of.section.removesuffix("s"), names[of.section])
+        yield from unknown(path, of.item, of.section.removesuffix("s"), names[of.section])
     else:
         output = outputs.get(of.item, BASE_FORCE)
         if of.section == "outputs":
@@ -642,8 +644,8 @@ def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Pr
         if of.section == "snubbers" and of.item in stops_of_hinges(scenario):
             dimension = units.MOMENT
         if of.section == "outputs" and output.kind in ("kinetic_energy", "strain_energy"):
-            yield problem(at, "is an energy, which sweeps do not follow", "limit another quantity")
-        yield from unit_problems(at, limit, dimension, f"which is not a unit of {getattr(dimension, 'name', '')}")
+            yield problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
+        yield from unit_problems(path, limit, dimension, f"which is not a unit of {getattr(dimension, 'name', '')}")
 
 
 class SteppedSine(_UpAndDown):
@@ -665,9 +667,9 @@ class SteppedSine(_UpAndDown):
     """Smallest number of cycles measured after the motion is steady."""
 
 
-def _problems_of_probe(scenario: Whole, at: Path, name: str) -> Problems:
-    """A probe that there is not; ``at`` is the path of what names it."""
-    yield from unknown((*at, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
+def _problems_of_probe(scenario: Whole, path: Path, name: str) -> Problems:
+    """A probe that there is not; ``path`` is the path of what names it."""
+    yield from unknown((*path, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
 
 
 Velocity = Annotated[float, q.Quantity(units.VELOCITY)]
@@ -691,9 +693,9 @@ class BoxCoordinate(Schema):
         if not any(high - low for low, high in (self.displacement, self.velocity)):
             raise InvalidValueError("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A probe that there is not."""
-        yield from _problems_of_probe(scenario, at, self.probe)
+        yield from _problems_of_probe(scenario, path, self.probe)
 
     @property
     def ranges(self) -> tuple[Drawn, Drawn]:
@@ -757,9 +759,9 @@ class ImpulseAt(Schema):
     to: Annotated[float, q.Quantity(units.IMPULSE, above=0.0)]
     """Largest impulse that is tried, either way."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A probe that there is not."""
-        yield from _problems_of_probe(scenario, at, self.probe)
+        yield from _problems_of_probe(scenario, path, self.probe)
 
 
 class BasePulse(Schema):
@@ -772,10 +774,10 @@ class BasePulse(Schema):
 
     probe: ClassVar[str] = ""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A base that rests."""
         if not getattr(scenario.excitation, "on_base", False):
-            yield problem(at, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
+            yield problem(path, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
 
 
 MOST_STARTS = 200_000
@@ -907,13 +909,13 @@ class PhaseResonance(Schema):
     span: ShareOfFrequency = 0.1
     """Fraction of the frequency by which the response curve extends on both sides."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """What a scenario lacks, or has too much of, to hold its mode by a force."""
         excitation = scenario.excitation
         if scenario.nnm.method.kind == "multiple_scales":
-            yield problem(at, "needs the exact mode, not its expansion", "use method: shooting")
+            yield problem(path, "needs the exact mode, not its expansion", "use method: shooting")
         if not isinstance(excitation, Harmonic):
-            yield not_harmonic(at, "a harmonic excitation, whose frequency is computed", excitation)
+            yield not_harmonic(path, "a harmonic excitation, whose frequency is computed", excitation)
             return
         if not self.levels and not excitation.level > 0:
             message = "is zero and sustains no motion"
@@ -952,18 +954,18 @@ class StiffnessFactorContinuation(Span[q.Factor]):
     to: q.Factor = 1.0
     """Last factor; 1 is the full stiffness."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A factor that multiplies changes of slope until a slope of a softening spring would be negative."""
         key, largest = max(("from", self.from_), ("to", self.to), key=lambda end: end[1])
-        for path, _, spring, _ in scenario.nonlinear_springs:
+        for place, _, spring, _ in scenario.nonlinear_springs:
             if not isinstance(spring, PiecewiseLinearSpring):
                 continue
             slope, softest = spring.linear_stiffness, min(spring.stiffnesses)
             least = slope + largest * (softest - slope)
             if least < 0:
                 yield problem(
-                    (*at, key),
-                    f"= {largest:g} gives {path_text(path)} the slope {least:g} N/m: the factor multiplies its changes "
+                    (*path, key),
+                    f"= {largest:g} gives {path_text(place)} the slope {least:g} N/m: the factor multiplies its changes "
                     f"of slope from the {slope:g} N/m at rest",
                     f"go up to {slope / (slope - softest):.6g} at most",
                 )
@@ -1010,10 +1012,10 @@ class NonlinearMode(Schema):
     convergence: Literal["on", "off"] | None = None
     """Whether values are compared with those of a finer model; by default off."""
 
-    def problems(self, scenario: Whole, at: Path) -> Problems:
+    def problems(self, scenario: Whole, path: Path) -> Problems:
         """A mode that there is not, and levels in a unit of something else."""
-        yield from mode_problems(scenario, (*at, "mode"), self.mode)
-        yield from level_problems(scenario, at, self)
+        yield from mode_problems(scenario, (*path, "mode"), self.mode)
+        yield from level_problems(scenario, path, self)
 
     def check(self) -> None:
         """Refuse an energy where it is what changes, and methods that follow the factor only."""

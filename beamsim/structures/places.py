@@ -443,11 +443,11 @@ class Recovery:
         return np.asarray(sum(s * self.moment_weights(x, y, each) for s, each in zip(row, COMPONENTS, strict=True)))
 
 
-def _linear(nodes: Floats, at: float) -> Floats:
+def _linear(nodes: Floats, position: float) -> Floats:
     """(nx,) weights of nodes whose values are interpolated, in one direction of a grid."""
     lines = np.unique(nodes)
-    i = int(np.clip(np.searchsorted(lines, at), 1, lines.size - 1))
-    share = float(np.clip((at - lines[i - 1]) / (lines[i] - lines[i - 1]), 0.0, 1.0))
+    i = int(np.clip(np.searchsorted(lines, position), 1, lines.size - 1))
+    share = float(np.clip((position - lines[i - 1]) / (lines[i] - lines[i - 1]), 0.0, 1.0))
     return np.where(nodes == lines[i - 1], 1.0 - share, np.where(nodes == lines[i], share, 0.0))
 
 

@@ -128,15 +128,15 @@ def time_dependent_loads(model: ReducedModel, pushing: _StaticLoads) -> TimeDepe
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
 
 
-def _signal_of(model: ReducedModel, at: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
+def _signal_of(model: ReducedModel, path: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
     """What ``make`` gives for one part of the excitation, at a path, whose account it adds to the others."""
     scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
-    folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
-    with prefix_problems("excitation", path_text(at)):
+    folder = scenario.folder_of(*path, *_FILE_KEYS.get(driven.kind, ("file",)))
+    with prefix_problems("excitation", path_text(path)):
         key = (driven, duration, folder)
         made: Any = model.shared.once("signal", key, lambda: make(driven, duration, folder))
-    accounts.append((path_text(at), made.account))
+    accounts.append((path_text(path), made.account))
     return made
 
 

@@ -70,32 +70,32 @@ def force_tables(scenario: Scenario) -> dict[str, TableOfStop]:
     }
 
 
-def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfStop:
+def _table_of(scenario: Scenario, path: Path, table: MeasuredForces) -> TableOfStop:
     """The table at a path; both stops of a pair have the same."""
     file = None
     if table.file is not None:
-        file = find_file(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
+        file = find_file(table.file, scenario.folder_of(*path, "file"), scenario.folder_of(*path))
         if not os.path.lexists(file):
             remedy = "give its path, relative to the folder of the scenario"
-            raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
+            raise ScenarioError(problem(path, f"= {table.file} does not exist", remedy))
     try:
         changed = 0 if file is None else _last_change(file)
         as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
         measured = _table(as_given, file, changed)  # is fitted once for all factors
     except InvalidValueError as error:
-        where = at if file is not None else (*at, *error.at)
+        where = path if file is not None else (*path, *error.at)
         raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
     except InputFileError as fault:
-        raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
+        raise ScenarioError(problem(path, _of_file(file, ()) + fault.message, fault.remedy)) from None
     except ValueError as error:  # no curve fits the points
         remedy = "it needs a column of deflections and one of forces, from zero on"
-        raise ScenarioError(problem(at, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
+        raise ScenarioError(problem(path, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
     segments = measured.curve.slopes.size
     if len(table.segment_factors) not in (0, segments):
         values = count_text(len(table.segment_factors), "value")
         message = f"has {values}, and the curve has {count_text(segments, 'segment')}"
         remedy = "give one factor for each segment, [1, 1, ...] to begin with"
-        raise ScenarioError(problem((*at, "segment_factors"), message, remedy))
+        raise ScenarioError(problem((*path, "segment_factors"), message, remedy))
     return measured.scaled(table.scale, table.segment_factors)
 
 
@@ -105,10 +105,10 @@ def _last_change(file: FilePath) -> int:
         return os.fstat(opened.fileno()).st_mtime_ns
 
 
-def _of_file(file: FilePath | None, at: Sequence[str | int]) -> str:
+def _of_file(file: FilePath | None, path: Sequence[str | int]) -> str:
     if file is None:
         return ""
-    row = next((f", row {part + 1} of the numbers" for part in at if isinstance(part, int)), "")
+    row = next((f", row {part + 1} of the numbers" for part in path if isinstance(part, int)), "")
     return f"= {file.name}{row} "
 
 

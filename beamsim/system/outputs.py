@@ -128,9 +128,9 @@ class _OutputContext:
             load[0, self.model.acting.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
-    def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
+    def _channel(self, output: Any, place_text: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
         rows, unit = self.sizes.rows(count, **given), self.model.scenario.output_unit(output)
-        return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
+        return Channel("outputs", output.name, output.kind, unit, rows, place_text, squared)
 
     def _recovered_channel(self, output: Any) -> Channel:
         name = output.body or self.model.scenario.default_body
@@ -204,7 +204,7 @@ class _OutputContext:
         rows[:, self.sizes.slices["contact"]] += np.array(levers) * self.contacts.sign
         return replace(channel, rows=rows)
 
-    def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> Channel:
+    def _summed(self, output: Any, place_text: str, supports: Sequence[tuple[float, Support]]) -> Channel:
         """The sum of the forces of supports, each with a factor."""
         scenario, structure = self.model.scenario, self.model.structure
         vectors = self.model.basis.vectors / np.sqrt(structure.mass_scale)
@@ -219,7 +219,7 @@ class _OutputContext:
             return np.array([share(site) for site in sites]).reshape(len(sites))
 
         if not supports:
-            return self._channel(output, at)
+            return self._channel(output, place_text)
         moving = self.model.base or UPWARDS
         base, displaced = total(lambda force: force.base_forces(moving))
         weight = 0.0
@@ -236,7 +236,7 @@ class _OutputContext:
             load[number[acting.base[0], "displacement"]] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(
-            output, at,
+            output, place_text,
             acceleration=np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
             velocity=np.atleast_2d(total(lambda force: force.velocity @ vectors)),
             base_acceleration=np.array([base], dtype=float),
