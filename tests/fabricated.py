@@ -16,9 +16,9 @@ from beamsim.analyses.studies.responses import limited_response, means
 from beamsim.cases import CaseOutcome
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import with_verdicts
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.structures.places import ALONG, MASSES, Recovery, Stations
+from beamsim.structures.places import ALONG_BEAM, MASSES, Recovery, Stations
 from beamsim.system.structural import MODES, contact_units
 
 YAML = """\
@@ -42,7 +42,7 @@ class FabricatedScenario:
     limits: None = None
     all_bodies: dict[str, object] = field(default_factory=dict)
     effective_probes: tuple[object, ...] = ()
-    located_snubbers: tuple[Located, ...] = ()
+    located_snubbers: tuple[LocatedItem, ...] = ()
     run: object = field(default_factory=lambda: SimpleNamespace(low_pass=None))
 
     def to_yaml(self) -> str:
@@ -108,7 +108,7 @@ def fabricate(
         "position": x, "peak_bending_stress": 2e7 * (1 - x / 0.27), "static_shape": -2e-5 * curve,
         "extreme_time": np.array([0.3, 0.2]), "extreme_shape": np.array([-1e-4 * curve, 4e-4 * curve]),
     }  # fmt: skip
-    body = ("chain", MASSES) if chain else ("beam", ALONG)
+    body = ("chain", MASSES) if chain else ("beam", ALONG_BEAM)
     stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])
     of_modes = {
         "mode": np.array([1, 2]), "open_frequencies_hz": np.array([52.7, 328.5]),

@@ -11,8 +11,8 @@ from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fitted_numbers, hin
 from beamsim.outcomes import COMPLETE, MOST_LISTED, Outcome, OutcomeKind, first_of
 from beamsim.typing import Complexes, Floats, Ints
 
-NO_STIFFNESS = 1e-6  # of the branches, below which a spring has ended at zero
-REACH = 10.0  # beyond the measured range, over which times are sought
+NEGLIGIBLE_STIFFNESS = 1e-6  # of the branches, below which a spring has ended at zero
+TIME_RANGE_FACTOR = 10.0  # beyond the measured range, over which times are sought
 
 
 @dataclass(frozen=True)
@@ -23,21 +23,23 @@ class BranchFit:
     branches: tuple[MaxwellBranch, ...]
     misfit: float  # root mean square of the relative errors
     least_misfit: float  # the same with as many branches as there could be
-    at_limit: tuple[float, ...]  # s, times that are not determined: at the limit of what was measured
+    undetermined_times: tuple[float, ...]  # s, times that are not determined: at the limit of what was measured
 
     @property
     def outcome(self) -> Outcome:
         """Not reliable where the fit ended at its bounds: times beyond the measurements, or no stiffness at rest."""
         ended = []
-        if self.at_limit:
-            times = first_of([f"{time:.3g} s" for time in self.at_limit], MOST_LISTED)
+        if self.undetermined_times:
+            times = first_of([f"{time:.3g} s" for time in self.undetermined_times], MOST_LISTED)
             ended.append(f"relaxation times at the limit of what was measured on the pad: {times}")
-        if self.springs.max() <= NO_STIFFNESS * sum(branch.stiffness for branch in self.branches):
+        if self.springs.max() <= NEGLIGIBLE_STIFFNESS * sum(branch.stiffness for branch in self.branches):
             ended.append("the pad has no stiffness left after a long rest in these measurements")
         if not ended:
             return COMPLETE
         remedy = "measure longer, slower or faster, or allow fewer branches"
-        return Outcome.of(OutcomeKind.UNTRUSTED, "at_bound", "; ".join(ended), remedy=remedy, times=self.at_limit)
+        return Outcome.of(
+            OutcomeKind.UNTRUSTED, "at_bound", "; ".join(ended), remedy=remedy, times=self.undetermined_times
+        )
 
     @property
     def stiffness(self) -> float:
@@ -104,7 +106,7 @@ def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: i
         return np.vstack([columns.real, columns.imag])
 
     target = measured / np.abs(measured)
-    span = 1.0 / (float(omega.max()) * REACH), REACH / float(omega.min())
+    span = 1.0 / (float(omega.max()) * TIME_RANGE_FACTOR), TIME_RANGE_FACTOR / float(omega.min())
     return _fit(matrix, np.concatenate([target.real, target.imag]), omega.size, span, branches)
 
 
@@ -128,7 +130,7 @@ def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None,
     def matrix(times: Floats) -> Floats:
         return _relaxing(time, times, ramp) / stiffness[:, None]
 
-    span = float(time[time > 0.0].min()) / REACH, float(time.max()) * REACH
+    span = float(time[time > 0.0].min()) / TIME_RANGE_FACTOR, float(time.max()) * TIME_RANGE_FACTOR
     return _fit(matrix, np.ones(time.size), time.size, span, branches)
 
 
@@ -214,23 +216,23 @@ def _relaxing(time: Floats, times: Floats, ramp: float) -> Floats:
     return np.hstack([loaded / ramp, -times / ramp * np.expm1(-loaded / times) * held])
 
 
-TIMES_OF_BEST = 60  # of the fit that is as good as any number of branches can be
+DENSE_FIT_TIMES = 60  # of the fit that is as good as any number of branches can be
 
 
 def _fit(
-    matrix: Callable[[Floats], Floats], target: Floats, points: int, span: tuple[float, float], wanted: int | None,
-    springs: int = 1,
+    matrix: Callable[[Floats], Floats], target: Floats, point_count: int, time_range: tuple[float, float],
+    branch_count: int | None, springs: int = 1,
 ) -> BranchFit:  # fmt: skip
-    low, high = np.log(span)
-    grid = np.linspace(low, high, TIMES_OF_BEST)
+    low, high = np.log(time_range)
+    grid = np.linspace(low, high, DENSE_FIT_TIMES)
     dense, square = fitted_numbers(matrix(np.exp(grid)), target)
-    best = least = np.sqrt(square / points)
-    most = min(8, points) if wanted is None else wanted
+    best = least = np.sqrt(square / point_count)
+    most = min(8, point_count) if branch_count is None else branch_count
     found: tuple[Floats, Floats, float] | None = None
-    for count in range(0 if wanted is None else wanted, most + 1):
+    for count in range(0 if branch_count is None else branch_count, most + 1):
         found = _of_count(matrix, target, count, grid, dense[springs:])
         # so near the best misfit further branches are not worth it
-        if np.sqrt(found[2] / points) <= max(1.2 * best, best + 3e-3):
+        if np.sqrt(found[2] / point_count) <= max(1.2 * best, best + 3e-3):
             break
     assert found is not None
     times, k, square = found
@@ -240,7 +242,7 @@ def _fit(
     return BranchFit(
         k[:springs],
         tuple(MaxwellBranch(float(k[springs + i]), float(times[i])) for i in kept),
-        float(np.sqrt(square / points)),
+        float(np.sqrt(square / point_count)),
         float(least),
         tuple(float(times[i]) for i in kept if times[i] < 1.01 * ends[0] or times[i] > 0.99 * ends[1]),
     )

@@ -11,8 +11,8 @@ import numpy as np
 from beamsim.contacts.laws import (
     CONSTANT,
     INTERNAL,
+    NORMAL_FORCE,
     PENETRATION,
-    PRESSING,
     ContactLaw,
     LawArrays,
     OneSidedSpring,
@@ -50,14 +50,14 @@ class Contacts:
     base_influence: Floats = field(
         init=False
     )  # (m,) as ``base_participations`` of what is on the ground; 0 of what is on the base
-    presser: Ints = field(init=False)  # (m,) as ``pressed_by``
-    pressed: Ints = field(init=False)  # contacts that the force of another one presses
-    pressing: Ints = field(init=False)  # of each of them the contact that presses it
+    normal_contact: Ints = field(init=False)  # (m,) as ``pressed_by``
+    pressed_contacts: Ints = field(init=False)  # contacts that the force of another one presses
+    pressing_contacts: Ints = field(init=False)  # of each of them the contact that presses it
     internal_states: int = field(init=False)  # r, of all contacts; they follow (q, q') in the state, by contact
-    states: Ints = field(init=False)  # (m,) number of internal states of each contact
-    first: Ints = field(init=False)  # (m,) index of each contact's first one among all
-    owner: Ints = field(init=False)  # (r,) contact of each internal state
-    column: Ints = field(init=False)  # (r,) column of each internal state in the rows of its contact's law
+    state_counts: Ints = field(init=False)  # (m,) number of internal states of each contact
+    first_state: Ints = field(init=False)  # (m,) index of each contact's first one among all
+    state_owner: Ints = field(init=False)  # (r,) contact of each internal state
+    state_column: Ints = field(init=False)  # (r,) column of each internal state in the rows of its contact's law
     may_stick_rigidly: Bools = field(init=False)  # (m,) whether a phase of each contact sticks rigidly
     any_sticks_rigidly: bool = field(init=False)  # whether any phase of any contact sticks rigidly
     start: Ints = field(init=False)  # (m,) phases from which the search for those of a given motion starts
@@ -67,27 +67,27 @@ class Contacts:
         self.count = m = len(self.laws)
         self.base_participations = np.ones(m) if self.base_participation is None else self.base_participation
         self.base_influence = self.on_ground * self.base_participations
-        self.presser = np.full(m, -1) if self.pressed_by is None else self.pressed_by
-        self.pressed = np.flatnonzero(self.presser >= 0)
-        self.pressing = self.presser[self.pressed]
-        self.states = np.array([law.internal_states for law in self.laws], dtype=np.int64)
-        self.internal_states = int(self.states.sum())
-        self.first = np.asarray(np.cumsum(self.states) - self.states)
-        self.owner = np.repeat(np.arange(m), self.states)
-        self.column = INTERNAL + np.arange(self.internal_states) - self.first[self.owner]
+        self.normal_contact = np.full(m, -1) if self.pressed_by is None else self.pressed_by
+        self.pressed_contacts = np.flatnonzero(self.normal_contact >= 0)
+        self.pressing_contacts = self.normal_contact[self.pressed_contacts]
+        self.state_counts = np.array([law.internal_states for law in self.laws], dtype=np.int64)
+        self.internal_states = int(self.state_counts.sum())
+        self.first_state = np.asarray(np.cumsum(self.state_counts) - self.state_counts)
+        self.state_owner = np.repeat(np.arange(m), self.state_counts)
+        self.state_column = INTERNAL + np.arange(self.internal_states) - self.first_state[self.state_owner]
         self.start = np.array([law.start for law in self.laws], dtype=np.int64)
         self.may_stick_rigidly = np.array(
             [any(phase.sticks_rigidly for phase in law.phases) for law in self.laws], dtype=bool
         )
         self.any_sticks_rigidly = bool(self.may_stick_rigidly.any())
-        self.jointly_acting = self.any_sticks_rigidly or self.pressed.size > 0
-        if self.pressed.size:
+        self.jointly_acting = self.any_sticks_rigidly or self.pressed_contacts.size > 0
+        if self.pressed_contacts.size:
             self._check_pressing()
 
     def _check_pressing(self) -> None:
         """Refuse a slider that would have to follow a force whose rate depends on accelerations."""
-        for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
-            follows_rate = any(guard.row.pressing_rate for phase in self.laws[j].phases for guard in phase.guards)
+        for j, i in zip(self.pressed_contacts.tolist(), self.pressing_contacts.tolist(), strict=True):
+            follows_rate = any(guard.row.normal_force_rate for phase in self.laws[j].phases for guard in phase.guards)
             if follows_rate and self.laws[i].arrays.force[:, 1].any():
                 raise MethodError(
                     f"contact {j + 1}",
@@ -111,7 +111,7 @@ class Contacts:
     @cached_property
     def sliders(self) -> Ints:
         """Numbers of the internal states that rest but where a contact slides or yields."""
-        return np.flatnonzero(np.array([law.rubs for law in self.laws], dtype=bool)[self.owner])
+        return np.flatnonzero(np.array([law.slides_or_yields for law in self.laws], dtype=bool)[self.state_owner])
 
     @cached_property
     def stiffness(self) -> Floats:
@@ -136,8 +136,8 @@ class Contacts:
     @cached_property
     def damped(self) -> bool:
         """Whether any phase dissipates."""
-        resisted = any(p.lost.rate != 0.0 for law in self.laws for p in law.phases)
-        return resisted or self.internal_states > 0 or any(law.rubs for law in self.laws)
+        resisted = any(p.dissipative_force.rate != 0.0 for law in self.laws for p in law.phases)
+        return resisted or self.internal_states > 0 or any(law.slides_or_yields for law in self.laws)
 
     @property
     def one_sided(self) -> bool:
@@ -170,13 +170,13 @@ class Contacts:
         first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
         return Contacts(
             self.shape[owner], direction * self.sign[owner], direction * self.gap[owner] + offset,
-            self.on_ground[owner], laws, self.base_participations[owner], first[self.presser][owner],
+            self.on_ground[owner], laws, self.base_participations[owner], first[self.normal_contact][owner],
         )  # fmt: skip
 
     @cached_property
     def _parts(self) -> list[tuple[OneSidedSpring | None, ...]]:
         """Of each contact its one-sided springs; None where it stays as it is."""
-        whole = set(self.pressing.tolist())
+        whole = set(self.pressing_contacts.tolist())
         return [
             (None,) if law.rebuild is not None or law.one_sided_springs is None or j in whole else law.one_sided_springs
             for j, law in enumerate(self.laws)
@@ -196,12 +196,12 @@ class Contacts:
 
     def first_with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
-        theirs = np.where(others.presser < 0, -1, others.presser + self.count)
+        theirs = np.where(others.normal_contact < 0, -1, others.normal_contact + self.count)
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
             self.laws + others.laws, np.concatenate([self.base_participations, others.base_participations]),
-            np.concatenate([self.presser, theirs]),
+            np.concatenate([self.normal_contact, theirs]),
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
@@ -242,13 +242,18 @@ class Contacts:
 
     def pressing_extensions(self, phases: Ints) -> Floats:
         """Extension of the spring of each of `pressed` for a unit pressing force, m/N, in phases (..., m)."""
-        place = self.pressed, phases[..., self.pressed]
-        strained, factor = self.arrays.energy[(*place, PRESSING, PRESSING)], self.arrays.lost[(*place, PRESSING)]
+        place = self.pressed_contacts, phases[..., self.pressed_contacts]
+        strained, factor = (
+            self.arrays.energy[(*place, NORMAL_FORCE, NORMAL_FORCE)],
+            self.arrays.dissipative_force[(*place, NORMAL_FORCE)],
+        )
         return np.asarray(np.divide(strained, factor, out=np.zeros_like(factor), where=factor != 0.0))
 
     def presses(self, phases: Ints) -> bool:
         """Whether a force of one contact depends on that of another in these phases."""
-        return bool(self.arrays.lost[self.pressed, phases[self.pressed], PRESSING].any())
+        return bool(
+            self.arrays.dissipative_force[self.pressed_contacts, phases[self.pressed_contacts], NORMAL_FORCE].any()
+        )
 
     def closed(self, phases: Ints) -> Bools:
         """Whether each contact touches; ``phases`` is (..., m)."""
@@ -268,34 +273,34 @@ class Contacts:
         touching = self.arrays.closed.astype(np.int64)
         return np.asarray(touching[contact, after] - touching[contact, before])
 
-    def phases_after(self, phases: Ints, contact: int, following: int) -> Ints:
+    def phases_after(self, phases: Ints, contact: int, new_phase: int) -> Ints:
         """The phases after an event.
 
         Parameters
         ----------
         phases : (m,) before it.
         contact : that changes its phase; where it touches or lets go, those that it presses change theirs.
-        following : the contact's new phase.
+        new_phase : the contact's new phase.
 
         Returns
         -------
         (m,) phases.
         """
         phases = phases.copy()
-        for j in self.pressed[self.pressing == contact].tolist():
+        for j in self.pressed_contacts[self.pressing_contacts == contact].tolist():
             touching, then = (
                 self.arrays.closed[contact],
                 self.laws[j].phases[phases[j]].phase_when_normal_contact_changes,
             )
-            if touching[following] != touching[phases[contact]] and then is not None:
+            if touching[new_phase] != touching[phases[contact]] and then is not None:
                 phases[j] = then
-        phases[contact] = following
+        phases[contact] = new_phase
         return phases
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:
         """The phases from which the search starts, with ``start`` (m,) of the contacts that a touching one presses."""
         phases, touches = phases.copy(), self.closed(phases)
-        for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
+        for j, i in zip(self.pressed_contacts.tolist(), self.pressing_contacts.tolist(), strict=True):
             released = self.laws[j].phases[start[j]].phase_when_normal_contact_changes
             phases[j] = start[j] if touches[i] or released is None else released
         return phases
@@ -339,7 +344,7 @@ class Contacts:
         """
         row = self.arrays.force[np.arange(self.count), phases]
         own = np.zeros((internal.shape[0], self.count, row.shape[-1] - INTERNAL))
-        own[:, self.owner, self.column - INTERNAL] = internal
+        own[:, self.state_owner, self.state_column - INTERNAL] = internal
         force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
         return np.asarray(force + np.sum(row[..., INTERNAL:] * own, axis=-1))
 
@@ -355,14 +360,14 @@ class Contacts:
         (nt,) J.
         """
         pressing = np.zeros_like(penetration)
-        if self.pressed.size:
+        if self.pressed_contacts.size:
             forces = self.forces(phases, penetration, np.zeros_like(penetration), internal)
-            pressing[:, self.pressed] = forces[:, self.pressing]
+            pressing[:, self.pressed_contacts] = forces[:, self.pressing_contacts]
         energy = np.zeros(penetration.shape[0])
         for j, law in enumerate(self.laws):
-            own = internal[:, self.first[j] : self.first[j] + self.states[j]]
+            own = internal[:, self.first_state[j] : self.first_state[j] + self.state_counts[j]]
             z = np.column_stack([penetration[:, j], np.ones(energy.size), pressing[:, j], own])
-            columns = [PENETRATION, CONSTANT, PRESSING, *range(INTERNAL, INTERNAL + own.shape[1])]
+            columns = [PENETRATION, CONSTANT, NORMAL_FORCE, *range(INTERNAL, INTERNAL + own.shape[1])]
             for k in range(len(law.phases)):
                 now = np.flatnonzero(np.broadcast_to(phases, penetration.shape)[:, j] == k)
                 energy[now] += 0.5 * np.sum(z[now] @ law.arrays.energy[k][np.ix_(columns, columns)] * z[now], axis=1)
@@ -372,24 +377,28 @@ class Contacts:
         """(m,) whether the force of each contact is what keeps its penetration."""
         return np.asarray(self.arrays.sticks_rigidly[np.arange(self.count), phases])
 
-    def slides(self, phases: Ints) -> Floats:
+    def sliding_directions(self, phases: Ints) -> Floats:
         """(..., m) +1 or -1, the direction in which each contact slides, 0 where it does not, in phases (..., m)."""
-        return np.asarray(self.arrays.slides[np.arange(self.count), phases])
+        return np.asarray(self.arrays.sliding_direction[np.arange(self.count), phases])
 
     @cached_property
     def lossy(self) -> Ints:
         """Contacts that lose work otherwise than by dashpots and constant friction: that yield, or fall with speed."""
         a = self.arrays
-        own = (a.lost[:, :, 0] != 0.0) | (a.lost[:, :, 1] < 0.0) | ((a.lost[:, :, 2] != 0.0) & (a.slides == 0.0))
+        own = (
+            (a.dissipative_force[:, :, 0] != 0.0)
+            | (a.dissipative_force[:, :, 1] < 0.0)
+            | ((a.dissipative_force[:, :, 2] != 0.0) & (a.sliding_direction == 0.0))
+        )
         return np.flatnonzero(own.any(axis=1))
 
-    def starting_phases(self, rate: Floats, least: Floats) -> Ints:
-        """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none.
+    def starting_phases(self, rate: Floats, smallest_rate: Floats) -> Ints:
+        """(m,) phases from which the search starts at penetration rates, m/s; those below ``smallest_rate`` are none.
 
         A face that holds at rest and moves slides against its force.
         """
         phases = self.start.copy()
-        for j in np.flatnonzero(self.may_stick_rigidly & (np.abs(rate) > least)).tolist():
+        for j in np.flatnonzero(self.may_stick_rigidly & (np.abs(rate) > smallest_rate)).tolist():
             start = self.laws[j].phases[phases[j]]
             if start.sticks_rigidly:
                 phases[j] = next(guard.next for guard in start.guards if guard.row.reaction * rate[j] < 0.0)
@@ -401,7 +410,11 @@ class Contacts:
 
     def pressing_losses(self, before: Ints, after: Ints) -> Floats:
         """The same of each of `pressed` for a unit of the pressing force squared, m/N."""
-        return np.asarray(self.arrays.event_loss[self.pressed, before[:, self.pressed], after[:, self.pressed], 1])
+        return np.asarray(
+            self.arrays.event_loss[
+                self.pressed_contacts, before[:, self.pressed_contacts], after[:, self.pressed_contacts], 1
+            ]
+        )
 
     def penetrations(self, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
         """(nt, m) m and m/s, penetrations and their rates.
@@ -447,5 +460,5 @@ class Contacts:
         It is the penetration less an extension, whose constant, m, and factor of the pressing force, m/N, are given.
         """
         given = [(j, law.phases[phases[j]].restart_extension) for j, law in enumerate(self.laws)]
-        of = [(j, row.constant, row.pressing) for j, row in given if row is not None]
+        of = [(j, row.constant, row.normal_force) for j, row in given if row is not None]
         return np.array([j for j, *_ in of], dtype=np.int64), np.array([row for _, *row in of]).reshape(-1, 2)

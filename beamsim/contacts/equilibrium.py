@@ -25,11 +25,11 @@ from beamsim.typing import Bools, Floats, Ints
 
 _ROUND_OFF = 1e-10  # relative, of loads and gaps
 _ON_NODE = 1e-13  # of a deflection: so little of it in a rigid-body motion is zero
-_CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
+_CANCELLATION = 1e-13  # of the parts of a sum: what is left where they cancel
 _SPLIT = 2.0**27 + 1.0  # times a number, which leaves the upper half of its digits
 
-UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
-FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
+UNBALANCED_MESSAGE = "the loads are not in balance: no support or snubber can hold the structure against them"
+FLOATING_MESSAGE = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,15 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    ground: Floats | None = None  # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
+    base_participation: Floats | None = (
+        None  # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
+    )
     count: int = field(init=False)
     base_influence: Floats = field(init=False)  # (nc,) as ``ground``
 
     def __post_init__(self) -> None:
         self.count = int(self.stiffness.size)
-        self.base_influence = np.ones(self.count) if self.ground is None else self.ground
+        self.base_influence = np.ones(self.count) if self.base_participation is None else self.base_participation
 
     def extension(self, q: Floats, base: Floats | float) -> Floats:
         """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
@@ -80,7 +82,7 @@ class Equilibrium:
     q: Floats | None  # (n,)
     force: Floats  # (m,) N, of springs or contacts (nan without equilibrium)
     reason: str = ""  # empty if q exists and is unique
-    one_of_many: Floats | None = None  # (n,) where it exists and is not unique
+    nonunique_q: Floats | None = None  # (n,) where it exists and is not unique
 
 
 def find_equilibrium(
@@ -118,10 +120,10 @@ def find_equilibrium(
     if load.any() or np.any(springs.gap < 0.0):  # else it stays where it is drawn
         reached = _energy_minimum(energy, rigid)
         if reached is None:
-            return Equilibrium(None, nothing, UNBALANCED)
+            return Equilibrium(None, nothing, UNBALANCED_MESSAGE)
         found = reached
     if (rigid or energy.softens) and not _unique(energy, *found):  # else every motion meets a stiffness
-        return Equilibrium(None, nothing, FLOATS, found[0])
+        return Equilibrium(None, nothing, FLOATING_MESSAGE, found[0])
     return Equilibrium(*found)
 
 
@@ -143,7 +145,7 @@ def _minimum(energy: _Energy) -> Floats:
     q, settled = np.zeros_like(energy.stiffness), 0
     for _ in range(200):
         gradient, size, _ = energy.slope(q)
-        if settled == 3 or np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
+        if settled == 3 or np.abs(gradient).max(initial=0.0) <= _CANCELLATION * size:
             break
         closed = energy.penetration(q) > 0
         step = _Newton(energy, q, closed).step(gradient, np.zeros(int(closed.sum())))[: q.size]
@@ -160,11 +162,11 @@ def _minimum(energy: _Energy) -> Floats:
     return q
 
 
-def _zero(along: Callable[[float], float]) -> float:
+def _zero(slope: Callable[[float], float]) -> float:
     """Where between 0 and 1 a rising function changes its sign."""
     low, high = 0.0, 1.0
     while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (middle, high) if along(middle) < 0.0 else (low, middle)
+        low, high = (middle, high) if slope(middle) < 0.0 else (low, middle)
     return high
 
 
@@ -227,9 +229,9 @@ def _refine(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
         closed[closed] = pushes
 
 
-def _sums(matrix: Floats, value: Floats, rest: Floats, others: Floats) -> Floats:
-    """(k,) ``matrix @ (value + rest)`` and all that is next to it in a row of ``others`` (k, any), rounded once."""
-    products = np.hstack([*_exact_products(matrix, value), matrix * rest, others])
+def _sums(matrix: Floats, high_part: Floats, low_part: Floats, terms: Floats) -> Floats:
+    """(k,) ``matrix @ (value + rest)`` and all that is next to it in a row of ``terms`` (k, any), rounded once."""
+    products = np.hstack([*_exact_products(matrix, high_part), matrix * low_part, terms])
     return np.array([math.fsum(row) for row in products])
 
 
@@ -244,10 +246,10 @@ def _exact_products(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     return product, a2 * b2 - (((product - a1 * b1) - a2 * b1) - a1 * b2)
 
 
-def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
+def _cubic_forces(cubic: CubicSprings, q: Floats, low_part: Floats) -> Floats:
     """(n, any) numbers whose sums are the forces of cubic springs on the coordinates ``q + rest``."""
-    extension = _sums(cubic.shape, q, rest, np.zeros((cubic.count, 1)))
-    of_extension = _sums(cubic.shape, q, rest, -extension[:, None])
+    extension = _sums(cubic.shape, q, low_part, np.zeros((cubic.count, 1)))
+    of_extension = _sums(cubic.shape, q, low_part, -extension[:, None])
     exact = [Fraction(k) * (Fraction(x) + Fraction(y)) ** 3 for k, x, y in zip(
         cubic.stiffness.tolist(), extension.tolist(), of_extension.tolist(), strict=True
     )]  # fmt: skip
@@ -256,12 +258,12 @@ def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
     return np.hstack([*_exact_products(cubic.shape.T, force), cubic.shape.T * of_force])
 
 
-def _can_balance(away: Floats, push: Floats) -> bool:
+def _can_balance(opening_directions: Floats, load: Floats) -> bool:
     """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid-body motion has no bound)."""
-    size = float(np.linalg.norm(push))
-    if size == 0.0 or away.shape[0] == 0:
+    size = float(np.linalg.norm(load))
+    if size == 0.0 or opening_directions.shape[0] == 0:
         return size == 0.0
-    return fitted_numbers(away.T, -push / size)[1] <= _ROUND_OFF**2
+    return fitted_numbers(opening_directions.T, -load / size)[1] <= _ROUND_OFF**2
 
 
 def _compresses_a_stop(stops: Floats) -> bool:
@@ -276,9 +278,9 @@ def _compresses_a_stop(stops: Floats) -> bool:
     return bool(fitted_numbers(stops.T, -stops.sum(axis=0))[1] <= (_ROUND_OFF * stops.shape[0]) ** 2)
 
 
-def _loose(away: Floats) -> Floats:
+def _loose(opening_directions: Floats) -> Floats:
     """(l, r) orthonormal rigid-body motions without deflection at the given contacts."""
-    return np.asarray(null_space(away, rcond=_ROUND_OFF).T)
+    return np.asarray(null_space(opening_directions, rcond=_ROUND_OFF).T)
 
 
 @dataclass(eq=False)
@@ -310,7 +312,7 @@ class _Energy:
             -self.load,
         )
         cancelling = np.abs(self.springs.gap) + np.abs(self.normal) @ np.abs(q)
-        noise = _CANCELLED * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
+        noise = _CANCELLATION * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
         at_rest = self.normal.T @ (k * np.maximum(-self.springs.gap, 0.0))  # a prestress that is gone leaves round-off
         size = float(max(np.abs(t).max(initial=0.0) for t in (*terms, 0.01 * at_rest)))
         return np.asarray(sum(terms)), size, float(noise.max(initial=0.0))
@@ -377,7 +379,7 @@ def _unresisted(stiffness: Floats, closed: Springs) -> Floats:
     _, first, contact = np.unique(parts, return_index=True, return_inverse=True)
     both = closed.stiffness, np.abs(closed.stiffness)
     slope, size = (np.bincount(contact, weights=k, minlength=first.size) for k in both)
-    slope[np.abs(slope) <= _CANCELLED * size] = 0.0  # parts of a law that cancel
+    slope[np.abs(slope) <= _CANCELLATION * size] = 0.0  # parts of a law that cancel
     shape = closed.shape[first]
     held, softened = shape[slope > 0], shape[slope < 0]
     n, rigid = stiffness.size, int(np.sum(stiffness == 0.0))

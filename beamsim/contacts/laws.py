@@ -42,8 +42,8 @@ import numpy as np
 
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-SLIGHT = 1e-9  # m, penetration at which a contact has just been made
-PENETRATION, RATE, CONSTANT, PRESSING, PRESSING_RATE, REACTION, INTERNAL = range(7)  # columns of `LawRow.array`
+JUST_CLOSED_PENETRATION = 1e-9  # m, penetration at which a contact has just been made
+PENETRATION, RATE, CONSTANT, NORMAL_FORCE, NORMAL_FORCE_RATE, REACTION, INTERNAL = range(7)  # columns of `LawRow.array`
 
 
 class LawRow(NamedTuple):
@@ -53,20 +53,20 @@ class LawRow(NamedTuple):
     rate: float = 0.0
     constant: float = 0.0
     internal: tuple[float, ...] = ()  # (r,) of the internal states
-    pressing: float = 0.0  # of the force of the contact that presses this one
-    pressing_rate: float = 0.0  # of that force's rate
+    normal_force: float = 0.0  # of the force of the contact that presses this one
+    normal_force_rate: float = 0.0  # of that force's rate
     reaction: float = 0.0  # of the contact's own force, in a phase that holds
 
     def array(self, internal_states: int) -> Floats:
         """(6 + r,) factors: penetration, rate, 1; pressing force, its rate, reaction; internal states."""
         row = np.zeros(INTERNAL + internal_states)
-        row[:INTERNAL] = *self[:PRESSING], self.pressing, self.pressing_rate, self.reaction
+        row[:INTERNAL] = *self[:NORMAL_FORCE], self.normal_force, self.normal_force_rate, self.reaction
         row[INTERNAL : INTERNAL + len(self.internal)] = self.internal
         return row
 
     def of_scaled_forces(self, factor: float) -> LawRow:
         """The function that has the same value where all forces are multiplied by a factor."""
-        of_forces = {name: getattr(self, name) for name in ("pressing", "pressing_rate", "reaction")}
+        of_forces = {name: getattr(self, name) for name in ("normal_force", "normal_force_rate", "reaction")}
         return self._replace(**{name: number / factor for name, number in of_forces.items() if number})
 
 
@@ -99,11 +99,13 @@ class Phase:
     guards: tuple[Guard, ...]
     closed: bool  # shown to users as closed; of friction whether it sticks
     springs: tuple[LawSpring, ...] = ()
-    lost: LawRow = field(default_factory=LawRow)  # the part of the force whose work is lost: c, R, r and mu
+    dissipative_force: LawRow = field(
+        default_factory=LawRow
+    )  # the part of the force whose work is lost: c, R, r and mu
     rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
-    losses: tuple[float, ...] = ()  # (r,) l, N s/m
+    state_dashpots: tuple[float, ...] = ()  # (r,) l, N s/m
     sticks_rigidly: bool = False  # the force is what keeps the penetration at its value
-    slides: float = 0.0  # +1 or -1, the direction in which friction slides; 0 where it does not
+    sliding_direction: float = 0.0  # +1 or -1, the direction in which friction slides; 0 where it does not
     # m; where the internal state does not tell the phase, a motion is started again with the penetration less this
     restart_extension: LawRow | None = None
     # phase that follows where the contact that presses it begins or ceases to touch
@@ -116,9 +118,9 @@ class Phase:
 
 
 _AXES = {  # of the arrays of a law after that of its phases
-    "closed": "", "opening": "C", "force": "C", "lost": "C", "energy": "CC", "rates": "rC", "losses": "r",
-    "coupled": "", "sticks_rigidly": "", "slides": "", "guards": "", "guard": "GC", "next": "G", "resets": "G",
-    "reset": "GrC", "event_loss": "P2",
+    "closed": "", "opening": "C", "force": "C", "dissipative_force": "C", "energy": "CC", "rates": "rC",
+    "state_dashpots": "r", "coupled": "", "sticks_rigidly": "", "sliding_direction": "", "guards": "", "guard": "GC",
+    "next": "G", "resets": "G", "reset": "GrC", "event_loss": "P2",
 }  # fmt: skip
 _TYPES = {"closed": bool, "coupled": bool, "sticks_rigidly": bool, "resets": bool, "guards": np.int64, "next": np.int64}
 
@@ -129,13 +131,13 @@ class LawArrays(NamedTuple):
     closed: Bools  # (P,)
     opening: Floats  # (P, C) distance to the face of a stop as it is in a phase, m: that after which contact is made
     force: Floats  # (P, C) the force's row
-    lost: Floats  # (P, C) the part whose work is lost
+    dissipative_force: Floats  # (P, C) the part whose work is lost
     energy: Floats  # (P, C, C) Q of the energy z^T Q z / 2, z as for `LawRow.array`
     rates: Floats  # (P, r, C) rows of the rates of the internal states
-    losses: Floats  # (P, r) power lost with the square of these rates, N s/m
+    state_dashpots: Floats  # (P, r) power lost with the square of these rates, N s/m
     coupled: Bools  # (P,) whether internal states and structure move together: one drives the other
     sticks_rigidly: Bools  # (P,)
-    slides: Floats  # (P,)
+    sliding_direction: Floats  # (P,)
     guards: Ints  # (P,) number of guards
     guard: Floats  # (P, G, C) their rows
     next: Ints  # (P, G) phase that follows
@@ -161,11 +163,11 @@ class OneSidedSpring:
     offset: float  # m
 
 
-class Border(NamedTuple):
+class PhaseBoundary(NamedTuple):
     """Where a small motion about rest leaves a phase."""
 
-    of_force: bool  # at a force, N; else at a penetration, m
-    rest: float  # force or penetration at rest
+    is_force: bool  # at a force, N; else at a penetration, m
+    value_at_rest: float  # force or penetration at rest
     direction: float  # +1 or -1, to which it lies
     distance: float  # from rest, not negative
 
@@ -209,8 +211,10 @@ class ContactLaw:
 
     # what follows from these
     static_springs: tuple[OneSidedSpring, ...] = field(init=False)  # that push as it does after a long rest
-    needs_pressing: bool = field(init=False)  # whether its force depends on that of another contact, which presses it
-    rubs: bool = field(init=False)  # whether it loses work in a phase of its own, as dry friction does
+    needs_normal_contact: bool = field(
+        init=False
+    )  # whether its force depends on that of another contact, which presses it
+    slides_or_yields: bool = field(init=False)  # whether it loses work in a phase of its own, as dry friction does
     yields: bool = field(init=False)  # whether it is a stop that stays crushed: open, its face is where its slider is
     latches: bool = field(init=False)  # whether it has a phase that nothing ends
     linear_in_contact: bool = field(init=False)  # whether it is a stiffness and a dashpot while it touches, alone
@@ -225,11 +229,11 @@ class ContactLaw:
         springs = self.one_sided_springs if self.static is None else self.static
         self.static_springs = (OneSidedSpring(1.0, self.stiffness, 0.0, 0.0),) if springs is None else springs
         opened = self.phases[0]
-        self.needs_pressing = any(phase.phase_when_normal_contact_changes is not None for phase in self.phases)
-        self.rubs = self.needs_pressing or any(
-            p.lost.constant or p.lost.penetration or p.sticks_rigidly for p in self.phases
+        self.needs_normal_contact = any(phase.phase_when_normal_contact_changes is not None for phase in self.phases)
+        self.slides_or_yields = self.needs_normal_contact or any(
+            p.dissipative_force.constant or p.dissipative_force.penetration or p.sticks_rigidly for p in self.phases
         )
-        self.yields = self.rubs and not opened.closed and bool(opened.guards[0].row.internal)
+        self.yields = self.slides_or_yields and not opened.closed and bool(opened.guards[0].row.internal)
         self.latches = len(self.phases) > 1 and any(
             not p.guards and p.phase_when_normal_contact_changes is None for p in self.phases
         )
@@ -260,16 +264,20 @@ class ContactLaw:
         r, guards = self.internal_states, [phase.guards for phase in self.phases]
         a = LawArrays.zeros((len(guards),), max(map(len, guards)), r)
         for k, phase in enumerate(self.phases):
-            a.closed[k], a.sticks_rigidly[k], a.slides[k] = phase.closed, phase.sticks_rigidly, phase.slides
+            a.closed[k], a.sticks_rigidly[k], a.sliding_direction[k] = (
+                phase.closed,
+                phase.sticks_rigidly,
+                phase.sliding_direction,
+            )
             for spring in phase.springs:
                 extension = spring.extension.array(r)
                 a.energy[k] += spring.stiffness * np.outer(extension, extension)
                 a.energy[k, CONSTANT] += spring.force * extension
                 a.energy[k, :, CONSTANT] += spring.force * extension
                 a.energy[k, CONSTANT, CONSTANT] += 2.0 * spring.energy
-            a.lost[k] = phase.lost.array(r)
-            a.force[k] = a.energy[k, PENETRATION] + a.lost[k]
-            a.losses[k] = phase.losses or np.zeros(r)
+            a.dissipative_force[k] = phase.dissipative_force.array(r)
+            a.force[k] = a.energy[k, PENETRATION] + a.dissipative_force[k]
+            a.state_dashpots[k] = phase.state_dashpots or np.zeros(r)
             for i, row in enumerate(phase.rates):
                 a.rates[k, i] = row.array(r)
             a.guards[k] = len(guards[k])
@@ -304,27 +312,27 @@ class ContactLaw:
         """(6 + r,) what the law sees after a long rest at a penetration, m; no other contact presses it."""
         return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.relaxed_states(penetration)])
 
-    def borders(self, penetration: float) -> list[Border]:
+    def boundaries(self, penetration: float) -> list[PhaseBoundary]:
         """Where motions about a long rest at a penetration, m, leave the phase there: a border for each guard."""
         a, phase, rest = self.arrays, self.resting_phase(penetration), self._at_rest(penetration)
         force, moving = a.force[phase], a.rates[phase].any()
         seen = np.r_[0, 1, INTERNAL : rest.size]
-        borders = []
+        boundaries = []
         for guard in a.guard[phase, : a.guards[phase]]:
             # what depends on a rate, or on states that move, is the force that vanishes
             of_force = bool(force[seen].any() and (guard[1] != 0.0 or (moving and guard[INTERNAL:].any())))
             slope = guard[seen] @ force[seen] / (force[seen] @ force[seen]) if of_force else guard[0]
             distance = max(float(guard @ rest), 0.0)
             distance = distance / abs(slope) if slope and distance else np.inf if distance else 0.0
-            borders.append(
-                Border(of_force, float(force @ rest) if of_force else penetration, -np.sign(slope), distance)
+            boundaries.append(
+                PhaseBoundary(of_force, float(force @ rest) if of_force else penetration, -np.sign(slope), distance)
             )
-        return borders
+        return boundaries
 
     @cached_property
     def closed_phase(self) -> int:
         """The phase of a stop that is just closed, with a force that rises."""
-        return self.resting_phase(self.static_penetration(SLIGHT * self.stiffness))
+        return self.resting_phase(self.static_penetration(JUST_CLOSED_PENETRATION * self.stiffness))
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
@@ -345,8 +353,8 @@ class ContactLaw:
         Its internal states move as before. A law that depends on no other force may be multiplied by zero.
         """
 
-        def rows(given: tuple[LawRow, ...]) -> tuple[LawRow, ...]:
-            return tuple(row.of_scaled_forces(factor) for row in given)
+        def rows(functions: tuple[LawRow, ...]) -> tuple[LawRow, ...]:
+            return tuple(row.of_scaled_forces(factor) for row in functions)
 
         phases = tuple(
             replace(
@@ -357,9 +365,11 @@ class ContactLaw:
                     )
                     for s in p.springs
                 ),
-                lost=p.lost._replace(**{x: factor * getattr(p.lost, x) for x in ("penetration", "rate", "constant")}),
+                dissipative_force=p.dissipative_force._replace(
+                    **{x: factor * getattr(p.dissipative_force, x) for x in ("penetration", "rate", "constant")}
+                ),
                 rates=rows(p.rates),
-                losses=tuple(factor * x for x in p.losses),
+                state_dashpots=tuple(factor * x for x in p.state_dashpots),
                 restart_extension=None if p.restart_extension is None else p.restart_extension.of_scaled_forces(factor),
                 guards=tuple(
                     replace(g, row=g.row.of_scaled_forces(factor), reset=None if g.reset is None else rows(g.reset))
@@ -380,27 +390,29 @@ class ContactLaw:
             as_installed=None if self.as_installed is None else self.as_installed.scaled(factor),
         )
 
-    def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
-        """The force of this law, a multiple of another one's, and ``amount`` of the other's."""
+    def plus(self, other: ContactLaw, added_multiple: float) -> ContactLaw:
+        """The force of this law, a multiple of another one's, and ``added_multiple`` of the other's."""
         if not other.static_springs:
             return self
         ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
-        return self if theirs == 0.0 else other.scaled(ours / theirs + amount)  # a spring without force adds none
+        return (
+            self if theirs == 0.0 else other.scaled(ours / theirs + added_multiple)
+        )  # a spring without force adds none
 
     def undamped(self) -> ContactLaw | None:
         """The law without its dashpots; None where it keeps internal states or loses work without them."""
         if self.undamped_law is not None:
             return self.undamped_law
-        if self.internal_states or self.rubs:
+        if self.internal_states or self.slides_or_yields:
             return None
         parts = (
             None if self.one_sided_springs is None else tuple(replace(s, dashpot=0.0) for s in self.one_sided_springs)
         )
-        phases = tuple(replace(p, lost=p.lost._replace(rate=0.0)) for p in self.phases)
+        phases = tuple(replace(p, dissipative_force=p.dissipative_force._replace(rate=0.0)) for p in self.phases)
         return replace(self, phases=phases, one_sided_springs=parts, dashpot=0.0)
 
 
-NO_LOSS = 1e-12  # of the terms of a loss of energy: a smaller one is their round-off
+LOSS_ROUND_OFF = 1e-12  # of the terms of a loss of energy: a smaller one is their round-off
 
 
 def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
@@ -418,8 +430,8 @@ def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
         at_guard[pivots[0]] -= function / function[pivots[0]]
     lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
     size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
-    lost[np.abs(lost) <= NO_LOSS * size] = 0.0
-    return np.array([0.5 * lost[CONSTANT, CONSTANT], 0.5 * lost[PRESSING, PRESSING]])
+    lost[np.abs(lost) <= LOSS_ROUND_OFF * size] = 0.0
+    return np.array([0.5 * lost[CONSTANT, CONSTANT], 0.5 * lost[NORMAL_FORCE, NORMAL_FORCE]])
 
 
 def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[OneSidedSpring, ...] | None:
@@ -428,7 +440,7 @@ def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[
     return tuple(replace(s, stiffness=factor * s.stiffness, dashpot=factor * s.dashpot) for s in springs)
 
 
-DEPTH = LawRow(penetration=1.0)  # the penetration itself
+PENETRATION_ROW = LawRow(penetration=1.0)  # the penetration itself
 
 
 @lru_cache(maxsize=1024)
@@ -440,9 +452,9 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     >>> [phase.name for phase in kelvin_voigt(1e5, 10.0).phases]
     ['open', 'closed']
     """
-    spring, lost = LawSpring(stiffness, DEPTH), LawRow(rate=dashpot)
+    spring, lost = LawSpring(stiffness, PENETRATION_ROW), LawRow(rate=dashpot)
     opened = Phase("open", (Guard(1, LawRow(penetration=-1.0)),), closed=False)
-    closed = Phase("closed", (Guard(0, DEPTH),), closed=True, springs=(spring,), lost=lost)
+    closed = Phase("closed", (Guard(0, PENETRATION_ROW),), closed=True, springs=(spring,), dissipative_force=lost)
     parts = (OneSidedSpring(1.0, stiffness, dashpot, 0.0),)
     return ContactLaw(
         (opened, closed), one_sided_springs=parts, stiffness=stiffness, dashpot=dashpot, rebuild=kelvin_voigt
@@ -510,7 +522,7 @@ def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_r
             guards.append(Guard(i - 1, LawRow(penetration=1.0, constant=-breakpoints[i - 1])))
         if i < len(breakpoints):
             guards.append(Guard(i + 1, LawRow(penetration=-1.0, constant=breakpoints[i])))
-        spring = LawSpring(slope - slopes[at_rest], DEPTH, force[i], energy[i])
+        spring = LawSpring(slope - slopes[at_rest], PENETRATION_ROW, force[i], energy[i])
         phases.append(Phase(f"segment {i + 1}", tuple(guards), closed=i != at_rest, springs=(spring,)))
     parts = [OneSidedSpring(-1.0, slopes[i] - slopes[i + 1], 0.0, -breakpoints[i]) for i in range(at_rest)]
     parts += [

@@ -27,8 +27,8 @@ from functools import lru_cache
 import numpy as np
 
 from beamsim.contacts.laws import (
-    DEPTH,
-    PRESSING,
+    NORMAL_FORCE,
+    PENETRATION_ROW,
     ContactLaw,
     Guard,
     LawRow,
@@ -40,7 +40,7 @@ from beamsim.contacts.laws import (
 from beamsim.typing import Floats
 
 COMPARED_SEGMENTS = 8  # of curves that are compared
-OWN = PRESSING  # number of columns of what a law sees of its own contact's motion: penetration, rate, 1
+OWN_COLUMNS = NORMAL_FORCE  # number of columns of what a law sees of its own contact's motion: penetration, rate, 1
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class ForceCurve:
         return np.asarray(np.interp(deflection, self.deflection, self.force) + beyond)
 
 
-FLAT = 1e-9  # of the steepest slope, below which a slope is round-off
+NEGLIGIBLE_SLOPE = 1e-9  # of the steepest slope, below which a slope is round-off
 
 
 def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
@@ -100,7 +100,7 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCu
         raise ValueError("no point has a positive deflection and a positive force")
     knots = _best_knots(x, y, segments)
     slopes, square = _slopes(x, y, knots)
-    slopes[slopes < FLAT * slopes.max()] = 0.0
+    slopes[slopes < NEGLIGIBLE_SLOPE * slopes.max()] = 0.0
     edges = np.append(knots, x[-1])
     curve = ForceCurve(edges, np.concatenate([[0.0], np.cumsum(slopes * np.diff(edges))]))
     if curve.force[-1] <= 0.0:
@@ -114,9 +114,9 @@ def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
     if places.size <= segments:  # no rising curve is closer than one that bends at the points
         return np.concatenate([[0.0], places[:-1]])
     even = np.concatenate([[0.0], places[np.arange(1, segments) * places.size // segments]])
-    starts = [_moved_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
+    starts = [_optimise_knots_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
     knots = min(starts, key=lambda knots: _slopes(x, y, knots)[1])
-    return _moved_one_by_one(x, y, knots) if knots.size <= 10 else knots
+    return _optimise_knots_singly(x, y, knots) if knots.size <= 10 else knots
 
 
 def _merge_segments(curve: ForceCurve) -> ForceCurve:
@@ -175,7 +175,7 @@ def _starting_knots(x: Floats, y: Floats, segments: int) -> Floats:
     return np.unique(knots)
 
 
-def _moved_together(x: Floats, y: Floats, knots: Floats) -> Floats:
+def _optimise_knots_together(x: Floats, y: Floats, knots: Floats) -> Floats:
     """Knots and slopes at a minimum of the squared misfit near the given knots."""
     from scipy.optimize import least_squares
 
@@ -205,7 +205,7 @@ def _moved_together(x: Floats, y: Floats, knots: Floats) -> Floats:
     return moved if _slopes(x, y, moved)[1] < square else knots
 
 
-def _moved_one_by_one(x: Floats, y: Floats, knots: Floats) -> Floats:
+def _optimise_knots_singly(x: Floats, y: Floats, knots: Floats) -> Floats:
     """Knots moved between their neighbours until the misfit no longer becomes less."""
     from scipy.optimize import minimize_scalar
 
@@ -254,7 +254,7 @@ def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
     law = piecewise_linear(curve.deflection[:-1].tolist(), [0.0, *curve.slopes.tolist()], 0)
     names = ["open", *(f"segment {i + 1}" for i in range(len(law.phases) - 1))]
     phases = tuple(
-        replace(phase, name=name, lost=LawRow(rate=dashpot if phase.closed else 0.0))
+        replace(phase, name=name, dissipative_force=LawRow(rate=dashpot if phase.closed else 0.0))
         for name, phase in zip(names, law.phases, strict=True)
     )
     assert law.one_sided_springs is not None
@@ -282,7 +282,7 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
     phases = [pad.separated_phase(i) for i in range(count)] + [pad.contact_phase(i) for i in range(count)]
 
     def relax(penetration: float) -> tuple[float, ...]:
-        return (0.0,) * pad.first + (max(penetration, 0.0),) * len(branches)
+        return (0.0,) * pad.first_branch_state + (max(penetration, 0.0),) * len(branches)
 
     return ContactLaw(
         tuple(phases),
@@ -326,7 +326,7 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
                 phase,
                 springs=(*phase.springs, *pad.of_branches(pad.delta)),
                 rates=pad.relaxing(pad.delta),
-                losses=pad.losses,
+                state_dashpots=pad.state_dashpots,
             )
             for phase in phases
         ),
@@ -346,13 +346,13 @@ class _Pad:
     branches: tuple[MaxwellBranch, ...]
 
     @property
-    def first(self) -> int:
+    def first_branch_state(self) -> int:
         """Number of the first branch's state; before it that of the face, in parallel with a dashpot."""
         return 1 if self.dashpot > 0.0 else 0
 
     @property
     def states(self) -> int:
-        return self.first + len(self.branches)
+        return self.first_branch_state + len(self.branches)
 
     @property
     def delta(self) -> Floats:
@@ -361,12 +361,12 @@ class _Pad:
 
     def unit(self, column: int) -> Floats:
         """(3 + r,) row of one quantity."""
-        return np.asarray(np.eye(OWN + self.states)[column])
+        return np.asarray(np.eye(OWN_COLUMNS + self.states)[column])
 
     @property
-    def losses(self) -> tuple[float, ...]:
+    def state_dashpots(self) -> tuple[float, ...]:
         """Of the dashpot with the rate of the face, and of the branches' dashpots."""
-        return (self.dashpot,) * self.first + tuple(b.stiffness * b.relaxation_time for b in self.branches)
+        return (self.dashpot,) * self.first_branch_state + tuple(b.stiffness * b.relaxation_time for b in self.branches)
 
     def offset(self, i: int) -> float:
         """Force at zero deflection on the line of a segment, N."""
@@ -374,7 +374,9 @@ class _Pad:
 
     def of_branches(self, compression: Floats) -> tuple[LawSpring, ...]:
         """The springs of the branches, compressed by a row."""
-        extensions = [_row(compression - self.unit(OWN + j)) for j in range(self.first, self.states)]
+        extensions = [
+            _row(compression - self.unit(OWN_COLUMNS + j)) for j in range(self.first_branch_state, self.states)
+        ]
         return tuple(LawSpring(b.stiffness, extension) for b, extension in zip(self.branches, extensions, strict=True))
 
     def springs(self, i: int, compression: Floats) -> tuple[LawSpring, ...]:
@@ -389,65 +391,71 @@ class _Pad:
         k = np.array([b.stiffness for b in self.branches])
         row = (float(self.curve.slopes[i]) + k.sum()) * compression
         row[2] += self.offset(i)
-        row[OWN + self.first :] -= k
+        row[OWN_COLUMNS + self.first_branch_state :] -= k
         return np.asarray(row)
 
     def face(self, i: int) -> Floats:
         """(3 + r,) row of u in the released phase of a segment."""
-        if self.first:
-            return self.unit(OWN)
-        without = self.force(i, np.zeros(OWN + self.states))
+        if self.first_branch_state:
+            return self.unit(OWN_COLUMNS)
+        without = self.force(i, np.zeros(OWN_COLUMNS + self.states))
         return np.asarray(-without / self.force(i, self.delta)[0])
 
     def relaxing(self, compression: Floats) -> tuple[LawRow, ...]:
         """Rates of the branches' states, compressed by a row."""
         return tuple(
-            _row((compression - self.unit(OWN + j)) / branch.relaxation_time)
-            for j, branch in enumerate(self.branches, start=self.first)
+            _row((compression - self.unit(OWN_COLUMNS + j)) / branch.relaxation_time)
+            for j, branch in enumerate(self.branches, start=self.first_branch_state)
         )
 
     def recovery_rows(self, i: int, *, released: bool) -> tuple[LawRow, ...]:
         """The rate of u, where it is a state: its dashpot moves by the force; in contact it decays."""
-        if not self.first:
+        if not self.first_branch_state:
             return ()
-        force = self.force(i, self.unit(OWN))
-        return (_row(-(force if released else force[OWN] * self.unit(OWN)) / self.dashpot),)
+        force = self.force(i, self.unit(OWN_COLUMNS))
+        return (_row(-(force if released else force[OWN_COLUMNS] * self.unit(OWN_COLUMNS)) / self.dashpot),)
 
-    def crossings(self, i: int, compression: Floats, shift: int) -> list[Guard]:
-        """Guards at the ends of a segment; ``shift`` is the number of the first segment's phase."""
+    def crossings(self, i: int, compression: Floats, first_phase: int) -> list[Guard]:
+        """Guards at the ends of a segment; ``first_phase`` is the number of the first segment's phase."""
         guards = []
         if i > 0:
-            guards.append(Guard(i - 1 + shift, _row(compression, -self.curve.deflection[i])))
+            guards.append(Guard(i - 1 + first_phase, _row(compression, -self.curve.deflection[i])))
         if i + 1 < self.curve.slopes.size:
-            guards.append(Guard(i + 1 + shift, _row(-compression, self.curve.deflection[i + 1])))
+            guards.append(Guard(i + 1 + first_phase, _row(-compression, self.curve.deflection[i + 1])))
         return guards
 
     def reset(self, face: LawRow) -> tuple[LawRow, ...] | None:
         """The states after contact is made or lost: those of the branches go on."""
-        return (face, *(_row(self.unit(OWN + j)) for j in range(1, self.states))) if self.first else None
+        return (
+            (face, *(_row(self.unit(OWN_COLUMNS + j)) for j in range(1, self.states)))
+            if self.first_branch_state
+            else None
+        )
 
     def separated_phase(self, i: int) -> Phase:
         face = self.face(i)
         meets = Guard(self.curve.slopes.size + i, _row(face - self.delta), self.reset(LawRow()))
         return Phase(
             f"released {i + 1}", (meets, *self.crossings(i, face, 0)), closed=False, springs=self.springs(i, face),
-            rates=(*self.recovery_rows(i, released=True), *self.relaxing(face)), losses=self.losses,
+            rates=(*self.recovery_rows(i, released=True), *self.relaxing(face)), state_dashpots=self.state_dashpots,
         )  # fmt: skip
 
     def contact_phase(self, i: int) -> Phase:
         force = self.force(i, self.delta)
         force[1] = self.dashpot
-        lets_go = Guard(i, _row(force), self.reset(DEPTH))
+        lets_go = Guard(i, _row(force), self.reset(PENETRATION_ROW))
         return Phase(
             f"segment {i + 1}", (lets_go, *self.crossings(i, self.delta, self.curve.slopes.size)), closed=True,
-            springs=self.springs(i, self.delta), lost=LawRow(rate=self.dashpot),
+            springs=self.springs(i, self.delta), dissipative_force=LawRow(rate=self.dashpot),
             rates=(*self.recovery_rows(i, released=False), *self.relaxing(self.delta)),
-            losses=(0.0,) * self.first + self.losses[self.first :],
+            state_dashpots=(0.0,) * self.first_branch_state + self.state_dashpots[self.first_branch_state :],
         )  # fmt: skip
 
 
-def _row(own: Floats, constant: float = 0.0) -> LawRow:
-    return LawRow(float(own[0]), float(own[1]), float(own[2] + constant), tuple(own[OWN:].tolist()))
+def _row(factors: Floats, constant: float = 0.0) -> LawRow:
+    return LawRow(
+        float(factors[0]), float(factors[1]), float(factors[2] + constant), tuple(factors[OWN_COLUMNS:].tolist())
+    )
 
 
 def loop_width(deflection: Floats, force: Floats) -> float:

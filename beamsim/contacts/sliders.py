@@ -52,7 +52,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from beamsim.contacts.laws import DEPTH, ContactLaw, Guard, LawRow, LawSpring, OneSidedSpring, Phase
+from beamsim.contacts.laws import PENETRATION_ROW, ContactLaw, Guard, LawRow, LawSpring, OneSidedSpring, Phase
 from beamsim.contacts.pads import ForceCurve, table_law
 
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases of friction
@@ -90,13 +90,13 @@ def snap(law: ContactLaw) -> float:
     stick, slide = law.phases[STICK].guards[0].row, law.phases[FORWARDS]
     if not slide.springs:
         return 0.0
-    return (stick.constant + stick.pressing - sliding_limit(law)) / slide.springs[0].stiffness
+    return (stick.constant + stick.normal_force - sliding_limit(law)) / slide.springs[0].stiffness
 
 
 def sliding_limit(law: ContactLaw) -> float:
     """The friction force while a contact slides, N; of a pressed contact the coefficient."""
-    lost = law.phases[FORWARDS].lost
-    return lost.constant + lost.pressing
+    lost = law.phases[FORWARDS].dissipative_force
+    return lost.constant + lost.normal_force
 
 
 @lru_cache(maxsize=1024)
@@ -117,7 +117,7 @@ def friction_law(stiffness: float, static: float, sliding: float, start: float =
     Examples
     --------
     >>> law = friction_law(1e4, 3.0, 2.0)
-    >>> [(phase.name, phase.stiffness, phase.lost.constant) for phase in law.phases]
+    >>> [(phase.name, phase.stiffness, phase.dissipative_force.constant) for phase in law.phases]
     [('stick', 10000.0, 0.0), ('sliding forwards', 0.0, 2.0), ('sliding backwards', 0.0, -2.0)]
     """
     return ContactLaw(
@@ -144,7 +144,8 @@ def rigid_friction_law(static: float, sliding: float, start: float = 0.0) -> Con
 
     Examples
     --------
-    >>> [(phase.name, phase.sticks_rigidly, phase.lost.constant) for phase in rigid_friction_law(3.0, 2.0).phases]
+    >>> law = rigid_friction_law(3.0, 2.0)
+    >>> [(phase.name, phase.sticks_rigidly, phase.dissipative_force.constant) for phase in law.phases]
     [('stick', True, 0.0), ('sliding forwards', False, 2.0), ('sliding backwards', False, -2.0)]
     """
     return ContactLaw(_rigid(static, sliding, pressed=False), static=(), resting_force=start)
@@ -168,7 +169,7 @@ def falling_friction_law(static: float, sliding: float, speed: float, start: flo
     Examples
     --------
     >>> law = falling_friction_law(3.0, 2.0, 0.1)
-    >>> [(phase.name, phase.lost.rate, phase.lost.constant) for phase in law.phases[1::2]]
+    >>> [(phase.name, phase.dissipative_force.rate, phase.dissipative_force.constant) for phase in law.phases[1::2]]
     [('sliding forwards', -10.0, 3.0), ('sliding fast forwards', 0.0, 2.0)]
     """
     stick, *slow = _rigid(static, static, pressed=False)
@@ -178,9 +179,9 @@ def falling_friction_law(static: float, sliding: float, speed: float, start: flo
         faster = Guard(phase + len(_SIDES), LawRow(rate=-sign, constant=speed))
         slower = Guard(phase, LawRow(rate=sign, constant=-speed))
         name, lost = slow[k].name.replace(" ", " fast "), LawRow(constant=sign * sliding)
-        fast.append(Phase(name, (slower,), closed=False, slides=sign, lost=lost))
+        fast.append(Phase(name, (slower,), closed=False, sliding_direction=sign, dissipative_force=lost))
         lost = damping._replace(constant=sign * static)
-        slow[k] = replace(slow[k], guards=(*slow[k].guards, faster), lost=lost)
+        slow[k] = replace(slow[k], guards=(*slow[k].guards, faster), dissipative_force=lost)
     return ContactLaw((stick, *slow, *fast), static=(), resting_force=start)
 
 
@@ -202,8 +203,8 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
     Examples
     --------
     >>> law = pressed_friction_law(None, 0.3, 0.2)
-    >>> [(phase.name, phase.lost.pressing, phase.phase_when_normal_contact_changes) for phase in law.phases[:3]]
-    [('stick', 0.0, 3), ('sliding forwards', 0.2, 3), ('sliding backwards', -0.2, 4)]
+    >>> [(phase.name, phase.dissipative_force.normal_force) for phase in law.phases[:3]]
+    [('stick', 0.0), ('sliding forwards', 0.2), ('sliding backwards', -0.2)]
     """
     if stiffness is not None:
         free = Phase(
@@ -235,9 +236,9 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
     return ContactLaw((*touching, *frees), static=())
 
 
-def _plus(row: LawRow, limit: float, pressed: bool) -> LawRow:
+def _plus(row: LawRow, friction_limit: float, pressed: bool) -> LawRow:
     """A row with a friction force, which is constant or follows the force of another contact."""
-    return row._replace(pressing=limit) if pressed else row._replace(constant=limit)
+    return row._replace(normal_force=friction_limit) if pressed else row._replace(constant=friction_limit)
 
 
 def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
@@ -249,19 +250,19 @@ def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tu
         Guard(
             phase,
             _plus(LawRow(penetration=-sign * k, internal=(sign * k,)), static, pressed),
-            (DEPTH,) if pressed else None,
+            (PENETRATION_ROW,) if pressed else None,
         )
         for phase, sign in _SIDES
     )
     slides = []
     for phase, sign in _SIDES:
         extension, written = sign * sliding / k, sign * _restart_limit(static, sliding) / k
-        ends = LawRow(rate=sign, pressing_rate=-sliding / k if pressed else 0.0)
+        ends = LawRow(rate=sign, normal_force_rate=-sliding / k if pressed else 0.0)
         slides.append(
             Phase(
-                _NAMES[phase], (Guard(STICK, ends, reset=(_plus(DEPTH, -extension, pressed),)),), closed=False,
-                slides=sign, springs=(LawSpring(k, _plus(LawRow(), extension, pressed)),),
-                lost=_plus(LawRow(), sign * sliding, pressed),
+                _NAMES[phase], (Guard(STICK, ends, reset=(_plus(PENETRATION_ROW, -extension, pressed),)),),
+                closed=False, sliding_direction=sign, springs=(LawSpring(k, _plus(LawRow(), extension, pressed)),),
+                dissipative_force=_plus(LawRow(), sign * sliding, pressed),
                 rates=(LawRow(rate=1.0),) if pressed else (), restart_extension=_plus(LawRow(), written, pressed),
             )
         )  # fmt: skip
@@ -279,8 +280,8 @@ def _rigid(static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
             _NAMES[phase],
             (Guard(STICK, LawRow(rate=sign)),),
             closed=False,
-            slides=sign,
-            lost=_plus(LawRow(), sign * sliding, pressed),
+            sliding_direction=sign,
+            dissipative_force=_plus(LawRow(), sign * sliding, pressed),
         )
         for phase, sign in _SIDES
     )
@@ -306,13 +307,13 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     Examples
     --------
     >>> law = hardening_law(1e5, 100.0, 2e4)
-    >>> [(phase.name, phase.stiffness, phase.lost.constant) for phase in law.phases]
+    >>> [(phase.name, phase.stiffness, phase.dissipative_force.constant) for phase in law.phases]
     [('open', 0.0, 0.0), ('elastic', 100000.0, 0.0), ('loading', 20000.0, 80.0), ('unloading', 20000.0, -80.0)]
     """
     k_s = stiffness - hardening
     f = yield_force * k_s / stiffness
     share = k_s / stiffness  # of the slider's position, at which the face is
-    face, parallel = LawRow(internal=(share,)), LawSpring(hardening, DEPTH)
+    face, parallel = LawRow(internal=(share,)), LawSpring(hardening, PENETRATION_ROW)
     open_ = Phase(
         "open", (Guard(ELASTIC, LawRow(-1.0, internal=(share,))),), closed=False,
         springs=(LawSpring(hardening, face), LawSpring(k_s, LawRow(internal=(share - 1.0,)))),
@@ -324,7 +325,8 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             Guard(LOADING, LawRow(-k_s, internal=(k_s,), constant=f)),
             Guard(UNLOADING, LawRow(k_s, internal=(-k_s,), constant=f)),
         ),
-        closed=True, springs=(parallel, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
+        closed=True, springs=(parallel, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))),
+        dissipative_force=LawRow(rate=dashpot),
     )  # fmt: skip
 
     springs, damping = (parallel, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
@@ -347,13 +349,15 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
 
 
 def _yielding_phase(
-    name: str, springs: tuple[LawSpring, LawSpring], lost: LawRow, ends: Sequence[tuple[int, LawRow]]
+    name: str, springs: tuple[LawSpring, LawSpring], dissipative_force: LawRow, ends: Sequence[tuple[int, LawRow]]
 ) -> Phase:
     """A phase that yields: its second spring has a constant extension, with which it goes on where yielding ends."""
     extension = springs[1].extension
     slider = (LawRow(1.0, constant=-extension.constant),)
     guards = tuple(Guard(following, row, reset=slider) for following, row in ends)
-    return Phase(name, guards, closed=True, springs=springs, lost=lost, restart_extension=extension)
+    return Phase(
+        name, guards, closed=True, springs=springs, dissipative_force=dissipative_force, restart_extension=extension
+    )
 
 
 ELASTIC_SHARE = 1.0 - 1e-12  # of the force of the first loading, up to which small motions about it are elastic
@@ -436,36 +440,48 @@ def _recovery_everywhere(loading: ForceCurve, recovery: ForceCurve | None) -> Fo
 
 
 def _segment(
-    place: int, ends: tuple[float | None, float | None], curves: Sequence[float], k: float, dashpot: float
+    first_phase: int, ends: tuple[float | None, float | None], curves: Sequence[float], k: float, dashpot: float
 ) -> tuple[Phase, Phase, Phase]:
     """The phases of a segment of the curves: on the lower one, or open, between them, and loading.
 
     Parameters
     ----------
-    place : number of the first of the three; 1 of the first segment where there is a lower curve, which is recovered.
+    first_phase : number of the first of the three phases; 1 for the first segment if there is a lower curve.
     ends : deflections, m; None where there is none.
     curves : slope, N/m, force at zero deflection, N, and energy, J, of the lower curve; slope of the distance of the
         loading curve, N/m, and distance at zero deflection, N.
     k, dashpot : see :func:`unloading_law`.
     """
     below, offset, energy, apart, zero = map(float, curves)
-    spring, damping, turn = LawSpring(below, DEPTH, offset, energy), LawRow(rate=dashpot), LawRow(1.0, internal=(-1.0,))
+    spring, damping, turn = (
+        LawSpring(below, PENETRATION_ROW, offset, energy),
+        LawRow(rate=dashpot),
+        LawRow(1.0, internal=(-1.0,)),
+    )
     limit, share = LawRow(apart / k, constant=zero / k), 1.0 - apart / k
 
-    def phase(name: str, mode: int, guards: tuple[Guard, ...], springs: tuple[LawSpring, ...], lost: LawRow) -> Phase:
+    def phase(
+        name: str, mode: int, guards: tuple[Guard, ...], springs: tuple[LawSpring, ...], dissipative_force: LawRow
+    ) -> Phase:
         before, after = ends
-        crossings = [] if before is None else [Guard(place - 3 + mode, LawRow(1.0, constant=-before))]
-        crossings += [] if after is None else [Guard(place + 3 + mode, LawRow(-1.0, constant=after))]
-        return Phase(f"{name} {place // 3 + 1}", (*guards, *crossings), name != "open", springs=springs, lost=lost)
+        crossings = [] if before is None else [Guard(first_phase - 3 + mode, LawRow(1.0, constant=-before))]
+        crossings += [] if after is None else [Guard(first_phase + 3 + mode, LawRow(-1.0, constant=after))]
+        return Phase(
+            f"{name} {first_phase // 3 + 1}",
+            (*guards, *crossings),
+            name != "open",
+            springs=springs,
+            dissipative_force=dissipative_force,
+        )
 
-    if place % 3 == 1:  # recovers
-        lets_go = (Guard(0, DEPTH),) if ends[0] is None else ()
-        guards = (Guard(place + 1, LawRow(rate=-1.0), (DEPTH,)), *lets_go)
+    if first_phase % 3 == 1:  # recovers
+        lets_go = (Guard(0, PENETRATION_ROW),) if ends[0] is None else ()
+        guards = (Guard(first_phase + 1, LawRow(rate=-1.0), (PENETRATION_ROW,)), *lets_go)
         lowest = phase("recovering", 0, guards, (spring,), damping)
     else:
-        lowest = phase("open", 0, (Guard(place + 1, LawRow(-1.0, internal=(1.0,))),), (), LawRow())
-    slack, yields = Guard(place, turn), Guard(place + 2, LawRow(apart - k, constant=zero, internal=(k,)))
-    back = Guard(place + 1, LawRow(rate=1.0), (LawRow(share, constant=-limit.constant),))
+        lowest = phase("open", 0, (Guard(first_phase + 1, LawRow(-1.0, internal=(1.0,))),), (), LawRow())
+    slack, yields = Guard(first_phase, turn), Guard(first_phase + 2, LawRow(apart - k, constant=zero, internal=(k,)))
+    back = Guard(first_phase + 1, LawRow(rate=1.0), (LawRow(share, constant=-limit.constant),))
     lost = LawRow(apart * share, dashpot, zero * share)
     return (
         lowest,

@@ -35,7 +35,7 @@ from beamsim.contacts.sliders import (
 )
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
@@ -69,7 +69,7 @@ class SpringInfo:
     @property
     def relaxes(self) -> bool:
         """Whether the force depends on more than the extension."""
-        return self.law is not None and (self.law.internal_states > 0 or self.law.rubs)
+        return self.law is not None and (self.law.internal_states > 0 or self.law.slides_or_yields)
 
     def force(self, extension: Floats) -> Floats:
         """N, positive where it pulls back a positive extension (any shape); of one that relaxes after a long rest."""
@@ -77,7 +77,9 @@ class SpringInfo:
         return np.asarray(force if self.law is None else force + self.law.static_force(extension))
 
 
-def describe_springs(springs: Sequence[Located], shape: Floats, base_participations: Floats) -> tuple[SpringInfo, ...]:
+def describe_springs(
+    springs: Sequence[LocatedItem], shape: Floats, base_participations: Floats
+) -> tuple[SpringInfo, ...]:
     """Springs, joints and friction contacts with laws.
 
     Parameters
@@ -149,7 +151,7 @@ def _law_of_friction(contact: Any) -> ContactLaw:
     return rigid_friction_law(*forces) if contact.stiffness is None else friction_law(contact.stiffness, *forces)
 
 
-def pressed_by(springs: Sequence[Located], snubbers: Sequence[str]) -> Ints | None:
+def pressed_by(springs: Sequence[LocatedItem], snubbers: Sequence[str]) -> Ints | None:
     """(m,) of all contacts, snubbers first, the one that presses each, -1 where there is none; None without any."""
     names = [getattr(spring, "pressed_by", None) for _, _, spring, _ in springs if spring.kind != "cubic"]
     if not any(names):
@@ -210,14 +212,14 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
 
 
 def build_contacts(
-    located: Sequence[Located], curves: Sequence[ForceCurve | None], shape: Floats, base_participations: Floats,
+    snubbers: Sequence[LocatedItem], curves: Sequence[ForceCurve | None], shape: Floats, base_participations: Floats,
     omega: Floats, rigid: int,
 ) -> Contacts:  # fmt: skip
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
     Parameters
     ----------
-    located : the scenario's snubbers and where they are written.
+    snubbers : the scenario's snubbers and where they are written.
     curves : of those that have a force-deflection table.
     shape : (m, n) deflection at each for a unit of each coordinate.
     base_participations : (m,) displacement of each place for a unit displacement of the base.
@@ -234,10 +236,10 @@ def build_contacts(
     ScenarioError
         Where a damping ratio has no meaning.
     """
-    snubbers = [item for _, _, item, _ in located]
-    stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(snubbers, curves, strict=True)]
+    items = [item for _, _, item, _ in snubbers]
+    stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(items, curves, strict=True)]
     dashpot = []
-    for at, k, row in zip(located, stiffness, shape, strict=True):
+    for at, k, row in zip(snubbers, stiffness, shape, strict=True):
         damping, c = at.item.damping, 0.0
         if damping is not None and damping.kind == "viscous":
             c = float(damping.coefficient)
@@ -249,31 +251,31 @@ def build_contacts(
         dashpot.append(c)
     return Contacts(
         shape=shape,
-        sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
-        gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
-        on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
+        sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in items]),
+        gap=np.array([0.0 if s.gap is None else s.gap for s in items], dtype=float),
+        on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in items], dtype=bool),
         laws=tuple(
-            _law(at, float(k), curve, c) for at, k, curve, c in zip(located, stiffness, curves, dashpot, strict=True)
+            _law(at, float(k), curve, c) for at, k, curve, c in zip(snubbers, stiffness, curves, dashpot, strict=True)
         ),
         base_participation=base_participations,
     )
 
 
-def _law(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+def _law(entry: LocatedItem, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
     """That of a snubber: a spring and a dashpot, unless it says more."""
-    snubber = located.item
+    snubber = entry.item
     if snubber.latch:
         return latch(stiffness, dashpot)
     plastic = snubber.hardening is not None or snubber.unloading is not None
     relaxes = any(branch.stiffness > 0.0 for branch in snubber.maxwell)
     if plastic or relaxes or (curve is not None and curve.slopes.size > 1):
-        return _law_with_memory(located, stiffness, curve, dashpot)
+        return _law_with_memory(entry, stiffness, curve, dashpot)
     return LAWS[snubber.law](stiffness, dashpot)
 
 
-def _law_with_memory(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+def _law_with_memory(entry: LocatedItem, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
     """That of a snubber which yields or relaxes, or whose force bends."""
-    snubber = located.item
+    snubber = entry.item
     if snubber.hardening is not None:
         return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
     if snubber.unloading is not None:
@@ -283,7 +285,7 @@ def _law_with_memory(located: Located, stiffness: float, curve: ForceCurve | Non
         try:
             return unloading_law(loading, snubber.unloading.stiffness, recovery, dashpot)
         except ValueError as error:
-            at, remedy = f"{path_text(located.path)}.unloading", "compare both curves, and the units"
+            at, remedy = f"{path_text(entry.path)}.unloading", "compare both curves, and the units"
             raise ScenarioError(Problem(at, str(error), remedy)) from None
     maxwell = [branch for branch in snubber.maxwell if branch.stiffness > 0.0]
     curve = ForceCurve.line(stiffness) if curve is None else curve
@@ -339,32 +341,32 @@ def springs_of(contacts: Contacts) -> Springs:
     return Springs(contacts.shape[contact], direction * contacts.sign[contact], stiffness, gap, contact)
 
 
-def _balance_remedy(normal: Floats, force: Floats, push: Floats) -> str:
+def _balance_remedy(normal: Floats, force: Floats, load: Floats) -> str:
     """What to do about preloads that do not balance the loads on rigid-body motions: the nearest ones that do.
 
-    ``normal`` is (p, r), ``force`` (p,), ``push`` (r,).
+    ``normal`` is (p, r), ``force`` (p,), ``load`` (r,).
     """
-    scale = np.linalg.norm(normal, axis=0) + np.abs(push)
+    scale = np.linalg.norm(normal, axis=0) + np.abs(load)
     scale = np.where(scale > 0, scale, 1.0)
     away = normal / scale
-    nearest = force - np.linalg.lstsq(away.T, away.T @ force + push / scale, rcond=1e-10)[0]
-    imbalance = np.abs(away.T @ nearest + push / scale).max(initial=0.0)
+    nearest = force - np.linalg.lstsq(away.T, away.T @ force + load / scale, rcond=1e-10)[0]
+    imbalance = np.abs(away.T @ nearest + load / scale).max(initial=0.0)
     if imbalance > 1e-9 * np.abs(nearest).max(initial=0.0) or np.any(nearest <= 0):
         return "add a snubber against which the loads push: no preloads of these snubbers balance them"
     return "balance the loads: the nearest preloads that do are " + ", ".join(f"{x:.6g} N" for x in nearest)
 
 
-def _unreached_problem(located: Located, equilibrium: Equilibrium, remedy: str) -> Problem:
+def _unreached_problem(entry: LocatedItem, equilibrium: Equilibrium, remedy: str) -> Problem:
     return Problem(
-        f"{path_text(located.path)}.preload",
-        f"= {located.item.preload:g} N cannot be reached: with it, {equilibrium.reason}",
+        f"{path_text(entry.path)}.preload",
+        f"= {entry.item.preload:g} N cannot be reached: with it, {equilibrium.reason}",
         f"give a gap instead, hold the structure, or {remedy}",
     )
 
 
 def resolve_preloads(
     contacts: Contacts,
-    located: Sequence[Located],
+    snubbers: Sequence[LocatedItem],
     stiffness: Floats,
     rigid: int,
     loads: Floats,
@@ -379,7 +381,7 @@ def resolve_preloads(
     Parameters
     ----------
     contacts : the first of them snubbers.
-    located : the snubbers, at least one with a preload, N.
+    snubbers : the snubbers, at least one with a preload, N.
     stiffness : (n,) diagonal of K, rad^2/s^2, the first ``rigid`` of them zero.
     rigid : number of rigid-body coordinates.
     loads : (L, n) constant loads.
@@ -394,19 +396,19 @@ def resolve_preloads(
     ScenarioError
         If no such equilibrium exists: on a structure that only the stops hold the preloads have to balance the loads.
     """
-    preload = [item.preload for _, _, item, _ in located] + [None] * (contacts.count - len(located))
+    preload = [item.preload for _, _, item, _ in snubbers] + [None] * (contacts.count - len(snubbers))
     given = np.array([p is not None for p in preload], dtype=bool)
     force = np.array([0.0 if p is None else p for p in preload])
     forces = (contacts.sign * force)[:, None] * contacts.shape
     springs = springs_of(contacts)
     rest = springs.take(~given[springs.contact])
     equilibrium = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, forces[given]]), cubic)
-    q = equilibrium.one_of_many if equilibrium.q is None else equilibrium.q
+    q = equilibrium.nonunique_q if equilibrium.q is None else equilibrium.q
     if q is None:
         normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
         remedy = _balance_remedy(normal, force[given], loads[:, :rigid].sum(axis=0))
         raise ScenarioError(
-            [_unreached_problem(located[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()]
+            [_unreached_problem(snubbers[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()]
         )
     w = contacts.shape @ q
     pressed = np.array(

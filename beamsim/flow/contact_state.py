@@ -508,8 +508,8 @@ def _general_modes(
         A[states, r : 2 * r] = unit * by_rate
         A[states, states] = equations.internal_rates[:, equations.equations.internal]
         if across is not None:
-            resting = (contacts.sign[:, None] * contacts.shape @ across)[contacts.owner]
-            A[states, first:] = -unit / usual * (equations.internal_drive[:, PENETRATION, None] * resting)
+            resting = (contacts.sign[:, None] * contacts.shape @ across)[contacts.state_owner]
+            A[states, first:] = -unit / usual * (equations.internal_rate_factors[:, PENETRATION, None] * resting)
         out[2 * n :, states] = np.eye(inside) / unit
         back[states, 2 * n :] = np.eye(inside) * unit
     return block_diagonalise(A, window).placed(out, back)
@@ -529,7 +529,7 @@ def _internal_coupling(
     pushed : (r, s) force on each mode for a unit of each internal state.
     by_penetration, by_rate : (s, r) rate of each internal state for a unit of each mode, and of its velocity.
     """
-    contacts, drive = equations.equations.contacts, equations.internal_drive
+    contacts, drive = equations.equations.contacts, equations.internal_rate_factors
     moved = contacts.shape @ undamped.shapes
     moved[acting.contact] = (
         undamped.extension
@@ -537,9 +537,9 @@ def _internal_coupling(
     penetration = -contacts.sign[:, None] * moved
     along = equations.push @ undamped.shapes if acting.crossed else -penetration
     return (
-        along[contacts.owner].T * equations.internal_factors,
-        drive[:, PENETRATION, None] * penetration[contacts.owner],
-        drive[:, RATE, None] * penetration[contacts.owner],
+        along[contacts.state_owner].T * equations.internal_factors,
+        drive[:, PENETRATION, None] * penetration[contacts.state_owner],
+        drive[:, RATE, None] * penetration[contacts.state_owner],
     )
 
 

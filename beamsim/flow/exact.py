@@ -302,9 +302,9 @@ class ExactFlow:
             "roundoff_scale": state.roundoff_scale(events.guards, watch[:, : events.count]),
             "phase": state.phases,
             "n_guards": np.array(events.count),
-            "n_joining": np.array(events.joining),
+            "n_joining": np.array(events.joining_count),
             "guard_contact": events.contact,
-            "reset": events.reset,
+            "reset": events.reset_row,
             "follower": np.full(events.count, -1, dtype=np.int64),
         }
         for name, row in rows.items():
@@ -372,7 +372,7 @@ class ExactFlow:
     def tables(self) -> Tables:
         """The states' tables for the kernels; rows beyond the states are unused."""
         contacts, internal = self.system.contacts, self.equations.internal.start
-        return Tables(first=internal + contacts.first, states=contacts.states, **self._arrays)
+        return Tables(first=internal + contacts.first_state, states=contacts.state_counts, **self._arrays)
 
     def at(self, phases: Ints) -> StateEquations:
         """The equations in given phases of the contacts (m,)."""
@@ -407,7 +407,7 @@ class ExactFlow:
         start = contacts.start
         if contacts.any_sticks_rigidly:
             start = contacts.starting_phases(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
-        phases, before = contacts.pressed_at_start(start, start) if contacts.pressed.size else start, None
+        phases, before = contacts.pressed_at_start(start, start) if contacts.pressed_contacts.size else start, None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
         inputs = (given * self.sources.derivatives_at_start[:2]).real.ravel()
@@ -433,7 +433,7 @@ class ExactFlow:
             if following == start[j]:
                 unvisited[j] = False
             phases = contacts.phases_after(phases, j, following)
-            if j in contacts.pressing:
+            if j in contacts.pressing_contacts:
                 phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]

@@ -209,10 +209,10 @@ class HarmonicMotions:
         contacts, change = self.flow.system.contacts, np.delete(np.arange(1, self.time.size), self.first[1:] - 1)
         before, after, out = self.phases[change - 1], self.phases[change], np.zeros(len(self.maps))
         losses = contacts.event_losses(before, after).sum(axis=1)
-        if contacts.pressed.size:
+        if contacts.pressed_contacts.size:
             given = self.inputs(self.motion[change], self.time[change])
             z = np.hstack([self.y[change], given.real, (given * self._exponent[self.motion[change]]).real])
-            pressing = np.array([self.flow.at(of).pressing @ each for of, each in zip(after, z, strict=True)])
+            pressing = np.array([self.flow.at(of).normal_force @ each for of, each in zip(after, z, strict=True)])
             losses += (contacts.pressing_losses(before, after) * pressing.reshape(change.size, -1) ** 2).sum(axis=1)
         np.add.at(out, self.motion[change], losses)
         return out

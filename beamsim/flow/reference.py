@@ -363,7 +363,7 @@ class _Equations:
         self.waiting |= below & rises & (value >= -AT_EVENT * parts)
         self.floor = np.where(self.waiting, np.minimum(value, 0.0), 0.0)
         acting = np.where(below & ~self.waiting, value, 0.0)
-        joining = acting[: self.events.joining]
+        joining = acting[: self.events.joining_count]
         acting = joining if joining.any() else acting
         return int(acting.argmin()) if acting.any() else None
 
@@ -409,15 +409,15 @@ class _Equations:
 
     def reset(self, guard: int, t: float, y: Floats) -> None:
         """Start the internal states of a guard's contact anew, in y, where its event does so."""
-        if self.events.reset[guard] >= 0:
+        if self.events.reset_row[guard] >= 0:
             y[: self.flow.size] = self.at.state_after(guard) @ self._known(np.array([t]), y[None])[0]
 
     def lost(self, before: Ints, after: Ints, t: float, y: Floats) -> float:
         """Energy that the contacts lose at once where their phases change, J."""
         contacts = self.flow.system.contacts
         lost = contacts.event_losses(before[None], after[None]).sum()
-        if contacts.pressed.size:
-            normal = self.flow.at(after).pressing @ self._known(np.array([t]), y[None])[0]
+        if contacts.pressed_contacts.size:
+            normal = self.flow.at(after).normal_force @ self._known(np.array([t]), y[None])[0]
             lost += (contacts.pressing_losses(before[None], after[None]) * normal**2).sum()
         return float(lost)
 

@@ -171,9 +171,9 @@ class Trajectory:
         contacts, phases = self.flow.system.contacts, self.phases
         before = np.concatenate([phases[:1], phases[:-1]])
         losses = contacts.event_losses(before, phases)
-        if contacts.pressed.size:
-            normal = self.sample(self.time, lambda of: self.flow.at(of).pressing)
-            losses[:, contacts.pressed] += contacts.pressing_losses(before, phases) * normal**2
+        if contacts.pressed_contacts.size:
+            normal = self.sample(self.time, lambda of: self.flow.at(of).normal_force)
+            losses[:, contacts.pressed_contacts] += contacts.pressing_losses(before, phases) * normal**2
         return losses
 
     def truncate(self, end: float) -> Trajectory:

@@ -31,7 +31,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.contacts.laws import CONSTANT, PENETRATION, PRESSING
+from beamsim.contacts.laws import CONSTANT, NORMAL_FORCE, PENETRATION
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.periodic_flow import (
     ContactDirection,
@@ -159,7 +159,7 @@ class FlowOutputs:
         begun, n = equations.state.copy(), self.flow.system.size
         begun[equations.velocities, equations.velocities] -= at.stuck_directions @ at.stuck_directions.T
         contact, _ = contacts.states_to_rewrite(phases)
-        begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
+        begun[2 * n + contacts.first_state[contact]] = equations.penetration[contact]
         return begun
 
     def _state_at_end(self, phases: Ints) -> Floats:
@@ -168,8 +168,8 @@ class FlowOutputs:
             contacts.states_to_rewrite(phases)[0],
             contacts.states_to_rewrite(phases)[1].T[:, :, None],
         )
-        written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, PRESSING]
-        end[2 * self.flow.system.size + contacts.first[contact]] = written
+        written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, NORMAL_FORCE]
+        end[2 * self.flow.system.size + contacts.first_state[contact]] = written
         return end
 
 

@@ -27,7 +27,9 @@ from beamsim.scenario.files import CurveFile
 from beamsim.typing import Floats, Ints
 
 FEWEST_LINES = 8  # in a band, plateau or peak
-SAMPLED_TABLE = 20  # points, evenly spaced, from which on a table is a measured curve, whose flat parts are chance
+MEASURED_CURVE_POINTS = (
+    20  # points, evenly spaced, from which on a table is a measured curve, whose flat parts are chance
+)
 HALF_POWER = 0.5  # of a peak, down to which it reaches
 
 
@@ -127,7 +129,7 @@ class SpectralDensity:
         """
         f, value = self.frequency_hz, self.value
         yield "band", self.lowest_hz, self.highest_hz
-        if f.size >= SAMPLED_TABLE and np.ptp(np.diff(f)) <= 0.01 * (f[-1] - f[0]) / (f.size - 1):
+        if f.size >= MEASURED_CURVE_POINTS and np.ptp(np.diff(f)) <= 0.01 * (f[-1] - f[0]) / (f.size - 1):
             return
         flat = np.isclose(value[1:], value[:-1], rtol=1e-9, atol=0.0) & (np.diff(f) > 0)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], flat, [False]]).astype(int)))

@@ -42,7 +42,7 @@ from beamsim.inputs.profiles import Leg, Profile
 from beamsim.summaries import Entry, Number
 from beamsim.typing import Complexes, Floats, Ints
 
-SAME_TURNS = 1e-9  # cycles that count as equal
+TURNS_ROUND_OFF = 1e-9  # cycles that count as equal
 
 
 @cache
@@ -90,26 +90,26 @@ def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes,
     return velocity, displacement
 
 
-def _along_steep_line(leg: Leg, power: float, quiet_hz: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
+def _along_steep_line(leg: Leg, power: float, quiet_end_hz: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
     """The same factors (F,) from those of a constant level at the quiet end, by integration in time.
 
     The displacement is the integral of the acceleration times the time that is left.
     """
     from scipy.integrate import quad_vec
 
-    first, first_nu = np.array(quiet_hz), 2j * np.pi * quiet_hz
+    first, first_nu = np.array(quiet_end_hz), 2j * np.pi * quiet_end_hz
     time = leg.time_from(first, frequency_hz)
 
     def acceleration(t: Floats) -> Complexes:
         turns = leg.turns_after(first, t)
-        return np.asarray((leg.frequency_after(first, t) / quiet_hz) ** power * np.exp(2j * np.pi * turns))
+        return np.asarray((leg.frequency_after(first, t) / quiet_end_hz) ** power * np.exp(2j * np.pi * turns))
 
     def integrands(x: float) -> Complexes:
         change = first_nu * time * acceleration(x * time)
         return np.array([change, first_nu * time * (1 - x) * change])
 
     gained, _ = quad_vec(integrands, 0.0, 1.0, epsabs=1e-14, epsrel=1e-13, norm="max", limit=1000)
-    K_v, K_d = drift_free(leg, 0.0, np.array([quiet_hz]))
+    K_v, K_d = drift_free(leg, 0.0, np.array([quiet_end_hz]))
     ratio = 2j * np.pi * frequency_hz / first_nu
     now = acceleration(time)
     return (K_v + gained[0]) / now * ratio, (K_d + K_v * first_nu * time + gained[1]) / now * ratio**2
@@ -235,14 +235,15 @@ class CorrectionSize:
         """Its entries in the summary of a run or a sweep."""
         return {"base_correction_m_s2": self.acceleration, "base_correction_share": self.share}
 
-    def warnings(self, *, held: bool) -> list[str]:
-        """What to say about it: nothing where it is small; ``held`` is whether levels of a profile are held."""
+    def warnings(self, *, stepped_levels: bool) -> list[str]:
+        """Warnings about a large correction; ``stepped_levels``: whether each level lasts up to the next."""
         if self.share <= 0.01:
             return []
         return [
             f"the base's acceleration is corrected by up to {self.acceleration:.3g} m/s^2 ({self.share:.1%} of the "
             f"level) near {self.time:.4g} s, where its velocity would jump otherwise: "
-            f"{'let the level change over several cycles (between: log_log), or ' if held else ''}sweep more slowly"
+            + ("let the level change over several cycles (between: log_log), or " if stepped_levels else "")
+            + "sweep more slowly"
         ]
 
 
@@ -277,7 +278,7 @@ def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correcti
     return tuple(corrections)
 
 
-def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Ints]:
+def leg_pieces(leg: Leg, profile: Profile, cycle_fraction: float) -> tuple[Floats, Ints]:
     """Turns since the start of a leg at which each piece of the profile begins, and the numbers of the pieces.
 
     An edge that lies on the end of a cycle to within round-off is moved there.
@@ -286,7 +287,7 @@ def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Int
     ----------
     leg : direction of the sweep.
     profile : level over frequency.
-    fraction : of a cycle that is over at the start of the leg.
+    cycle_fraction : of a cycle that is over at the start of the leg.
 
     Returns
     -------
@@ -295,9 +296,9 @@ def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Int
     """
     low, high = sorted((leg.first_hz, leg.last_hz))
     turns = np.sort(leg.turns(profile.edge[(profile.edge > low) & (profile.edge < high)]))
-    whole = np.round(turns + fraction) - fraction
-    turns = np.where(np.abs(turns - whole) < SAME_TURNS, whole, turns)
-    turns = turns[(turns > SAME_TURNS) & (turns < leg.cycles - SAME_TURNS)]
+    whole = np.round(turns + cycle_fraction) - cycle_fraction
+    turns = np.where(np.abs(turns - whole) < TURNS_ROUND_OFF, whole, turns)
+    turns = turns[(turns > TURNS_ROUND_OFF) & (turns < leg.cycles - TURNS_ROUND_OFF)]
     bounds = np.concatenate([[0.0], turns, [leg.cycles]])
     return bounds[:-1], profile.piece(leg.frequency(0.5 * (bounds[1:] + bounds[:-1])))
 

@@ -37,7 +37,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import path_text
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
-from beamsim.scenario.excitation import MatchedInput, One, RandomInput, SweptSineInput
+from beamsim.scenario.excitation import MatchedInput, RandomInput, SingleExcitation, SweptSineInput
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import amplitude_unit, power_of, shares_of_seeds
 from beamsim.typing import Complexes, Floats, Ints
@@ -46,7 +46,7 @@ MOST_RAMPED = 50_000_000  # samples of a random input that rises
 
 SAMPLES_OF_CYCLE = 20  # of the highest frequency of a random input
 CLIPPINGS = 8  # of a record, with what lies below its band taken away in between
-MOST_OF_ANY_SIZE = (
+MOST_UNROUNDED_SAMPLES = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
 )
 
@@ -149,7 +149,7 @@ def random_signals(
     return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
 
 
-MOST_OF_PERIOD, MOST_OF_MOTION = 50_000_000, 1_000_000_000  # samples of the noise
+MOST_SAMPLES_OF_PERIOD, MOST_SAMPLES_OF_MOTION = 50_000_000, 1_000_000_000  # samples of the noise
 
 
 def _count_of_samples(period: float, total: float, rate: float) -> int:
@@ -161,13 +161,13 @@ def _count_of_samples(period: float, total: float, rate: float) -> int:
         If they are too many.
     """
     for samples, most, remedy in (
-        (period * rate, MOST_OF_PERIOD, "give a shorter excitation.period, after which the noise repeats"),
-        (total * rate, MOST_OF_MOTION, "shorten run.duration, or give a lower excitation.sample_rate"),
+        (period * rate, MOST_SAMPLES_OF_PERIOD, "give a shorter excitation.period, after which the noise repeats"),
+        (total * rate, MOST_SAMPLES_OF_MOTION, "shorten run.duration, or give a lower excitation.sample_rate"),
     ):
         if samples > most:
             raise ScenarioError.at("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy)
     count = int(np.ceil(period * rate))
-    if count > MOST_OF_ANY_SIZE:
+    if count > MOST_UNROUNDED_SAMPLES:
         from scipy.fft import next_fast_len
 
         count = int(next_fast_len(count, real=True))
@@ -296,7 +296,9 @@ def sweep_windows(
     return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections
 
 
-def level_signal(excitation: One, duration: float | None = None, folder: Path | None = None) -> PrescribedInput:
+def level_signal(
+    excitation: SingleExcitation, duration: float | None = None, folder: Path | None = None
+) -> PrescribedInput:
     """The prescribed quantity as a signal.
 
     Parameters
@@ -355,7 +357,7 @@ def _pulse(excitation: Any) -> Signal:
     return half_sine(level, excitation.duration, excitation.time)
 
 
-def _motion_in_pieces(excitation: One, duration: float | None, folder: Path | None) -> BaseMotion:
+def _motion_in_pieces(excitation: SingleExcitation, duration: float | None, folder: Path | None) -> BaseMotion:
     """Of a swept sine and of a random input, whose motions are made together; see `base_motion`."""
     if excitation.kind == "swept_sine":
         windows, corrections = sweep_windows(excitation, duration)
@@ -366,7 +368,7 @@ def _motion_in_pieces(excitation: One, duration: float | None, folder: Path | No
     return BaseMotion(*random_signals(excitation, duration, folder), account=InputAccount(statement))
 
 
-def base_motion(excitation: One, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
+def base_motion(excitation: SingleExcitation, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """Motion of the base from the prescribed quantity.
 
     What would need an infinite acceleration, as a step of displacement that jumps, the scenario does not accept.

@@ -25,9 +25,9 @@ from beamsim.typing import Floats
 
 PER_OCTAVE = 6  # wavelets; spectra are looked at between them, too
 MOST_HALF_CYCLES = 15
-FILLED = 0.5  # of the record by the wavelets of each frequency
+FILLED_SHARE = 0.5  # of the record by the wavelets of each frequency
 ARRANGEMENTS, STEPS, GAIN = 4, 15, 0.8
-CLOSE_DB = 1.0  # of the curve: then no further arrangement is tried
+TOLERANCE_DB = 1.0  # of the curve: then no further arrangement is tried
 
 
 def matched_signal(excitation: MatchedInput, folder: Path | None = None) -> Signal:
@@ -64,22 +64,22 @@ def _record(
                 best, record = worst, samples
             padded = np.pad(over, 1, mode="edge")
             amplitude *= np.exp(-(GAIN if step else 1.0) * (0.25 * (padded[:-2] + padded[2:]) + 0.5 * over)[::2])
-        if 20.0 * best / np.log(10.0) <= CLOSE_DB:
+        if 20.0 * best / np.log(10.0) <= TOLERANCE_DB:
             break
     return time, _at_rest_after(time, record)
 
 
-def _wavelets(time: Floats, hz: float, generator: np.random.Generator) -> Floats:
+def _wavelets(time: Floats, frequency_hz: float, generator: np.random.Generator) -> Floats:
     """(nt,) wavelets of one frequency and of unit amplitude, one in each part of the record."""
     end = float(time[-1])
-    half_cycles = min((int(2.0 * hz * end * (1.0 + 1e-9)) - 1) // 2 * 2 + 1, MOST_HALF_CYCLES)
-    length = half_cycles / (2.0 * hz)
-    count = max(round(FILLED * end / length), 1)
+    half_cycles = min((int(2.0 * frequency_hz * end * (1.0 + 1e-9)) - 1) // 2 * 2 + 1, MOST_HALF_CYCLES)
+    length = half_cycles / (2.0 * frequency_hz)
+    count = max(round(FILLED_SHARE * end / length), 1)
     begins = (np.arange(count) + generator.uniform(size=count)) * max(end - length, 0.0) / count
     out = np.zeros_like(time)
     for begin, sign in zip(begins, generator.choice([-1.0, 1.0], count), strict=True):
         first, last = np.searchsorted(time, [begin, begin + length])
-        turned = 2.0 * np.pi * hz * (time[first:last] - begin)
+        turned = 2.0 * np.pi * frequency_hz * (time[first:last] - begin)
         out[first:last] += sign * np.sin(turned / half_cycles) * np.sin(turned)
     return out
 

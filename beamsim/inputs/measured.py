@@ -211,9 +211,9 @@ def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitati
     )  # fmt: skip
 
 
-def _other_quantity(unit: str, takes: Sequence[str]) -> str:
+def _other_quantity(unit: str, quantities: Sequence[str]) -> str:
     """How to say that values in this unit of the file are another quantity than the first of those that can act."""
-    for quantity in takes[1:]:
+    for quantity in quantities[1:]:
         with suppress(UnitError):
             size_of(unit, LEVEL_DIMENSIONS[quantity])
             return f", or write unit: {unit} if the file has a {quantity_text(quantity)}"
@@ -243,13 +243,13 @@ def _reject(message: str, remedy: str, key: str = "excitation.file") -> NoReturn
     raise ScenarioError.at(key, message, remedy)
 
 
-def read_profile(table: CurveFile, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
+def read_profile(table: CurveFile, folder: Path, quantities: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
     """The points of a table of levels over frequency.
 
     Parameters
     ----------
     table, folder : the file, and where its path begins.
-    takes : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
+    quantities : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
 
     Returns
     -------
@@ -261,7 +261,7 @@ def read_profile(table: CurveFile, folder: Path, takes: tuple[str, ...]) -> tupl
     ScenarioError
         If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
     """
-    dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
+    dimensions = {name: LEVEL_DIMENSIONS[name] for name in quantities if name in LEVEL_DIMENSIONS}
     frequency, level, quantity = _read_table(table, folder, "sweep.profile_file", dimensions)
     return tuple(
         ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
@@ -303,25 +303,29 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     return limits
 
 
-def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: float | None = None) -> Floats:
+def on_curve(
+    frequency: Floats | float, curve_frequency: Floats, curve_value: Floats, log_outside: float | None = None
+) -> Floats:
     """A curve at frequencies, straight between its points on logarithmic axes.
 
     Parameters
     ----------
     frequency : (nf,) Hz.
-    along, level : (n,) frequencies, Hz, and positive values of its points.
-    outside : logarithm of the value before the first point and behind the last; by default theirs.
+    curve_frequency, curve_value : (n,) frequencies, Hz, and positive values of its points.
+    log_outside : logarithm of the value before the first point and behind the last; by default theirs.
 
     Returns
     -------
     (nf,) array
         In the unit of the level.
     """
-    return np.asarray(np.exp(np.interp(np.log(frequency), np.log(along), np.log(level), outside, outside)))
+    return np.asarray(
+        np.exp(np.interp(np.log(frequency), np.log(curve_frequency), np.log(curve_value), log_outside, log_outside))
+    )
 
 
 def read_curve(
-    given: tuple[tuple[float, float], ...] | CurveFile,
+    curve: tuple[tuple[float, float], ...] | CurveFile,
     folder: Path,
     path: Keys,
     dimensions: Mapping[str, Dimension],
@@ -332,7 +336,7 @@ def read_curve(
 
     Parameters
     ----------
-    given : points, or the text file with them.
+    curve : points, or the text file with them.
     folder : where its path begins.
     path : path of the key.
     dimensions : what the values may be, by quantity.
@@ -343,10 +347,10 @@ def read_curve(
     ScenarioError
         If it is a file that cannot be read, or no table of frequencies and values.
     """
-    if isinstance(given, CurveFile):
-        return _read_table(given, folder, path_text(path), dimensions, steps=steps)
-    frequency, value = np.transpose(given)
-    return frequency, value, meant(given[0][1])
+    if isinstance(curve, CurveFile):
+        return _read_table(curve, folder, path_text(path), dimensions, steps=steps)
+    frequency, value = np.transpose(curve)
+    return frequency, value, meant(curve[0][1])
 
 
 def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[Floats, Floats]:

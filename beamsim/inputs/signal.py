@@ -31,7 +31,7 @@ from beamsim.typing import Complexes, Floats, Ints
 MOST_PIECES = 4_000_000  # of a signal that is made as a whole
 ORDERS = 8  # derivatives of an input that are known: as many as decide how a motion starts, and of its slope
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
-TIMES_AT_ONCE = 2**17  # at which values are computed together, which bounds the memory
+TIMES_PER_BLOCK = 2**17  # at which values are computed together, which bounds the memory
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class Signal:
         """Values at times t (any shape); the first piece also applies before its start."""
         t = np.asarray(t, dtype=float)
         times, values = t.ravel(), np.empty(t.size)
-        for first in range(0, t.size, TIMES_AT_ONCE):
-            part = times[first : first + TIMES_AT_ONCE]
+        for first in range(0, t.size, TIMES_PER_BLOCK):
+            part = times[first : first + TIMES_PER_BLOCK]
             k = np.clip(np.searchsorted(self.start, part, side="right") - 1, 0, None)
-            values[first : first + TIMES_AT_ONCE] = self.piece_values(k, part - self.start[k])
+            values[first : first + TIMES_PER_BLOCK] = self.piece_values(k, part - self.start[k])
         return values.reshape(t.shape)
 
     def __mul__(self, factor: float) -> Signal:
@@ -134,8 +134,8 @@ class Signal:
 
 
 MARGIN = 32  # samples before and after a block
-PIECES_OF_A_BLOCK = 2**16
-_BLOCKS_AT_HAND = 2
+PIECES_PER_BLOCK = 2**16
+_CACHED_BLOCKS = 2
 
 
 class CubicRecord:
@@ -190,7 +190,7 @@ class CubicRecord:
         for before in range(len(self._at_start) - 1, number):
             self._make(before)
         if number not in self._at_hand:
-            while len(self._at_hand) >= _BLOCKS_AT_HAND:
+            while len(self._at_hand) >= _CACHED_BLOCKS:
                 del self._at_hand[next(iter(self._at_hand))]
             self._at_hand[number] = self._make(number)
         return self._at_hand[number]
@@ -203,9 +203,9 @@ class CubicRecord:
         """
         if self._few is not None and np.array_equal(self._few[0], t):
             return np.asarray(self._few[1][integral])
-        block = np.clip(np.floor(t / self.step + 1e-6), 0, self.pieces - 1).astype(np.int64) // PIECES_OF_A_BLOCK
+        block = np.clip(np.floor(t / self.step + 1e-6), 0, self.pieces - 1).astype(np.int64) // PIECES_PER_BLOCK
         numbers = np.unique(block)
-        together = numbers.size > _BLOCKS_AT_HAND and t.size <= PIECES_OF_A_BLOCK
+        together = numbers.size > _CACHED_BLOCKS and t.size <= PIECES_PER_BLOCK
         wanted = (0, 1, 2) if together else (integral,)
         out = np.empty((3, *t.shape))
         for number in numbers:
@@ -222,8 +222,8 @@ class CubicRecord:
         return float(end - begin) / ((self.pieces - first) * self.step)
 
     def _make(self, number: int) -> tuple[Signal, Signal, Signal]:
-        first = number * PIECES_OF_A_BLOCK
-        last = min(first + PIECES_OF_A_BLOCK, self.pieces)
+        first = number * PIECES_PER_BLOCK
+        last = min(first + PIECES_PER_BLOCK, self.pieces)
         record, (velocity_0, displacement_0), step = self._spline(first, last), self._at_start[number], self.step
         velocity = record.antiderivative(velocity_0 / step)
         displacement = velocity.antiderivative(displacement_0 / step**2)
@@ -271,8 +271,8 @@ class StreamedSignal(Signal):
         return Signal(self.record.start(first, last), self.exponent, np.concatenate(coefficient))
 
     def _parts(self, first: int, last: int) -> Iterator[Signal]:
-        for number in range(first // PIECES_OF_A_BLOCK, -(-last // PIECES_OF_A_BLOCK)):
-            begin = number * PIECES_OF_A_BLOCK
+        for number in range(first // PIECES_PER_BLOCK, -(-last // PIECES_PER_BLOCK)):
+            begin = number * PIECES_PER_BLOCK
             inside = slice(max(first - begin, 0), last - begin)
             whole = self.record.block(number)[self.integral]
             yield Signal(whole.start[inside], whole.exponent, self.factor * whole.coefficient[inside])
@@ -339,13 +339,13 @@ class Sources:
     limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_lower_limits`
     group_last: Ints  # (F,) number of the last source of the polynomial (same channel and exponent) of each
 
-    def _of_higher_powers(self, amplitude: Complexes, shift: Floats) -> Complexes:
+    def _of_higher_powers(self, amplitude: Complexes, time_shift: Floats) -> Complexes:
         """(n, F) what higher powers of time add to the lower ones where times are counted from later, by (n, 1)."""
         added, last = np.zeros_like(amplitude), self.group_last
         for f in np.flatnonzero(last > np.arange(last.size)):
-            factor = np.ones(shift.size)
+            factor = np.ones(time_shift.size)
             for q in range(f + 1, last[f] + 1):
-                factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
+                factor = factor * time_shift[:, 0] * ((self.power[f] + q - f) / (q - f))
                 added[:, f] += factor * amplitude[:, q]
         return added
 

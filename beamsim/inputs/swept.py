@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_without_drift
+from beamsim.inputs.drift import TURNS_ROUND_OFF, Correction, leg_pieces, motion_without_drift
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
@@ -130,7 +130,7 @@ def cut_into_windows(
         **columns,
         frequency_hz=np.choose(cycle_leg, [leg.frequency(middle - t) for leg, t in zip(legs, begins, strict=True)]),
         cycle_leg=cycle_leg.astype(np.int64),
-        complete=turns >= middle.size - SAME_TURNS,
+        complete=turns >= middle.size - TURNS_ROUND_OFF,
         truncation=float(bound.max()),
     )
 
@@ -199,7 +199,7 @@ class _LegExpansion:
         of_corrections = leg.turns_after(np.array(leg.first_hz), np.array(ends))
         cuts = np.unique(np.concatenate([begins, whole, of_corrections, [total]]))
         cuts = cuts[(cuts >= 0.0) & (cuts <= total)]
-        cuts = cuts[np.concatenate([[True], np.diff(cuts) > SAME_TURNS])]
+        cuts = cuts[np.concatenate([[True], np.diff(cuts) > TURNS_ROUND_OFF])]
         cuts[-1] = total
         return np.asarray(cuts)
 
@@ -317,9 +317,9 @@ def _twice_integrated(series: Complexes, omega: Floats, value: Complexes, slope:
     return out
 
 
-def _product(one: NDArray[Any], two: Floats, D: int) -> NDArray[Any]:
+def _product(first: NDArray[Any], second: Floats, D: int) -> NDArray[Any]:
     """Product of power series, one per row, up to the power D."""
-    return np.stack([np.sum(one[:, : p + 1] * two[:, p::-1], axis=1) for p in range(D + 1)], axis=1)
+    return np.stack([np.sum(first[:, : p + 1] * second[:, p::-1], axis=1) for p in range(D + 1)], axis=1)
 
 
 def _exponential(series: Complexes) -> Complexes:
@@ -396,9 +396,9 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
     return tuple(signals)
 
 
-def move(polynomial: NDArray[Any], by: Floats) -> None:
+def move(polynomial: NDArray[Any], distance: Floats) -> None:
     """Polynomials (k, D + 1) about points further by (k,), in place."""
     D = polynomial.shape[1] - 1
     for i in range(D):
         for p in range(D - 1, i - 1, -1):
-            polynomial[:, p] += by * polynomial[:, p + 1]
+            polynomial[:, p] += distance * polynomial[:, p + 1]

@@ -51,7 +51,7 @@ def without_borders(contacts: Contacts) -> set[int]:
 
     Faces that hold let go by a force and begin to stick by a rate, and those that a snubber presses follow that one.
     """
-    return set(np.flatnonzero(contacts.may_stick_rigidly).tolist()) | set(contacts.pressed.tolist())
+    return set(np.flatnonzero(contacts.may_stick_rigidly).tolist()) | set(contacts.pressed_contacts.tolist())
 
 
 def _crossings(flow_map: FlowMap) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
@@ -101,7 +101,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
     Value and time, s; both are nan where there is none.
     """
     T, contacts = flow_map.duration, flow.system.contacts
-    start, count = 2 * flow.system.size + int(contacts.first[contact]), int(contacts.states[contact])
+    start, count = 2 * flow.system.size + int(contacts.first_state[contact]), int(contacts.state_counts[contact])
     centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
 

@@ -607,7 +607,7 @@ def _nearly_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
         if not law.yields or np.any(phases[:, j] >= LOADING):
             continue
         (guard,) = (guard for guard in law.phases[ELASTIC].guards if guard.next == LOADING)
-        slider = y[:, n + contacts.first[j]]
+        slider = y[:, n + contacts.first_state[j]]
         left = guard.row.constant + guard.row.penetration * penetration[:, j] + guard.row.internal[0] * slider
         # 1e-3: of the yield force: a motion that comes closer just reaches it
         if np.any(left[phases[:, j] == ELASTIC] < 1e-3 * guard.row.constant):

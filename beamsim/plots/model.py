@@ -16,7 +16,7 @@ from beamsim.plots.style import amount, round_length
 from beamsim.plots.understood import amplitude_text, excitation_text
 from beamsim.scenario.body import OnSupport
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
+from beamsim.structures.places import SLOPE, LoadedRegion, LoadSite, Place, ends_of
 from beamsim.system.reduced_model import ActingLoads
 from beamsim.system.structural import SnubberNumbers
 
@@ -190,7 +190,7 @@ def _places_moved(sketch: Sketch, moving: Any) -> list[tuple[float, float]]:
 
 def _loaded(site: LoadSite, sketch: Sketch) -> Sequence[Place]:
     """Points at which a load is drawn."""
-    if not isinstance(site, Distributed):
+    if not isinstance(site, LoadedRegion):
         return ends_of(site)
     width = sketch.width(site.body)
     first, last = site.bounds[0] if site.bounds else sketch.lines_of(site.body)[0].coordinate[[0, -1]]

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from beamsim.plots.drawing import curve_style, finish, legend, with_unit
 from beamsim.plots.style import scale_for
-from beamsim.structures.places import IN_PLANE, StationPart, Stations
+from beamsim.structures.places import ON_PLATE, StationPart, Stations
 from beamsim.typing import Floats
 
 
@@ -42,10 +42,10 @@ def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[
 def _lines(stations: Stations, part: StationPart, shape: Floats) -> Iterator[tuple[str, Floats, Floats]]:
     """A beam or a row of masses as one line, the bottom and the top edge of a plate as two, with their names."""
     x, y = stations.position[part.stations], shape[part.stations]
-    if part.axis.continuous or part.axis is IN_PLANE:
+    if part.axis.continuous or part.axis is ON_PLATE:
         x = x * scale_for(part.axis.unit, x).factor
     several = len(stations.parts) > 1
-    if part.axis is not IN_PLANE:
+    if part.axis is not ON_PLATE:
         yield part.body if several else "", x, y
         return
     assert stations.across is not None

@@ -103,7 +103,7 @@ def _without_limit(
     None where motions are known by harmonics or in time steps alone.
     """
     numbers, found = np.flatnonzero(stable), dict[int, dict[tuple[str, str], float]]()
-    for channel, column in measurement.channels.located if numbers.size else ():
+    for channel, column in measurement.channels.first_columns if numbers.size else ():
         if channel.key in ACCELERATIONS:
             peaks = [motions[number].peak[column] for number in numbers.tolist()]
             largest = int(np.argmax(peaks))
@@ -126,7 +126,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
     for name in () if limits is None else limits.values_by_name:
         value, place = parse_limit(name)
-        columns = [k for each, k in channels.located if value.is_extreme_of(each) and place in ("", each.name)]
+        columns = [k for each, k in channels.first_columns if value.is_extreme_of(each) and place in ("", each.name)]
         some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima
@@ -213,7 +213,7 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     """
     values: dict[str, Any] = {}
     for section, quantity in (("probes", "displacement"), ("probes", "absolute_acceleration"), ("snubbers", "force")):
-        columns = [k for each, k in channels.located if each.key == (section, quantity)]
+        columns = [k for each, k in channels.first_columns if each.key == (section, quantity)]
         if columns:
             high, low = ends[:, 0, columns].T, ends[:, 1, columns].T
             largest = np.maximum(np.abs(high), np.abs(low))
@@ -222,7 +222,7 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     if opening is not None:
         in_metres = np.array([snubber.gap_unit == "m" for snubber in model.system.snubbers])
         values["peak_gap"] = np.where(in_metres[:, None], opening.T, np.nan)
-    outputs = [(each, k) for each, k in channels.located if each.section == "outputs"]
+    outputs = [(each, k) for each, k in channels.first_columns if each.section == "outputs"]
     return values | {
         "peak_bending_stress": None if stress is None else stress.max(axis=1),
         "output": [each.name for each, _ in outputs],

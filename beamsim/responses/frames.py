@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.responses.histories import between_samples
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import IN_PLANE, Place, Site, StationPart, Stations, ends_of
+from beamsim.structures.places import ON_PLATE, Place, Site, StationPart, Stations, ends_of
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
@@ -151,7 +151,7 @@ def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list
     bodies = list(scenario.all_bodies)
     name = part.body if part.body in bodies else bodies[0]  # one alone is called after its axis
     x = stations.position[part.stations]
-    if part.axis is IN_PLANE and stations.across is not None:
+    if part.axis is ON_PLATE and stations.across is not None:
         y = stations.across[part.stations]
         across, along = np.linspace(y.min(), y.max(), PLATE_LINES), np.linspace(x.min(), x.max(), PLATE_LINES)
         fine_x, fine_y = np.linspace(x.min(), x.max(), PLATE_POINTS), np.linspace(y.min(), y.max(), PLATE_POINTS)

@@ -95,7 +95,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     preload.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
-    if system.static_equilibrium is None or count == 0 or contacts.any_sticks_rigidly or contacts.pressed.size:
+    if system.static_equilibrium is None or count == 0 or contacts.any_sticks_rigidly or contacts.pressed_contacts.size:
         return {}
     penetration = static_penetration(system)
     closed = penetration > 0
@@ -108,8 +108,8 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     )
     stiffness, first = np.abs(contacts.dynamic_stiffness(resting, omega)), np.full(at_rest.T.shape, np.inf)
     for j, law in enumerate(contacts.laws):  # levels at which the linear motion takes each contact out of its phase
-        for border in law.borders(float(penetration[j])):
-            size = np.abs(at_rest[:, j]) * (stiffness[:, j] if border.of_force else 1.0)
+        for border in law.boundaries(float(penetration[j])):
+            size = np.abs(at_rest[:, j]) * (stiffness[:, j] if border.is_force else 1.0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 first[j] = np.minimum(first[j], border.distance / size)
     impedance = contacts.dynamic_stiffness(pressed, omega)

@@ -21,7 +21,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal, StreamedSignal
 from beamsim.results.values import ACCELERATION, OUTPUT
 from beamsim.system.equations import Channel, ChannelSet
-from beamsim.system.structural import LIGHT, JumpingForce, StructuralSystem
+from beamsim.system.structural import LIGHT_MASS_FACTOR, JumpingForce, StructuralSystem
 from beamsim.typing import Floats, Ints
 
 NOTED = 0.25  # of a peak acceleration: a larger jump exceeds it in a model of a few times the modes
@@ -176,7 +176,7 @@ class Waves:
     upper : upper half of the kept modes.
     ratio : smallest of their damping ratios.
     decay : 1/s, of the highest of them.
-    number : of modes that are in reach: `LIGHT` times those kept; 0 where damping ends the waves of fewer.
+    number : of modes that are in reach: `LIGHT_MASS_FACTOR` times those kept; 0 where damping ends the waves of fewer.
     """
 
     upper: Ints
@@ -190,13 +190,13 @@ class Waves:
         kept = system.kept_modes
         upper = np.argsort(system.dynamics.stiffness, kind="stable")[kept // 2 : kept]
         ratio = float(np.nanmin(system.modes["damping_ratios"].values[kept // 2 : kept], initial=np.inf))
-        number = LIGHT * kept if np.pi * ratio * LIGHT * kept < 1.0 else 0.0
+        number = LIGHT_MASS_FACTOR * kept if np.pi * ratio * LIGHT_MASS_FACTOR * kept < 1.0 else 0.0
         return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
 
     def accelerations(self, system: StructuralSystem, channels: Sequence[Channel], jumps: ForceJumps) -> Floats:
         """(C, k) m/s^2 that jumps make of channels: of each at its force, and of all whose waves still travel.
 
-        Waves are those of a model of `LIGHT` times the modes, and add as those of random phases.
+        Waves are those of a model of `LIGHT_MASS_FACTOR` times the modes, and add as those of random phases.
         """
         shape, rows = jumps.force.shape, np.vstack([channel.rows for channel in channels])
         at = np.array([at_force(system, channel, jumps.force) for channel in channels])

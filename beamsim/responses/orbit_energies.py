@@ -156,7 +156,7 @@ def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[
     y, phases, each = motion.states(times), motion.phases, motion.segments(times)
     n, contacts, loads = flow.system.size, flow.system.contacts, flow.loads
     states, of_state = np.unique(phases, axis=0, return_inverse=True)
-    dashpots = contacts.arrays.lost[np.arange(contacts.count), states, RATE][of_state.reshape(-1)]
+    dashpots = contacts.arrays.dissipative_force[np.arange(contacts.count), states, RATE][of_state.reshape(-1)]
     delta, rate = flow.penetration_of(y, times)
     push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.base_influence)
     v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]

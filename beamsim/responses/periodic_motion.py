@@ -138,8 +138,8 @@ class Measurement:
         there = system.channels.select(lambda each: (*each.key, each.name) in names)
         found = Measurement(system, self.excitation, there, self.harmonics).of(problem, [point])[0]
         high, low = np.split(np.zeros(2 * sum(each.columns for each in self.channels.channels)), 2)
-        columns = {(*each.key, each.name): slice(k, k + each.columns) for each, k in there.located}
-        for each, first in self.channels.located:
+        columns = {(*each.key, each.name): slice(k, k + each.columns) for each, k in there.first_columns}
+        for each, first in self.channels.first_columns:
             of = columns[*each.key, each.name]
             same, to = of.stop - of.start == each.columns, slice(first, first + each.columns)
             high[to] = found.high[of] if same else found.high[of].max()

@@ -90,7 +90,7 @@ def largest_openings(openings: Extreme) -> Floats:
 
 def by_magnitude(channels: Sequence[Channel], extreme: Extreme) -> Extreme:
     """Extremes of channels, where a force that counts in both directions has its largest magnitude as the highest."""
-    both = np.repeat([channel.both_ways for channel in channels], [channel.columns for channel in channels])
+    both = np.repeat([channel.counts_pulling for channel in channels], [channel.columns for channel in channels])
     low, when_low, high, when_high = extreme
     pulls = both & (-low > high)
     return np.array([low, when_low, np.where(pulls, -low, high), np.where(pulls, when_low, when_high)])

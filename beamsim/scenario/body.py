@@ -539,7 +539,7 @@ BeamDamping = Annotated[ModalDamping | RayleighDamping | ViscousDamping, BY_FORM
 ChainDamping = Annotated[ModalDamping | RayleighDamping, BY_FORM]
 
 
-class Located(NamedTuple):
+class LocatedItem(NamedTuple):
     """A snubber or spring, where it is written, the body it means where it names none, and all bodies."""
 
     path: Path
@@ -733,7 +733,7 @@ class Body(Schema):
             if (position := getattr(part, "position", None)) is not None:
                 yield from self.position_problems(path, (*place, "position"), position, "")
 
-    def position_problems(self, body_path: Path, path: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
+    def position_problems(self, body_path: Path, path: Path, position: WrittenPosition, item: str) -> Iterator[Problem]:
         """Problems of a position on the body.
 
         Parameters
@@ -741,7 +741,7 @@ class Body(Schema):
         body_path : path of the body.
         path : path at which the position is written.
         position : as it is written.
-        what : what sits there and does nothing on a support; empty for what may stand on one.
+        item : what sits there and does nothing on a support; empty for what may stand on one.
 
         Yields
         ------
@@ -753,15 +753,15 @@ class Body(Schema):
             return
         for axis, x in enumerate(along):
             yield from self.position_problems_of_side(body_path, (*path, axis) if len(along) > 1 else path, x, axis)
-        if what and (held := self.support_at(position)):
-            yield self._without_effect(body_path, path, position, f"{held}, which cannot deflect: {what}")
+        if item and (held := self.support_at(position)):
+            yield self._without_effect(body_path, path, position, f"{held}, which cannot deflect: {item}")
 
-    def _without_effect(self, body_path: Path, path: Path, position: WrittenPosition, what: str) -> Problem:
+    def _without_effect(self, body_path: Path, path: Path, position: WrittenPosition, item: str) -> Problem:
         """A warning that something acts where the body is supported."""
         point = self.point(position)
         shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
         remedy = f"move it, or change {path_text((*body_path, 'supports'))}"
-        return problem(path, f"= {shown} m is {what} has no effect there", remedy)
+        return problem(path, f"= {shown} m is {item} has no effect there", remedy)
 
     def _dimension_problem(self, body_path: Path, path: Path, position: WrittenPosition) -> Problem:
         """A problem: the position has as many numbers as on bodies of another kind."""
@@ -817,10 +817,10 @@ class Body(Schema):
         """Why a node is not a place of the body."""
         yield self._other_kind_problem(body_path, path, "imported matrices")
 
-    def _other_kind_problem(self, body_path: Path, path: Path, of: str) -> Problem:
+    def _other_kind_problem(self, body_path: Path, path: Path, other_kind: str) -> Problem:
         """A problem: the place is written as on bodies of another kind."""
         this = "the structure" if len(body_path) == 1 else path_text(body_path)
-        return problem(path, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
+        return problem(path, f"applies to {other_kind}, but {this} is {self.called}", self.how_to_place)
 
     def shape_problems(self, body_path: Path, path: Path, position: float | q.Share) -> Iterator[Problem]:
         """Problems of a position at which a mode shape was measured.

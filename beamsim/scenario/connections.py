@@ -829,11 +829,11 @@ class HingeFriction(OfHinge, FrictionBase):
     """The friction of a hinge as a contact: its moment stands for the normal force, which is not known."""
 
     @classmethod
-    def of(cls, given: HingeFrictionMoments) -> Self:
+    def of(cls, moments: HingeFrictionMoments) -> Self:
         """Unstressed at the start."""
-        sliding = given.moment if given.sliding is None else given.sliding
-        coefficient = FrictionCoefficients(static=1.0, sliding=sliding / given.moment)
-        return cls.model_construct(normal_force=given.moment, coefficient=coefficient, stiffness=given.stiffness)
+        sliding = moments.moment if moments.sliding is None else moments.sliding
+        coefficient = FrictionCoefficients(static=1.0, sliding=sliding / moments.moment)
+        return cls.model_construct(normal_force=moments.moment, coefficient=coefficient, stiffness=moments.stiffness)
 
 
 class RigidJoint(Joint):
@@ -913,8 +913,8 @@ class HingeJoint(_Turning):
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
                 meant = scenario.unit_written((*path, *place, "angle"), stop.gap, units.ANGLE) in ("", "rad")
                 yield (
-                    f"{path_text((*path, *place))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory of "
-                    f"small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg)"
+                    f"{path_text((*path, *place))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory "
+                    f"of small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg)"
                     + (f"; was {stop.gap:.3g} deg meant?" if meant else "")
                 )
 
@@ -1017,7 +1017,7 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
     return Placed(origin, group, tuple(apart))
 
 
-def base_problems(scenario: Whole, path: Path, direction: str, what: str) -> Problems:
+def base_problems(scenario: Whole, path: Path, direction: str, motion: str) -> Problems:
     """A motion of the base moves points of every body; where it turns several, joints must say how they lie.
 
     Parameters
@@ -1025,7 +1025,7 @@ def base_problems(scenario: Whole, path: Path, direction: str, what: str) -> Pro
     scenario : that has the bodies.
     path : where the motion is written.
     direction : x, y, z, or rx, ry, rz.
-    what : the motion, for the message.
+    motion : the motion, for the message.
 
     Yields
     ------
@@ -1035,10 +1035,10 @@ def base_problems(scenario: Whole, path: Path, direction: str, what: str) -> Pro
     for name, body in bodies.items():
         if direction not in body.base_directions:
             remedy = f"use {' or '.join(filter(None, body.base_directions))}"
-            yield problem(path, f"{what} moves no point of {name}, a {body.body_kind}", remedy)
+            yield problem(path, f"{motion} moves no point of {name}, a {body.body_kind}", remedy)
     known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
     if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
         yield problem(
-            path, f"{what} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+            path, f"{motion} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
             "join them by points of beams, or model them as one body",
         )  # fmt: skip

@@ -955,7 +955,7 @@ class MatchedInput(Driven):
             yield problem(("run", "duration"), message, "run longer: what follows the record counts, too")
 
 
-One = (
+SingleExcitation = (
     Harmonic
     | MultiTone
     | Step
@@ -974,7 +974,7 @@ class Forces(Input):
 
     kind: Literal["forces"] = "forces"
     """Several forces and motions."""
-    forces: Annotated[tuple[Annotated[One, BY_FORM], ...], Field(min_length=1)]
+    forces: Annotated[tuple[Annotated[SingleExcitation, BY_FORM], ...], Field(min_length=1)]
     """Each a harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or matched
     excitation that is applied to a point, a line of a beam, an area of a plate, a support that moves, or (one of them)
     the base."""
@@ -1063,7 +1063,7 @@ class Forces(Input):
         return max(force.highest_frequency_hz for force in self.forces)
 
 
-Excitation = Annotated[NoExcitation | One | Forces, BY_FORM]
+Excitation = Annotated[NoExcitation | SingleExcitation | Forces, BY_FORM]
 
 
 Sine = Harmonic | Forces

@@ -62,21 +62,21 @@ AnyFileUnits = Annotated[
 """A system by its name, or units one by one."""
 
 
-def sizes_of(given: UnitSystem | FileUnits | None) -> UnitSizes:
+def sizes_of(file_units: UnitSystem | FileUnits | None) -> UnitSizes:
     """SI sizes of the units; SI units where none are given."""
-    if isinstance(given, FileUnits):
+    if isinstance(file_units, FileUnits):
         return UnitSizes(
-            units.size_of(given.length, units.LENGTH), units.size_of(given.mass, units.MASS),
-            units.size_of(given.force, units.FORCE), units.size_of(given.time, units.TIME),
+            units.size_of(file_units.length, units.LENGTH), units.size_of(file_units.mass, units.MASS),
+            units.size_of(file_units.force, units.FORCE), units.size_of(file_units.time, units.TIME),
         )  # fmt: skip
-    return SYSTEMS[given or "SI"]
+    return SYSTEMS[file_units or "SI"]
 
 
-def name_of(given: UnitSystem | FileUnits | None) -> str:
+def name_of(file_units: UnitSystem | FileUnits | None) -> str:
     """The units in words."""
-    if isinstance(given, FileUnits):
-        return ", ".join(getattr(given, name) for name in UnitSizes._fields)
-    return given or "SI"
+    if isinstance(file_units, FileUnits):
+        return ", ".join(getattr(file_units, name) for name in UnitSizes._fields)
+    return file_units or "SI"
 
 
 class MatrixSource(Schema):

@@ -244,15 +244,15 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
         yield from _types(part, getattr(part, "__metadata__", ()), indices)
 
 
-def _walk(value: Any, parts: list[str | int], walked: Path) -> list[Path]:
+def _walk(value: Any, parts: list[str | int], prefix: Path) -> list[Path]:
     if not parts:
         leaf = isinstance(value, int | float | str | Share | q.Rate) and not isinstance(value, bool)
-        if walked != ("run", "sample_rate") and not leaf:
+        if prefix != ("run", "sample_rate") and not leaf:
             raise InvalidValueError("is not a number", _keys_below(value))
-        return [walked]
-    part, rest, where = parts[0], parts[1:], path_text(walked) or "the scenario"
+        return [prefix]
+    part, rest, where = parts[0], parts[1:], path_text(prefix) or "the scenario"
     if isinstance(value, tuple):
-        return [place for k in indices(value, part, walked) for place in _walk(value[k], rest, (*walked, k))]
+        return [place for k in indices(value, part, prefix) for place in _walk(value[k], rest, (*prefix, k))]
     if not isinstance(value, Schema | dict) or not isinstance(part, str) or part == "*":
         raise InvalidValueError(f"does not exist: {where} is not a list", "omit the rest of the path")
     keys = value if isinstance(value, dict) else type(value).attributes()
@@ -260,11 +260,11 @@ def _walk(value: Any, parts: list[str | int], walked: Path) -> list[Path]:
         known = "the names are" if isinstance(value, dict) else "its keys are"
         raise InvalidValueError(f"does not exist: {where} has no {part}", suggestion(part, keys, known))
     inner = _inside(value, part)
-    if inner is None and (*walked, part) != ("run", "sample_rate"):
+    if inner is None and (*prefix, part) != ("run", "sample_rate"):
         raise InvalidValueError(
-            "has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
+            "has no value in this scenario", f"give {path_text((*prefix, part))} a value to start from"
         )
-    return _walk(inner, rest, (*walked, part))
+    return _walk(inner, rest, (*prefix, part))
 
 
 def _keys_below(value: Any) -> str:

@@ -518,11 +518,11 @@ class Run(Schema):
         if self.low_pass is not None:
             self._check_periods(self.low_pass, MOST_FILTERED, ("low_pass",))
 
-    def _check_periods(self, highest_hz: float, most: int, path: Path) -> None:
-        if highest_hz * self.duration > most:
+    def _check_periods(self, highest_hz: float, largest_count: int, path: Path) -> None:
+        if highest_hz * self.duration > largest_count:
             raise InvalidValueError(
                 f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
-                f"{self.duration:g} s (at most {most:.0e})",
+                f"{self.duration:g} s (at most {largest_count:.0e})",
                 "give a lower frequency, 2 kHz for example, or a shorter run", path,
             )  # fmt: skip
 

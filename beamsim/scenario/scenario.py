@@ -40,7 +40,7 @@ from beamsim.scenario.base import (
     walk,
 )
 from beamsim.scenario.beam import AnyBeam
-from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe
+from beamsim.scenario.body import NUMBERED, AtPlace, Body, LocatedItem, Probe
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
     AnyFriction,
@@ -483,15 +483,15 @@ class Scenario(Schema):
         """The data that it was read from, with the units that were written; None where it comes from elsewhere."""
         return None if self._solved is not None else self._text
 
-    def unit_written(self, path: Path, value: float, of: Dimension) -> str | None:
+    def unit_written(self, path: Path, value: float, dimension: Dimension) -> str | None:
         """The unit in which a number was written, empty without one; None where it was not written.
 
         Parameters
         ----------
         path : path of the number.
-        value, of : SI, and its dimension.
+        value, dimension : SI, and its dimension.
         """
-        written = None if self.as_written is None else written_number(self.as_written, path, value, of)
+        written = None if self.as_written is None else written_number(self.as_written, path, value, dimension)
         return None if written is None else units.number_and_unit(written)[1]
 
     def to_yaml(self) -> str:
@@ -599,14 +599,14 @@ class Scenario(Schema):
         """Whether a motion begins with Maxwell branches that have not relaxed."""
         return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
-    def more_modes(self, wanted: int) -> str:
+    def more_modes(self, mode_count: int) -> str:
         """The setting of the reduction that gives so many modes; empty if all are kept."""
         written = self.reduction
         if written is None:
-            return f"give reduction: {{modes: {wanted}}}"
+            return f"give reduction: {{modes: {mode_count}}}"
         if written.highest_frequency is not None:
             return f"raise reduction.highest_frequency ({written.highest_frequency:g} Hz)"
-        return "" if written.modes == "all" else f"raise reduction.modes to {wanted}"
+        return "" if written.modes == "all" else f"raise reduction.modes to {mode_count}"
 
     @property
     def bare_dashpots(self) -> tuple[str, ...]:
@@ -617,7 +617,7 @@ class Scenario(Schema):
             if located.item.damping is not None and math.isinf(self.inverse_mass(located))
         )
 
-    def inverse_mass(self, located: Located) -> float:
+    def inverse_mass(self, located: LocatedItem) -> float:
         """Sum of 1 / m over the places of a snubber on bodies with a mesh, 1/kg, m being the point mass there.
 
         It is that of the squared shapes of all modes at the contact: infinite where there is no point mass.
@@ -631,16 +631,16 @@ class Scenario(Schema):
                 total += 1.0 / mass if mass else math.inf
         return total
 
-    def listed(self, *keys: str) -> Iterator[Located]:
+    def listed(self, *keys: str) -> Iterator[LocatedItem]:
         """Items of these lists of the scenario, then those of its bodies and hinges."""
         bodies, default = self.all_bodies, self.default_body
         lists: list[tuple[Path, str, Any]] = [((key,), default, getattr(self, key)) for key in keys]
         for name, body in bodies.items():
             lists += [((*self.body_path(name), key), name, getattr(body, key, ())) for key in keys]
         for path, name, items in lists:
-            yield from (Located((*path, index), name, item, bodies) for index, item in enumerate(items))
+            yield from (LocatedItem((*path, index), name, item, bodies) for index, item in enumerate(items))
         for path, item in self._of_hinges(keys) if self.joints else ():
-            yield Located(path, default, item, bodies)
+            yield LocatedItem(path, default, item, bodies)
 
     def _of_hinges(self, keys: Sequence[str]) -> Iterator[tuple[Path, Any]]:
         """Stops and friction of hinges under the keys ``snubbers`` and ``friction``, with their paths."""
@@ -650,14 +650,14 @@ class Scenario(Schema):
                     yield ("joints", index, *path), item
 
     @property
-    def located_snubbers(self) -> tuple[Located, ...]:
+    def located_snubbers(self) -> tuple[LocatedItem, ...]:
         """The snubbers with their paths and bodies: those of the scenario, of the bodies, and the stops of hinges.
 
         Both stops of a pair have its path.
         """
         return tuple(located._replace(item=stop) for located in self.listed("snubbers") for stop in located.item.stops)
 
-    def located_snubber(self, name: str) -> Located:
+    def located_snubber(self, name: str) -> LocatedItem:
         """The snubber with this name, its path and its body."""
         return next(located for located in self.located_snubbers if located.item.name == name)
 
@@ -667,7 +667,7 @@ class Scenario(Schema):
         return (*self.joints, *self.springs_to_ground, *self.springs_between)
 
     @property
-    def nonlinear_springs(self) -> tuple[Located, ...]:
+    def nonlinear_springs(self) -> tuple[LocatedItem, ...]:
         """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
         friction contacts, springs of kind friction."""
         springs = self.listed("springs_to_ground", "springs_between", "joints")

@@ -553,7 +553,7 @@ def drawn_parameters(scenario: Whole, draws: Mapping[str, list[Any]]) -> tuple[V
     Raises
     ------
     ScenarioError
-        Located in ``draws``.
+        LocatedItem in ``draws``.
     """
     parameters, problems, taken = [], [], dict[Path, str]()
     for path, values in draws.items():

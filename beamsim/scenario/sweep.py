@@ -25,7 +25,7 @@ from beamsim.scenario.base import (
     problem,
     unknown,
 )
-from beamsim.scenario.body import Body, Located
+from beamsim.scenario.body import Body, LocatedItem
 from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround
 from beamsim.scenario.excitation import (
     Between,
@@ -111,9 +111,9 @@ class SnubberPath(Schema):
     if TYPE_CHECKING:
         kind: Any
 
-    def changed(self, scenario: Whole) -> Located | None:
+    def changed(self, scenario: Whole) -> LocatedItem | None:
         """The snubber, or pair of stops, that is meant; None where there is none."""
-        written: tuple[Located, ...] = tuple(scenario.listed("snubbers"))
+        written: tuple[LocatedItem, ...] = tuple(scenario.listed("snubbers"))
         if self.snubber is None:
             return written[0] if len(written) == 1 else None
         return next((located for located in written if located.item.name == self.snubber), None)
@@ -965,8 +965,8 @@ class StiffnessFactorContinuation(Span[q.Factor]):
             if least < 0:
                 yield problem(
                     (*path, key),
-                    f"= {largest:g} gives {path_text(place)} the slope {least:g} N/m: the factor multiplies its changes "
-                    f"of slope from the {slope:g} N/m at rest",
+                    f"= {largest:g} gives {path_text(place)} the slope {least:g} N/m: the factor multiplies its "
+                    f"changes of slope from the {slope:g} N/m at rest",
                     f"go up to {slope / (slope - softest):.6g} at most",
                 )
 

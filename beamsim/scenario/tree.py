@@ -452,12 +452,12 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
 
 
 def _merge_into_base(
-    root: WrittenMapping, named: Any, where: Mark, folder: FilePath, chain: tuple[FilePath, ...]
+    root: WrittenMapping, named: Any, mark: Mark, folder: FilePath, chain: tuple[FilePath, ...]
 ) -> WrittenMapping:
     """A document merged into the file that it names, at a mark, as the one that it extends; see `resolve_extends`."""
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
-        raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", where))
+        raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", mark))
     path = FilePath(os.path.normpath(folder / named))
     try:
         base = read_file(path)
@@ -467,11 +467,11 @@ def _merge_into_base(
         first = error.problems[0]
         message = f"= {named}: {path} {first.message}"
         remedy = first.remedy or "the path is relative to the file that contains it"
-        raise ScenarioError(problem(("extends",), message, remedy, where)) from None
+        raise ScenarioError(problem(("extends",), message, remedy, mark)) from None
     identity = path.resolve()
     if identity in chain:
         message = f"= {named} refers back to {path}: the files extend each other in a cycle"
-        raise ScenarioError(problem(("extends",), message, "remove one of them", where))
+        raise ScenarioError(problem(("extends",), message, "remove one of them", mark))
     merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
     assert isinstance(merged, WrittenMapping)
     return merged
@@ -584,14 +584,14 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
     return changed
 
 
-def written_number(root: Any, path: Path, value: float, of: Dimension) -> float | str | None:
+def written_number(root: Any, path: Path, value: float, dimension: Dimension) -> float | str | None:
     """How a number was written: at its path, or, in a case of a study, among what varies; None where neither has it.
 
     Parameters
     ----------
     root : of the data.
     path : of the number.
-    value, of : SI, and its dimension.
+    value, dimension : SI, and its dimension.
     """
     here = root
     for key in path:
@@ -599,7 +599,7 @@ def written_number(root: Any, path: Path, value: float, of: Dimension) -> float 
         here = here[key] if inside else None
     for text in (here, *_numbers(root.get("vary")), *_numbers(root.get("optimise"))):
         with suppress(UnitError):
-            if read_quantity(text, of) == value:
+            if read_quantity(text, dimension) == value:
                 return text  # type: ignore[no-any-return]
     return None
 
@@ -640,37 +640,37 @@ def _places(root: WrittenMapping, path: str) -> list[Path]:
     return [walked for walked, _ in places]
 
 
-def _step(walked: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any]]:
+def _step(prefix: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any]]:
     """One part of a path further; the value is None where the path leads to what is not there yet."""
-    where = path_text(walked)
+    where = path_text(prefix)
     if isinstance(items, list):
-        yield from (((*walked, k), items[k]) for k in indices(items, part, walked))
-    elif items is None and (isinstance(part, int) or (walked and walked[-1] in DEFAULT_NAMES)):
+        yield from (((*prefix, k), items[k]) for k in indices(items, part, prefix))
+    elif items is None and (isinstance(part, int) or (prefix and prefix[-1] in DEFAULT_NAMES)):
         raise InvalidValueError(f"does not exist: there is no {where}", f"give {where} as a whole list")
     elif isinstance(part, int) or part == "*":
         raise InvalidValueError(f"does not exist: {where} is not a list", _EXAMPLE)
-    elif items is None or isinstance(items, dict) or walked[-1] in REPLACED_WHOLE:
-        yield (*walked, part), items.get(part) if isinstance(items, dict) else None
+    elif items is None or isinstance(items, dict) or prefix[-1] in REPLACED_WHOLE:
+        yield (*prefix, part), items.get(part) if isinstance(items, dict) else None
     else:
         message = f"does not exist: {where} is {single_line(items)}, without keys"
         raise InvalidValueError(message, f"replace {where} whole")
 
 
-def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int]:
+def indices(items: Sequence[Any], part: str | int, prefix: Path) -> Sequence[int]:
     """Indices of the items of a list that a part of a path means: one by its index or name, all by ``*``.
 
     Parameters
     ----------
     items : as they were written, or sections.
     part : of the path.
-    walked : path of the list.
+    prefix : path of the list.
 
     Raises
     ------
     InvalidValueError
         Where there is no such item.
     """
-    where = path_text(walked)
+    where = path_text(prefix)
     if part == "*" and items:
         return range(len(items))
     if isinstance(part, int):
@@ -678,8 +678,8 @@ def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int
             return [part]
         last = f"the last one is {where}[{len(items) - 1}]" if items else "give the whole list"
         raise InvalidValueError(f"does not exist: {where} has {count_text(len(items), 'item')}", last)
-    prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
-    names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
+    default_name = DEFAULT_NAMES.get(str(prefix[-1]), "")
+    names = [f"{default_name}_{k}" if default_name else "" for k in range(1, len(items) + 1)]
     for k, item in enumerate(items):
         if (named := item.get("name") if isinstance(item, dict) else getattr(item, "name", None)) is not None:
             names[k] = str(named)

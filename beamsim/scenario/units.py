@@ -356,11 +356,12 @@ def is_in_gravities(unit: str) -> bool:
     return _GRAVITY.search(unit) is not None
 
 
-def demand_in_range(value: float, of: Dimension, remedy: str) -> None:
+def demand_in_range(value: float, dimension: Dimension, remedy: str) -> None:
     """Refuse what follows from numbers and is outside the range of its dimension; raises `InvalidValueError`."""
-    if not of.smallest <= value <= of.largest:
-        comes_to = f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}"
-        raise InvalidValueError(comes_to, remedy)
+    if not dimension.smallest <= value <= dimension.largest:
+        allowed = f"{dimension.smallest:g} to {dimension.largest:g}"
+        message = f"comes to {dimension.with_article} of {value:g} {dimension.unit}, outside {allowed}"
+        raise InvalidValueError(message, remedy)
 
 
 def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> float:
@@ -371,20 +372,20 @@ def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> f
     return number
 
 
-def _outside_the_range(of: Dimension, smallest: float, largest: float) -> str:
+def _outside_the_range(dimension: Dimension, smallest: float, largest: float) -> str:
     """What is wrong with a number of a dimension that is not between two, in its unit."""
-    return f"is outside the range of {of.with_article}, {smallest:g} to {largest:g} {of.unit}".rstrip()
+    return f"is outside the range of {dimension.with_article}, {smallest:g} to {largest:g} {dimension.unit}".rstrip()
 
 
-def _scaled(given: str | float, size: Unit, remedy: str) -> float:
+def _scaled(factor: str | float, size: Unit, remedy: str) -> float:
     """Return the number of units in SI units, rounded once.
 
     So 7 mm and 0.7 cm are the same number, and 4.2 g is the float nearest to 0.0042 kg.
     """
     try:
-        number = float(given)
+        number = float(factor)
         if number != 0.0 and math.isfinite(number) and (size.factor != 1 or size.pi != 0):
-            number = float(Fraction(given) * size.factor) * math.pi**size.pi
+            number = float(Fraction(factor) * size.factor) * math.pi**size.pi
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):

@@ -22,7 +22,7 @@ from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array,
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replace_values
@@ -30,8 +30,8 @@ from beamsim.structures.modes import allowed_rigid_motions, orthonormal_in_mass
 from beamsim.structures.places import (
     SLOPE,
     BaseDirection,
-    Distributed,
     Link,
+    LoadedRegion,
     LoadSite,
     Place,
     Recovery,
@@ -158,7 +158,7 @@ def _check_places(scenario: Scenario, items: Sequence[tuple[Path, Any]], bodies:
     problems = []
     for path, item in items:
         site = load_site_in(scenario, item)
-        if not isinstance(site, Place | Distributed) or site.body not in known:
+        if not isinstance(site, Place | LoadedRegion) or site.body not in known:
             continue
         for_force = path[0] != "probes" and "outputs" not in path[:2]
         problem = known[site.body].place_problem(site, for_force)
@@ -187,7 +187,7 @@ def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
     return load_site_of(item, scenario.default_body, scenario.all_bodies)
 
 
-def snubber_site(contact: Located) -> Site:
+def snubber_site(contact: LocatedItem) -> Site:
     """Where a snubber, spring or friction contact of a scenario sits; between rotations where it belongs to a hinge."""
     site = site_of(contact.item, contact.body, contact.sections)
     return _slope_of(site) if isinstance(contact.item, OfHinge) else site

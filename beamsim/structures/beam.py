@@ -26,11 +26,11 @@ from beamsim.structures.mesh import (
     shape_functions,
 )
 from beamsim.structures.named_matrices import DofTable, NamedDofs
-from beamsim.structures.places import ALONG, DEFLECTION, SLOPE, BaseDirection, Distributed, Place, Recovery, Site
+from beamsim.structures.places import ALONG_BEAM, DEFLECTION, SLOPE, BaseDirection, LoadedRegion, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import (
+    BodyField,
     Coupling,
-    GivenField,
     LoadPattern,
     MemberBody,
     ReducedBasis,
@@ -41,10 +41,10 @@ from beamsim.structures.structure import (
 from beamsim.typing import Floats, Ints
 
 
-def _largest_at(model: BeamStructure, x: Floats, of_segments: Sequence[float | None]) -> Floats | None:
+def _largest_at(model: BeamStructure, x: Floats, segment_values: Sequence[float | None]) -> Floats | None:
     """(nx,) a value of the segments of a beam at stations, the larger one where two meet; None if one is unknown."""
-    known = [value for value in of_segments if value is not None]
-    if len(known) < len(of_segments):
+    known = [value for value in segment_values if value is not None]
+    if len(known) < len(segment_values):
         return None
     right, inside = model.mesh.locate(x)
     left = np.where(inside < 1e-9, np.maximum(right - 1, 0), right)
@@ -75,20 +75,20 @@ def moment_rows(member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
     moment = _moments(member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
-    if basis.modes == member.whole.size and basis.patterns:
+    if basis.modes == member.structure.size and basis.patterns:
         moment = moment + _static_correction(member, basis, x, moment)
     return moment
 
 
 def _static_moments(member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]) -> tuple[Floats, Floats]:
     """(N, m) static deflections under loads, with inertia relief, and (nx, m) their scaled moments."""
-    whole, loads = member.whole, np.array([pattern.vector for pattern in patterns]).T
+    whole, loads = member.structure, np.array([pattern.vector for pattern in patterns]).T
     u = static_deflections(whole, loads)
     relief = -whole.rigid @ (whole.rigid.T @ loads)
     return u, _moments(member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
 
 
-AT_RIGHT_END = 1e-12  # of the length, within which a point is the right-hand end
+RIGHT_END_TOLERANCE = 1e-12  # of the length, within which a point is the right-hand end
 
 
 def _moments(
@@ -102,18 +102,18 @@ def _moments(
     model, inertia = member.body, member.mass_ratio / member.stiffness_ratio
     assert isinstance(model, BeamStructure)
     mesh, length = model.mesh, model.section.length
-    displacement = model.on_all_dofs @ (member.expansion @ u)
-    acceleration = model.on_all_dofs @ (member.expansion @ a) * inertia
+    displacement = model.all_dofs_map @ (member.expansion @ u)
+    acceleration = model.all_dofs_map @ (member.expansion @ a) * inertia
     forces = []  # nondimensional places (k,) and sizes (k,), and how many times they act on each column (c,)
     for pattern, row in loads:
         site = pattern.site
         if isinstance(site, BaseDirection):
-            moving = model.rigid_motion(member.whole.base_direction_of(model.name, site))
+            moving = model.rigid_motion(member.structure.base_direction_of(model.name, site))
             acceleration += np.multiply.outer(moving, row * inertia)
         elif isinstance(site, UnitMotion):
             if model.name in site.fields:
                 displacement = displacement + np.multiply.outer(site.fields[model.name], row)
-        elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
+        elif isinstance(site, Place | LoadedRegion) and member.structure.member(site.body).body is model and row.any():
             if isinstance(site, Place):
                 places, sizes = np.array([[site.coordinate / length]]), np.ones(1)
             else:
@@ -141,7 +141,7 @@ def _moments(
     for part in left_of_station:
         moment += part
     # At the right-hand end use the nodal moment itself, without the round-off of the integration.
-    moment[np.isclose(x, 1.0, rtol=0, atol=AT_RIGHT_END)] = at_ends[-1, 3]
+    moment[np.isclose(x, 1.0, rtol=0, atol=RIGHT_END_TOLERANCE)] = at_ends[-1, 3]
     return np.asarray(moment)
 
 
@@ -150,7 +150,7 @@ def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
 
     A beam has of each mode its share of the energy. Round-off decides neither between shares nor between modes alike.
     """
-    most = basis.size - 1 if member.whole.most_modes is None else member.whole.most_modes
+    most = basis.size - 1 if member.structure.most_modes is None else member.structure.most_modes
     model = member.body
     assert model.most_modes is not None
     strain = (model.factor @ (member.expansion @ basis.vectors))[:, basis.rigid :] / basis.omega[basis.rigid :]
@@ -159,12 +159,12 @@ def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
     return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
 
 
-BENDING_LOAD = 1e-9  # relative deflection per load: with less a load moves the beam as a rigid body
+NEGLIGIBLE_DEFLECTION = 1e-9  # relative deflection per load: with less a load moves the beam as a rigid body
 
 
 def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
-    whole = member.whole
+    whole = member.structure
     u, exact = _static_moments(member, x, basis.patterns)
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
@@ -175,7 +175,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
     strain = basis.omega[:, None] * coordinates
     size = np.linalg.norm(strain, axis=0)
     of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
-    bending = np.flatnonzero(size > BENDING_LOAD * of_loads / basis.omega[basis.rigid])
+    bending = np.flatnonzero(size > NEGLIGIBLE_DEFLECTION * of_loads / basis.omega[basis.rigid])
     unit, lacking = strain[:, bending] / size[bending], missing[:, bending] / size[bending]
     # What is listed twice counts once: neither its motion nor its moments differ, but in sign.
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)
@@ -187,7 +187,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
-HELD: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
+FIXED_DERIVATIVES: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
 """What supports hold of a node at the end of a beam or on the edge of a plate: deflection, 0, and slope, 1."""
 
 
@@ -216,25 +216,25 @@ class BeamStructure(MeshedBody):
         Recovery
             At nodes, element midpoints and the sites; for a unit of each coordinate, 1/sqrt(kg).
         """
-        beam, length, scale = self.section, self.section.length, 1 / np.sqrt(member.whole.mass_scale)
+        beam, length, scale = self.section, self.section.length, 1 / np.sqrt(member.structure.mass_scale)
         x = np.concatenate([self.mesh.nodes, self.mesh.nodes[:-1] + self.mesh.lengths / 2])
         at_sites = (place.coordinate / length for place in sites)
         x = np.unique(np.append(x, [each for each in at_sites if np.min(np.abs(x - each)) > 1e-9]))
         moment = moment_rows(member, basis, x)
         remainder, sections = np.zeros(x.size), [segment.bending for segment in beam.uniform_segments]
         if base is not None:
-            inertia = member.whole.base_load(base)[0]
+            inertia = member.structure.base_load(base)[0]
             _, exact = _static_moments(member, x, [LoadPattern(inertia, base)])
             remainder = basis.omitted_response(inertia, moment, exact[:, 0])
         return Recovery(
-            body=self.name, axis=ALONG, position=x * length,
-            deflection=self.mesh.rows(x) @ (self.on_all_dofs @ (member.expansion @ basis.vectors)) * scale,
+            body=self.name, axis=ALONG_BEAM, position=x * length,
+            deflection=self.mesh.rows(x) @ (self.all_dofs_map @ (member.expansion @ basis.vectors)) * scale,
             bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
             stress_per_moment=_largest_at(self, x, [bending.stress_per_moment for bending in sections]),
             strain_per_moment=_largest_at(
                 self, x, [None if b.depth is None else float(b.depth / 2 / b.bending_stiffness) for b in sections]
             ),
-            base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
+            base_moment=-remainder * (member.structure.mass_scale * length * member.stiffness_ratio),
         )  # fmt: skip
 
     @property
@@ -260,9 +260,9 @@ class BeamStructure(MeshedBody):
         rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
         return min(apart, alike) + len(beam.point_masses) + rotary
 
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
+    def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(all dofs,) deflection or slope, 1/m, at a place, or load vector."""
-        if isinstance(place, Distributed):
+        if isinstance(place, LoadedRegion):
             return self.load_vector(place)
         if place.direction not in _DERIVATIVE:
             raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
@@ -274,7 +274,7 @@ class BeamStructure(MeshedBody):
         if motion.direction not in ("", "z", "ry"):
             raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
         turned = motion.direction == "ry"  # z goes down with x
-        shares = [motion.about[0], -self.section.length] if turned else [1.0, 0.0]
+        shares = [motion.axis_point[0], -self.section.length] if turned else [1.0, 0.0]
         return np.asarray(self.mesh.rigid_motions @ np.array(shares))
 
     def unit_stiffness(self, site: Site) -> float:
@@ -316,12 +316,12 @@ class BeamStructure(MeshedBody):
         """Largest absolute deflection of a field (N,), also between the nodes."""
         from scipy.interpolate import CubicHermiteSpline
 
-        whole = self.on_all_dofs @ field
+        whole = self.all_dofs_map @ field
         spline = CubicHermiteSpline(self.mesh.nodes, whole[0::2], whole[1::2])
         level = spline.derivative().roots(extrapolate=False)
         return float(np.abs(spline(np.append(self.mesh.nodes, level[np.isfinite(level)]))).max())
 
-    def given_field(self, numbers: Sequence[float]) -> GivenField:
+    def given_field(self, numbers: Sequence[float]) -> BodyField:
         """A polynomial in x (m) from the left end, by its coefficients of x^0, x^1, ..., in SI units."""
         mesh, length, masses = self.mesh, self.section.length, self.section.point_masses
         polynomial = np.polynomial.Polynomial(np.asarray(numbers, dtype=float) * length ** np.arange(len(numbers)))
@@ -339,7 +339,7 @@ class BeamStructure(MeshedBody):
         )
         bending = (weight * self.bending[:, None]).ravel()
         curved = WeightedValues(mesh.rows(x, 2)[:, self.free], bending, polynomial.deriv(2)(x))
-        return GivenField(kinetic, curved)
+        return BodyField(kinetic, curved)
 
 
 def _end_springs(beam: BeamBody, name: str) -> tuple[Coupling, ...]:
@@ -402,7 +402,7 @@ def assemble_beam(
     if springs:
         factor, drag, extension = _with_end_springs(springs, length, mesh, (factor, drag), stiffness_scale)
     ends = zip((0, mesh.elements), beam.supports.kinds, strict=True)
-    held = np.array([2 * node + dof for node, kind in ends for dof in HELD[kind]], dtype=np.int64)
+    held = np.array([2 * node + dof for node, kind in ends for dof in FIXED_DERIVATIVES[kind]], dtype=np.int64)
     return BeamStructure(
         name=name, section=beam, stated_damping=beam.damping, mass_scale=mass_scale, stiffness_scale=stiffness_scale,
         segment_of=segment_of, bending=bending, line_mass=line_mass, end_springs=springs,

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, eye_array
 
 from beamsim.scenario.chain import Chain
-from beamsim.structures.places import DEFLECTION, MASSES, BaseDirection, Distributed, Place, Recovery, Site
+from beamsim.structures.places import DEFLECTION, MASSES, BaseDirection, LoadedRegion, Place, Recovery, Site
 from beamsim.structures.structure import (
+    BodyField,
     BodyStructure,
     Coupling,
-    GivenField,
     MemberBody,
     ReducedBasis,
     Restraint,
@@ -50,7 +50,7 @@ class ChainStructure(BodyStructure):
         """All of them."""
         return self.size
 
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
+    def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(N,) displacement of a mass for a unit of each degree of freedom."""
         assert isinstance(place, Place)  # the scenario refuses the others
         if place.direction != DEFLECTION:
@@ -79,7 +79,7 @@ class ChainStructure(BodyStructure):
         Recovery
             At the masses.
         """
-        shapes = (member.expansion @ basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
+        shapes = (member.expansion @ basis.vectors) * (1 / np.sqrt(member.structure.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
@@ -99,10 +99,10 @@ class ChainStructure(BodyStructure):
             if each.stiffness or each.dashpot
         ]
 
-    def given_field(self, numbers: Sequence[float]) -> GivenField:
+    def given_field(self, numbers: Sequence[float]) -> BodyField:
         """One number a mass."""
         weights = self.mass.diagonal()
-        return GivenField(WeightedValues(np.eye(self.size), weights, np.asarray(numbers, dtype=float)))
+        return BodyField(WeightedValues(np.eye(self.size), weights, np.asarray(numbers, dtype=float)))
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
@@ -163,7 +163,7 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
         factor=factor,
         damping=damping,
         stated_damping=chain.damping,
-        on_all_dofs=eye_array(count, format="csr"),
+        all_dofs_map=eye_array(count, format="csr"),
         unsupported=(mass, factor, damping),
         rigid=rigid,
         mass_scale=mass_scale,

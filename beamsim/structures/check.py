@@ -13,7 +13,7 @@ from beamsim.errors import MethodError
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
 from beamsim.structures.imported import rigid_rows
-from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
+from beamsim.structures.matrices import NOT_HELD_REMARK, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices, size_and_mass
 from beamsim.structures.places import UPWARDS, BaseDirection
@@ -22,7 +22,7 @@ from beamsim.typing import Floats
 
 OK, NOTE, FAILS = "ok", "note", "fails"
 
-GROUNDED = 1e-6
+GROUNDED_FORCE = 1e-6
 """Force under a rigid motion, relative to those that the entries would give one by one, above which a model is held."""
 _MODES = 10
 
@@ -42,33 +42,35 @@ def check(scenario: Scenario) -> dict[str, tuple[CheckRow, ...]]:
     return {body.name: tuple(check_body(body.named_matrices)) for body in bodies_of(scenario)}
 
 
-def check_body(given: NamedMatrices) -> Iterator[CheckRow]:
+def check_body(matrices: NamedMatrices) -> Iterator[CheckRow]:
     """All rows for one body."""
-    table = given.table
+    table = matrices.table
     modal = sum(direction == MODAL for _, direction in table.dofs)
     nodes = len({node for node, direction in table.dofs if direction != MODAL})
     yield CheckRow(
         "degrees_of_freedom", len(table.dofs), f"{len(table.dofs)}: {nodes} nodes, {modal} modal coordinates"
     )
-    if given.units:
+    if matrices.units:
         yield CheckRow(
-            "units", given.units, f"{given.units} in the files" + ("; SI in this table" if given.units != "SI" else "")
+            "units",
+            matrices.units,
+            f"{matrices.units} in the files" + ("; SI in this table" if matrices.units != "SI" else ""),
         )
-    if (extent := size_and_mass(given).extent) is not None:
+    if (extent := size_and_mass(matrices).extent) is not None:
         text = " x ".join(f"{each:.4g}" for each in extent)
         yield CheckRow("size", extent.tolist(), f"{text} m along x, y, z")
     yield CheckRow(
-        "symmetry", list(given.remarks), "; ".join(given.remarks) or "symmetric", NOTE if given.remarks else OK
+        "symmetry", list(matrices.remarks), "; ".join(matrices.remarks) or "symmetric", NOTE if matrices.remarks else OK
     )
-    motions = _rigid_motions(given)
-    yield from _mass_properties(given, motions)
-    yield from _grounding_rows(given, motions)
-    yield from _frequencies(given, motions)
+    motions = _rigid_motions(matrices)
+    yield from _mass_properties(matrices, motions)
+    yield from _grounding_rows(matrices, motions)
+    yield from _frequencies(matrices, motions)
 
 
-def _rigid_motions(given: NamedMatrices) -> dict[str, Floats]:
+def _rigid_motions(matrices: NamedMatrices) -> dict[str, Floats]:
     """(N,) every row under translations, and where all coordinates are known rotations about the origin."""
-    table, none = given.table, np.zeros(0, dtype=np.int64)
+    table, none = matrices.table, np.zeros(0, dtype=np.int64)
     placed = np.array([direction != MODAL for _, direction in table.dofs])
     unknown = table.coordinates is None or np.any(np.isnan(table.coordinates[placed]))
     known = DIRECTIONS[:3] if unknown else DIRECTIONS
@@ -76,8 +78,8 @@ def _rigid_motions(given: NamedMatrices) -> dict[str, Floats]:
     return {name: motion for name, motion in motions.items() if np.any(motion)}
 
 
-def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
-    momentum = {a: {b: float(x @ (given.mass @ y)) for b, y in motions.items()} for a, x in motions.items()}
+def _mass_properties(matrices: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+    momentum = {a: {b: float(x @ (matrices.mass @ y)) for b, y in motions.items()} for a, x in motions.items()}
     mass = {d: momentum[d][d] for d in DIRECTIONS[:3] if d in motions}
     if not mass:
         yield CheckRow("mass", None, "unknown: modal coordinates alone", NOTE)
@@ -98,7 +100,9 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
             if along in motions and about in motions:
                 centre[direction] = sign * momentum[along][about] / mass[along]
                 break
-    held = [name for name in motions if name.startswith("r") and _relative_force(given, motions[name]) > GROUNDED]
+    held = [
+        name for name in motions if name.startswith("r") and _relative_force(matrices, motions[name]) > GROUNDED_FORCE
+    ]
     about_held = f"; about: supports hold {', '.join(held)}, and elements next to them bend" if held else ""
     text = ", ".join(f"{d} {1e3 * x:.5g}" for d, x in centre.items())
     yield CheckRow("centre_of_mass", centre, f"{text} mm{about_held}", NOTE if held else OK)
@@ -115,55 +119,55 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
     yield CheckRow("inertia", inertia, f"{text} kg m^2 about the centre{about_held}", verdict)
 
 
-def _grounding_rows(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+def _grounding_rows(matrices: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
     # A base that does not turn holds the model against rotation, which is no fault; in its own direction it is one.
-    values = {name: _relative_force(given, motion) for name, motion in motions.items()}
+    values = {name: _relative_force(matrices, motion) for name, motion in motions.items()}
     if not values:
         yield CheckRow("grounding", None, "not checked: no node has a direction", NOTE)
         return
-    held = [name for name, value in values.items() if value > GROUNDED]
+    held = [name for name, value in values.items() if value > GROUNDED_FORCE]
     text = f"largest force under a rigid motion {max(values.values()):.1g} of that of single entries"
     if held:
         worst = max(held, key=values.__getitem__)
-        at = given.table.dofs[int(np.argmax(np.abs(given.stiffness @ motions[worst])))]
+        at = matrices.table.dofs[int(np.argmax(np.abs(matrices.stiffness @ motions[worst])))]
         text += f"; held in {', '.join(held)}, most at node {at[0]} {at[1]}"
-    wrong = bool(held) if not given.base else given.direction in held
+    wrong = bool(held) if not matrices.base else matrices.direction in held
     yield CheckRow("grounding", values, text, FAILS if wrong else NOTE if held else OK)
 
 
-def _relative_force(given: NamedMatrices, motion: Floats) -> float:
-    size = float((abs(given.stiffness) @ np.abs(motion)).max())
-    return float(np.abs(given.stiffness @ motion).max()) / size if size > 0 else 0.0
+def _relative_force(matrices: NamedMatrices, motion: Floats) -> float:
+    size = float((abs(matrices.stiffness) @ np.abs(motion)).max())
+    return float(np.abs(matrices.stiffness @ motion).max()) / size if size > 0 else 0.0
 
 
-def _frequencies(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
-    loose = [motion for motion in motions.values() if _relative_force(given, motion) <= GROUNDED]
+def _frequencies(matrices: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
+    loose = [motion for motion in motions.values() if _relative_force(matrices, motion) <= GROUNDED_FORCE]
     expected = int(np.linalg.matrix_rank(np.array(loose))) if loose else 0
     try:
-        free, modes = _modes(replace(given, base=(), damping=None))
+        free, modes = _modes(replace(matrices, base=(), damping=None))
         count = free.rigid.shape[1]
         text = f"{_frequencies_text(modes.omega[count:] * free.frequency_scale)}; {count} rigid-body modes"
         beyond = count != expected
         text += f" where the nodes have {expected}" if beyond else ""
         yield CheckRow("free_frequencies_hz", _hertz(modes.omega * free.frequency_scale), text, NOTE if beyond else OK)
         yield from _remarks(free)
-        if not given.base:
+        if not matrices.base:
             yield _worst_rows(free)
             return
         del free, modes  # factors of a large model
-        fixed, modes = _modes(replace(given, damping=None))
+        fixed, modes = _modes(replace(matrices, damping=None))
         omega = modes.omega * fixed.frequency_scale
-        unheld = [note for note in fixed.notes if note.startswith(NOT_HELD)]
+        unheld = [note for note in fixed.notes if note.startswith(NOT_HELD_REMARK)]
         text = "; ".join([f"{_frequencies_text(omega)}; with the base held", *unheld])
         yield CheckRow("fixed_frequencies_hz", _hertz(omega), text, NOTE if unheld else OK)
-        yield _effective_masses(given, fixed, modes)
+        yield _effective_masses(matrices, fixed, modes)
         yield _worst_rows(fixed)
     except MethodError as error:
         yield CheckRow("frequencies", None, f"{error.about} {error.message}; {error.remedy}", FAILS)
 
 
-def _modes(given: NamedMatrices) -> tuple[MatricesStructure, Modes]:
-    structure = structure_of(given)
+def _modes(matrices: NamedMatrices) -> tuple[MatricesStructure, Modes]:
+    structure = structure_of(matrices)
     return structure, natural_modes(structure, min(structure.size, _MODES + structure.rigid.shape[1]))
 
 
@@ -172,16 +176,16 @@ def _remarks(structure: MatricesStructure) -> Iterator[CheckRow]:
     yield CheckRow("massless_motions", massless, "; ".join(massless) or "none", NOTE if massless else OK)
 
 
-def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Modes) -> CheckRow:
+def _effective_masses(matrices: NamedMatrices, structure: MatricesStructure, modes: Modes) -> CheckRow:
     """Share of the mass that each mode moves with the base; what the held rows have themselves counts as none."""
-    participation = modes.vectors.T @ fixed.base_load(UPWARDS)[0]
-    effective = participation**2 * fixed.mass_scale
-    whole = given.table.of_direction(given.direction)
-    total = float(whole @ (given.mass @ whole))
+    participation = modes.vectors.T @ structure.base_load(UPWARDS)[0]
+    effective = participation**2 * structure.mass_scale
+    whole = matrices.table.of_direction(matrices.direction)
+    total = float(whole @ (matrices.mass @ whole))
     shares = effective[:_MODES] / total if total > 0 else np.zeros(0)
     text = ", ".join(f"{100 * share:.1f}" for share in shares[:6])
     reached = f"{100 * float(shares.sum()):.1f} % in {shares.size} modes"
-    return CheckRow("effective_masses", shares.tolist(), f"{text}, … % in {given.direction}; {reached}", OK)
+    return CheckRow("effective_masses", shares.tolist(), f"{text}, … % in {matrices.direction}; {reached}", OK)
 
 
 def _worst_rows(structure: MatricesStructure) -> CheckRow:

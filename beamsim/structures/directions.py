@@ -22,12 +22,12 @@ from beamsim.typing import Floats
 ROUND_OFF = 1e-9  # of a unit vector
 
 
-def rotate_to_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) -> NamedMatrices:
+def rotate_to_axes(matrices: NamedMatrices, systems: Sequence[DisplacementSystem]) -> NamedMatrices:
     """The matrices with all directions along the axes of the model.
 
     Parameters
     ----------
-    given : as the files have them; its table says which system each row has.
+    matrices : as the files have them; its table says which system each row has.
     systems : by their numbers.
 
     Returns
@@ -41,9 +41,9 @@ def rotate_to_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
         About ``dofs``: a system is unknown, a node has two or lacks coordinates, or the directions that it has of its
         system are not together the axes of these names of the model.
     """
-    table, known = given.table, {each.number: each for each in systems}
+    table, known = matrices.table, {each.number: each for each in systems}
     if table.systems is None:
-        return given
+        return matrices
     blocks: dict[tuple[int, bool], list[int]] = {}
     for i, (node, direction) in enumerate(table.dofs):
         if table.systems[i] and direction != MODAL:
@@ -67,10 +67,10 @@ def rotate_to_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
         product = None if matrix is None else turn.T @ matrix @ turn
         return None if product is None else (0.5 * (product + product.T)).tocsc()
 
-    mass, stiffness, damping = (rotate(each) for each in (given.mass, given.stiffness, given.damping))
-    recovery = None if given.recovery is None else (given.recovery @ turn).tocsr()
-    table = replace(table, systems=None, turn=turn)
-    return replace(given, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery)
+    mass, stiffness, damping = (rotate(each) for each in (matrices.mass, matrices.stiffness, matrices.damping))
+    recovery = None if matrices.recovery is None else (matrices.recovery @ turn).tocsr()
+    table = replace(table, systems=None, to_file_systems=turn)
+    return replace(matrices, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery)
 
 
 def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:

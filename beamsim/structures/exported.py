@@ -103,13 +103,13 @@ def _independent_rows(expansion: Any) -> Ints:
     return np.sort(np.concatenate(kept))
 
 
-def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, places: Sequence[Place]) -> Ints:
+def boundary_rows(structure: Structure, matrices: NamedMatrices, named_row_map: Any, places: Sequence[Place]) -> Ints:
     """Rows of the named matrices where something acts, and those of the base.
 
     Parameters
     ----------
     structure : whose places they are.
-    given, to_named : as `named_structure` gives them.
+    matrices, named_row_map : as `named_structure` gives them.
     places : where something acts.
 
     Returns
@@ -122,9 +122,9 @@ def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, pla
     MethodError
         If a place is not at a node.
     """
-    rows = set(given.table.rows_of(given.base).tolist())
+    rows = set(matrices.table.rows_of(matrices.base).tolist())
     for place in places:
-        row = row_at(structure, to_named, place)
+        row = row_at(structure, named_row_map, place)
         if row is None:
             raise MethodError(
                 "boundary", f"is not at a node: {place.label}",
@@ -134,13 +134,13 @@ def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, pla
     return np.array(sorted(rows), dtype=np.int64)
 
 
-def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
+def row_at(structure: Structure, named_row_map: Any, place: Place) -> int | None:
     """Row of the named matrices that is the motion of a place; None where there is no node in its direction.
 
     Parameters
     ----------
     structure : whose place it is.
-    to_named : (M, N) sparse, as `named_structure` gives it.
+    named_row_map : (M, N) sparse, as `named_structure` gives it.
     place : of the structure.
 
     Returns
@@ -148,20 +148,20 @@ def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
     int or None
         Number of the row.
     """
-    row = np.asarray(to_named @ structure.row(place))
+    row = np.asarray(named_row_map @ structure.row(place))
     largest = int(np.argmax(np.abs(row)))
     row[largest] -= 1.0
     return largest if np.abs(row).sum() <= 1e-9 else None
 
 
-def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatrices:
-    """The model with ``count`` modes of the held boundary, or all that there are, and the boundary (rows).
+def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> NamedMatrices:
+    """The model with ``mode_count`` modes of the held boundary, or all that there are, and the boundary (rows).
 
     Parameters
     ----------
-    given : matrices of all rows.
+    matrices : matrices of all rows.
     boundary : (b,) rows that are kept.
-    count : number of modes.
+    mode_count : number of modes.
 
     Returns
     -------
@@ -173,11 +173,11 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
     MethodError
         If nothing is held, or the boundary does not hold the structure.
     """
-    size = len(given.table.dofs)
+    size = len(matrices.table.dofs)
     inner = np.setdiff1d(np.arange(size), boundary)
     if not boundary.size or not inner.size:
         raise MethodError("boundary", "is empty" if inner.size else "holds every degree of freedom", "name places")
-    stiffness, mass = (matrix.tocsr()[inner][:, inner].tocsc() for matrix in (given.stiffness, given.mass))
+    stiffness, mass = (matrix.tocsr()[inner][:, inner].tocsc() for matrix in (matrices.stiffness, matrices.mass))
     try:
         factors = symmetric_lu(stiffness)
         held = bool(np.all(factors.pivots > 1e-12))
@@ -188,25 +188,25 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
             "boundary", "does not hold the structure: it moves without force",
             "let more places act on it: snubbers, springs, joints, probes",
         )  # fmt: skip
-    modes = lowest_eigenpairs(stiffness, mass, min(count, inner.size), 0.0, factors)[1]
+    modes = lowest_eigenpairs(stiffness, mass, min(mode_count, inner.size), 0.0, factors)[1]
     basis = np.zeros((size, modes.shape[1] + boundary.size))
     basis[inner, : modes.shape[1]] = modes
     basis[boundary, modes.shape[1] + np.arange(boundary.size)] = 1.0
-    coupling = given.stiffness.tocsr()[inner][:, boundary].toarray()
+    coupling = matrices.stiffness.tocsr()[inner][:, boundary].toarray()
     follow = factors.solve(-coupling)
     follow += factors.solve(-(coupling + stiffness @ follow))  # refined once
     basis[inner, modes.shape[1] :] = follow
-    table = given.table.part(boundary)
+    table = matrices.table.part(boundary)
     coordinates = table.coordinates
     if coordinates is not None:
         coordinates = np.vstack([np.full((modes.shape[1], 3), np.nan), coordinates])
     return NamedMatrices(
         DofTable((*((0, MODAL),) * modes.shape[1], *table.dofs), coordinates),
-        _project(given.mass, basis, modes.shape[1]),
-        _project(given.stiffness, basis, modes.shape[1], coupled=False),
-        None if given.damping is None else _project(given.damping, basis),
-        given.base,
-        given.direction,
+        _project(matrices.mass, basis, modes.shape[1]),
+        _project(matrices.stiffness, basis, modes.shape[1], coupled=False),
+        None if matrices.damping is None else _project(matrices.damping, basis),
+        matrices.base,
+        matrices.direction,
     )
 
 

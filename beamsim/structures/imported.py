@@ -97,7 +97,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     return replace(converted, remarks=tuple(remarks))
 
 
-def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, held: Ints) -> Ints:
+def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_rows: Ints) -> Ints:
     """Rows that have an entry other than zero in some matrix; programs write the others for what an analysis holds.
 
     Parameters
@@ -105,7 +105,7 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, held: In
     matrices : (N, N) sparse mass, stiffness and damping; None where there is none.
     recovery : (k, N) sparse, or None.
     table : names of the rows.
-    held : rows that move with the base; a base that takes no force has none in the stiffness of a Craig-Bampton model.
+    base_rows : rows that move with the base; in a Craig-Bampton model they may be zero rows of the stiffness.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, held: In
         Where nothing holds a row that has mass, or a row that is left out is recovered from.
     """
     entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in matrices if m is not None]
-    loose = np.setdiff1d(np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0)), held)
+    loose = np.setdiff1d(np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0)), base_rows)
     if loose.size:
         node, direction = table.dofs[int(loose[0])]
         others = f" and {loose.size - 1} more" if loose.size > 1 else ""
@@ -178,18 +178,18 @@ def _of_file(key: str, source: Any) -> FileMatrix:
     return matrix
 
 
-def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
+def _table(section: MatricesBody, file_matrices: dict[str, FileMatrix]) -> DofTable:
     """Names by the table, or by the files."""
     if section.dofs is not None:
         table = read_dof_table(Path(section.dofs.file), sizes_of(section.units).length, section.dofs.decimal)
-        for key, matrix in read.items():
+        for key, matrix in file_matrices.items():
             if matrix.rows is None and matrix.values.shape[0] != len(table.dofs):
                 raise MethodError(
                     "dofs", f"has {len(table.dofs)} rows, but the matrix {key} has {matrix.values.shape[0]}",
                     "give a line for each row, in the order of the rows, and none for those that were constrained",
                 )  # fmt: skip
         return table
-    sizes = {key: matrix.values.shape[0] for key, matrix in read.items() if matrix.rows is None}
+    sizes = {key: matrix.values.shape[0] for key, matrix in file_matrices.items() if matrix.rows is None}
     if sizes:
         if len(set(sizes.values())) > 1:
             raise MethodError(
@@ -199,7 +199,7 @@ def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
             )
         raise MethodError("dofs", "is missing: the files do not name their rows", "give a table node,direction[,x,y,z]")
     together: dict[Dof, None] = {}
-    for matrix in read.values():
+    for matrix in file_matrices.values():
         together |= dict.fromkeys(matrix.rows or ())
     return DofTable(tuple(sorted(together, key=lambda dof: (dof[0], dof[1] == MODAL, dof[1]))))
 
@@ -347,14 +347,14 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     return whole.tocsc()
 
 
-def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
+def rigid_rows(table: DofTable, motion: BaseDirection, base_rows: Ints) -> Floats:
     """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
 
     Parameters
     ----------
     table : names and coordinates of the rows.
     motion : of the base.
-    held : rows that move with it.
+    base_rows : rows that move with it.
 
     Returns
     -------
@@ -366,7 +366,7 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     MethodError
         About ``dofs``: a rotation needs the coordinates of all nodes, unless a single one is held.
     """
-    if motion.direction not in ROTATIONS or (table.coordinates is None and np.unique(table.nodes[held]).size == 1):
+    if motion.direction not in ROTATIONS or (table.coordinates is None and np.unique(table.nodes[base_rows]).size == 1):
         return table.of_direction(motion.direction)
     placed = np.array([direction in TRANSLATIONS for _, direction in table.dofs])
     if table.coordinates is None or not np.all(np.isfinite(table.coordinates[placed])):
@@ -377,15 +377,17 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     return np.asarray(np.einsum("ni,in->n", moved, along) + table.of_direction(motion.direction))
 
 
-def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, *, firm: bool) -> Floats:
+def base_influence(
+    matrices: NamedMatrices, base_rows: Ints, free_rows: Ints, motion: BaseDirection, *, no_rigid_motion: bool
+) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
 
     Parameters
     ----------
     matrices : of all rows.
-    held, free : rows that move with the base, and the others.
+    base_rows, free_rows : rows that move with the base, and the others.
     motion : of the base; without a direction the one that the section names.
-    firm : whether the held rows leave no rigid-body motion.
+    no_rigid_motion : whether the held rows leave no rigid-body motion.
 
     Returns
     -------
@@ -399,21 +401,21 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
     """
     if not motion.direction:  # a rotation is one about the first node that is held
         points, motion = matrices.table.coordinates, BaseDirection(matrices.direction)
-        if points is not None and held.size and np.all(np.isfinite(points[held[0]])):
-            motion = replace(motion, about=tuple(points[held[0]].tolist()))
-    influence = rigid_rows(matrices.table, motion, held)
-    if not held.size:
+        if points is not None and base_rows.size and np.all(np.isfinite(points[base_rows[0]])):
+            motion = replace(motion, axis_point=tuple(points[base_rows[0]].tolist()))
+    influence = rigid_rows(matrices.table, motion, base_rows)
+    if not base_rows.size:
         return influence
-    if not influence[held].any():
-        there = sorted({matrices.table.dofs[row][1] for row in held})
+    if not influence[base_rows].any():
+        there = sorted({matrices.table.dofs[row][1] for row in base_rows})
         raise MethodError(
             "base", f"moves in {motion.direction}, but none of its nodes has that direction",
             f"they have {', '.join(there)}: choose one of these, or name other nodes",
         )  # fmt: skip
     # Where the named directions already move without force, solving would only add round-off.
-    if firm and not moves_freely(matrices.stiffness, influence):
-        lu = symmetric_lu(matrices.stiffness[free][:, free])
-        influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
+    if no_rigid_motion and not moves_freely(matrices.stiffness, influence):
+        lu = symmetric_lu(matrices.stiffness[free_rows][:, free_rows])
+        influence[free_rows] = lu.solve(-(matrices.stiffness[free_rows][:, base_rows] @ influence[base_rows]))
     if not moves_freely(matrices.stiffness, influence):
         force = matrices.stiffness @ influence
         worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]

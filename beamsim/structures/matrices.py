@@ -33,7 +33,7 @@ from beamsim.structures.named_matrices import (
     moves_freely,
     size_and_mass,
 )
-from beamsim.structures.places import NODES, UPWARDS, BaseDirection, Distributed, Place, Recovery, Site
+from beamsim.structures.places import NODES, UPWARDS, BaseDirection, LoadedRegion, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import BodyStructure, MemberBody, ReducedBasis, Restraint
 from beamsim.structures.symmetric_lu import SymmetricLU, dissection, factors_with_rigid_motions, negative_eigenvalues
@@ -42,10 +42,10 @@ from beamsim.typing import Floats, Ints
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
 # is far below the next.
 _RIGID, _GAP = 1e-9, 1e-5
-NOT_HELD = "the base does not hold it"
+NOT_HELD_REMARK = "the base does not hold it"
 """How the remark about motions that have no stiffness although the base is held begins."""
-DENSE = 0.8  # of all pairs of nodes: a matrix that couples more is no longer one of elements
-_ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
+DENSE_SHARE = 0.8  # of all pairs of nodes: a matrix that couples more is no longer one of elements
+_COUNT_OFFSETS = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
 
@@ -53,18 +53,18 @@ _SOFT = "check the model that wrote it: loads that soften it, negative springs, 
 class MatricesStructure(BodyStructure):
     """Matrices of another program; places are nodes with a direction."""
 
-    given: NamedMatrices  # matrices of all rows
+    source_matrices: NamedMatrices  # matrices of all rows
     table: DofTable  # of the rows of `expansion`
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
     massless: Floats  # (rows,) share of a row that has no mass
-    given_stiffness: Any  # (N, N) scaled K
+    scaled_stiffness: Any  # (N, N) scaled K
     factors: SymmetricLU  # of K, with rigid-body modes as `factors_with_rigid_motions` gives them
     _motions: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def stiffness(self) -> Any:
         """(N, N) scaled K, as it was given."""
-        return self.given_stiffness
+        return self.scaled_stiffness
 
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
@@ -86,7 +86,7 @@ class MatricesStructure(BodyStructure):
         MethodError
             If it stays hidden.
         """
-        for aside in (0.0, *_ASIDE):
+        for aside in (0.0, *_COUNT_OFFSETS):
             limit = omega * (1 + aside)
             count = negative_eigenvalues(self.stiffness - limit**2 * self.mass, self.order)
             if count is not None:
@@ -102,13 +102,13 @@ class MatricesStructure(BodyStructure):
         """Row of the files of a place; None where there is none."""
         return self.table.number.get((round(place.coordinate), place.direction.removeprefix("local_")))
 
-    def place_problem(self, place: Place | Distributed, for_force: bool) -> tuple[str, str, str] | None:
+    def place_problem(self, place: Place | LoadedRegion, for_force: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
         assert isinstance(place, Place)  # the scenario refuses the others
         node = round(place.coordinate)
         number = self.row_number(place)
         if number is None:
-            if node in self.given.base:
+            if node in self.source_matrices.base:
                 return "node", f"= {node} moves with the base", "name a node that the base does not hold"
             known = any(each == node for each, _ in self.table.dofs)
             return (
@@ -128,7 +128,7 @@ class MatricesStructure(BodyStructure):
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """Every direction of every node that the base holds."""
         held, _ = self._rows
-        dofs, moved = self.given.table.dofs, self.rigid_motion(base)
+        dofs, moved = self.source_matrices.table.dofs, self.rigid_motion(base)
         unit = np.zeros((held.size, len(dofs)))
         unit[np.arange(held.size), held] = 1.0
         return [
@@ -136,17 +136,17 @@ class MatricesStructure(BodyStructure):
             for row, motion in zip(held, unit, strict=True)
         ]
 
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
+    def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(rows of the files,) row of a place."""
         assert isinstance(place, Place)  # the scenario refuses the others
-        table, node = self.given.table, round(place.coordinate)
+        table, node = self.source_matrices.table, round(place.coordinate)
         if (row := table.row(node, place.direction)) is None:
             raise ValueError(f"{place.label} does not exist; {table.remedy(node)}")
         return row
 
     def forces_of(self, motion: Floats) -> Floats:
         """(3, rows of the files) forces of a displacement, N, acceleration and velocity of all rows."""
-        given = (self.given.stiffness, self.given.mass, self.given.damping)
+        given = (self.source_matrices.stiffness, self.source_matrices.mass, self.source_matrices.damping)
         return np.array([np.zeros(motion.size) if matrix is None else matrix @ motion for matrix in given])
 
     def work(self, motion: Floats, forces: Floats) -> Floats:
@@ -160,7 +160,7 @@ class MatricesStructure(BodyStructure):
 
     def recovery_row(self, number: int, order: int = 0) -> Floats:
         """(rows of the files,) a row of the recovery matrix."""
-        return np.asarray(self.given.recovery[[number]].toarray()[0] * self.given.time_unit**order)
+        return np.asarray(self.source_matrices.recovery[[number]].toarray()[0] * self.source_matrices.time_unit**order)
 
     @property
     def named_dofs(self) -> NamedDofs:
@@ -173,11 +173,11 @@ class MatricesStructure(BodyStructure):
     @property
     def named_matrices(self) -> NamedMatrices:
         """Those of the files, made symmetric."""
-        return self.given
+        return self.source_matrices
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        given, (held, free), influence = self.given, self._rows, self.rigid_motion(motion)
+        given, (held, free), influence = self.source_matrices, self._rows, self.rigid_motion(motion)
         stiffness, moved = given.stiffness[free][:, free], influence[free]
         ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
         inertia = given.mass[free] @ influence
@@ -191,7 +191,7 @@ class MatricesStructure(BodyStructure):
         MethodError
             Where there are some.
         """
-        damping, free = self.given.damping, self._rows[1]
+        damping, free = self.source_matrices.damping, self._rows[1]
         if damping is not None and not moves_freely(damping[free], self.rigid_motion(motion)):
             raise MethodError(
                 "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
@@ -201,13 +201,15 @@ class MatricesStructure(BodyStructure):
     @cached_property
     def _rows(self) -> tuple[Ints, Ints]:
         """Rows of the files that the base holds, and the others."""
-        held = _base_rows(self.given)
-        return held, np.setdiff1d(np.arange(len(self.given.table.dofs)), held)
+        held = _base_rows(self.source_matrices)
+        return held, np.setdiff1d(np.arange(len(self.source_matrices.table.dofs)), held)
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
         """(rows of the files,) displacement for a unit motion of the base."""
         if motion not in self._motions:
-            self._motions[motion] = base_influence(self.given, *self._rows, motion, firm=not self.rigid.shape[1])
+            self._motions[motion] = base_influence(
+                self.source_matrices, *self._rows, motion, no_rigid_motion=not self.rigid.shape[1]
+            )
         return self._motions[motion]
 
     def unit_stiffness(self, site: Site) -> float:
@@ -233,16 +235,20 @@ class MatricesStructure(BodyStructure):
         Recovery
             At nodes of the files.
         """
-        direction = self.given.direction
+        direction = self.source_matrices.direction
         numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
         chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), 200)).astype(int)}
         at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
         rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
-        shapes = self.expansion[rows] @ (member.expansion @ basis.vectors) / np.sqrt(member.whole.mass_scale)
+        shapes = self.expansion[rows] @ (member.expansion @ basis.vectors) / np.sqrt(member.structure.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
         nodes = self.table.nodes[rows].astype(float)
         if not rows.size:  # the modes of a model on its interface alone have no place
-            nodes, points, shapes = np.array([*self.given.base[:1], 0.0][:1]), None, np.zeros((1, shapes.shape[1]))
+            nodes, points, shapes = (
+                np.array([*self.source_matrices.base[:1], 0.0][:1]),
+                None,
+                np.zeros((1, shapes.shape[1])),
+            )
         lines = None if points is None or not np.all(np.isfinite(points)) else self._lines(nodes, points)
         return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction)
 
@@ -251,13 +257,13 @@ class MatricesStructure(BodyStructure):
 
         Of a matrix that couples most of all nodes, as a condensed one does, None.
         """
-        stiffness, of_rows = coo_array(self.given.stiffness), self.given.table.nodes
+        stiffness, of_rows = coo_array(self.source_matrices.stiffness), self.source_matrices.table.nodes
         at = np.minimum(np.searchsorted(nodes, of_rows), nodes.size - 1)
         shown = nodes[at] == of_rows
         i, j = (at[ends][shown[stiffness.row] & shown[stiffness.col]] for ends in (stiffness.row, stiffness.col))
         near = np.zeros((nodes.size, nodes.size), dtype=bool)
         near[i, j] = near[j, i] = i != j
-        if nodes.size > 2 and near.sum() > DENSE * nodes.size * (nodes.size - 1):
+        if nodes.size > 2 and near.sum() > DENSE_SHARE * nodes.size * (nodes.size - 1):
             return None
         apart = np.linalg.norm(points[:, None] - points, axis=2)
         pairs = np.argwhere(np.triu(near))
@@ -349,12 +355,12 @@ def _name_body(name: str) -> Iterator[None]:
         raise ScenarioError.at(f"bodies.{name}.{error.about}", error.message, error.remedy) from None
 
 
-def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
+def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
     """The structure of matrices whose base holds what `NamedMatrices.base` says.
 
     Parameters
     ----------
-    given : matrices of all rows, SI units.
+    matrices : matrices of all rows, SI units.
     damping : section of the scenario, modal or Rayleigh; None without.
     name : of the body.
 
@@ -368,12 +374,12 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     MethodError
         Where the base holds every row or moves against springs or dashpots, or the matrices make no structure.
     """
-    held = _base_rows(given)
-    free = np.setdiff1d(np.arange(len(given.table.dofs)), held)
+    held = _base_rows(matrices)
+    free = np.setdiff1d(np.arange(len(matrices.table.dofs)), held)
     if not free.size:
         raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
-    table = given.table.part(free)
-    mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
+    table = matrices.table.part(free)
+    mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (matrices.mass, matrices.stiffness))
     expansion, share, condensed = _without_massless(mass, stiffness, table)
     products = (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     reduced_mass, reduced_stiffness = (((m + m.T) / 2).tocsc() for m in products)
@@ -382,7 +388,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         order = dissection(abs(reduced_stiffness) + abs(reduced_mass), table.coordinates)
     rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, table, expansion, order)
     loose = [_not_held(table, expansion @ rigid)] if held.size and rigid.shape[1] else []
-    viscous = None if given.damping is None else (expansion.T @ given.damping[free][:, free] @ expansion).tocsc()
+    viscous = None if matrices.damping is None else (expansion.T @ matrices.damping[free][:, free] @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
@@ -397,15 +403,15 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         stiffness_scale=stiffness_scale,
         section=None,
         stated_damping=damping,
-        on_all_dofs=csr_array(eye_array(len(given.table.dofs), format="csr")[:, free] @ expansion),
-        given=given,
+        all_dofs_map=csr_array(eye_array(len(matrices.table.dofs), format="csr")[:, free] @ expansion),
+        source_matrices=matrices,
         table=table,
         expansion=expansion.tocsr(),
         massless=share,
-        given_stiffness=(reduced_stiffness / stiffness_scale).tocsc(),
+        scaled_stiffness=(reduced_stiffness / stiffness_scale).tocsc(),
         factors=factors,
         order=order,
-        notes=(*given.remarks, *condensed, *loose),
+        notes=(*matrices.remarks, *condensed, *loose),
     )
     structure.base_load(UPWARDS)  # refuses nodes of a base that springs to the ground hold, too
     return structure
@@ -415,7 +421,7 @@ def _not_held(table: DofTable, rigid: Floats) -> str:
     """A remark on rigid motions (N, r) of the rows of a table, which a base leaves."""
     places = dict.fromkeys(_largest_at(table, motion) for motion in rigid.T)
     motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
-    return f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}"
+    return f"{NOT_HELD_REMARK}: {motions} without stiffness, largest at {', '.join(places)}"
 
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
@@ -437,11 +443,13 @@ def _largest_at(table: DofTable, motion: Floats) -> str:
     return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
 
 
-def _base_rows(given: NamedMatrices) -> Ints:
-    for k, node in enumerate(given.base):
-        if not given.table.rows_of([node]).size:
-            raise MethodError(f"base.nodes[{k}]", f"= {node} is not a node of the matrices", given.table.remedy(node))
-    return given.table.rows_of(given.base)
+def _base_rows(matrices: NamedMatrices) -> Ints:
+    for k, node in enumerate(matrices.base):
+        if not matrices.table.rows_of([node]).size:
+            raise MethodError(
+                f"base.nodes[{k}]", f"= {node} is not a node of the matrices", matrices.table.remedy(node)
+            )
+    return matrices.table.rows_of(matrices.base)
 
 
 def rigid_modes(

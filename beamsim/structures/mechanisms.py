@@ -16,11 +16,13 @@ from beamsim.structures.places import SLOPE, LoadSite, ends_of
 from beamsim.structures.structure import Coupling, ReducedBasis, Structure
 from beamsim.typing import Floats
 
-NOTHING = 1e-9  # of the largest possible motion; less is round-off
-ROUNDED_COORDINATES = 1e-4  # distances of joined points that differ by less, relative to the larger, are those of these
+NEGLIGIBLE_MOTION = 1e-9  # of the largest possible motion; less is round-off
+COORDINATE_ROUND_OFF = (
+    1e-4  # distances of joined points that differ by less, relative to the larger, are those of these
+)
 
 
-def immobile_problems(structure: Structure, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
+def immobile_problems(structure: Structure, loaded_sites: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
     """What acts (path, where, its name) where joints leave no motion."""
     if not structure.couplings:
         return []
@@ -30,8 +32,8 @@ def immobile_problems(structure: Structure, acting: Sequence[tuple[Path, LoadSit
             f"acts at {site.label}, where a joint leaves no motion: {what} has no effect there",
             "move it along the body, or change the joint",
         )
-        for path, site, what in acting
-        if np.abs(structure.row(site)).max() <= NOTHING
+        for path, site, what in loaded_sites
+        if np.abs(structure.row(site)).max() <= NEGLIGIBLE_MOTION
     ]
 
 
@@ -66,7 +68,7 @@ def open_loops(scenario: Scenario, structure: Structure) -> Iterator[str]:
         others = np.where(by == name, np.inf, nearest)
         links = csgraph_from_dense(others, null_value=np.inf)
         reach, before = shortest_path(links, indices=i, return_predecessors=True)
-        if not span - reach[j] > ROUNDED_COORDINATES * span:
+        if not span - reach[j] > COORDINATE_ROUND_OFF * span:
             continue
         path = [j]
         while path[-1] != i:
@@ -97,7 +99,9 @@ def floating_motions(structure: Structure, basis: ReducedBasis) -> str:
     return "; ".join(f"{name} moves freely, most at {' and '.join(places)}" for name, places in largest.items())
 
 
-def check_mechanisms(joints: Sequence[str], structure: Structure, basis: ReducedBasis, stopping: Floats) -> list[str]:
+def check_mechanisms(
+    joints: Sequence[str], structure: Structure, basis: ReducedBasis, stopping_rows: Floats
+) -> list[str]:
     """Warnings about motions that joints leave free and contacts stop.
 
     A motion of the bodies as rigid ones that turns or opens a joint is a mechanism. Floating as a whole is none.
@@ -106,7 +110,7 @@ def check_mechanisms(joints: Sequence[str], structure: Structure, basis: Reduced
     ----------
     joints : names of them, in the scenario's order.
     structure, basis : the bodies that they join, and its reduced coordinates.
-    stopping : (m, n) rows of contacts and nonlinear springs, the only things that can stop such a motion.
+    stopping_rows : (m, n) rows of contacts and nonlinear springs, the only things that can stop such a motion.
 
     Returns
     -------
@@ -120,10 +124,10 @@ def check_mechanisms(joints: Sequence[str], structure: Structure, basis: Reduced
     rigid = basis.rigid
     if not rigid or not structure.couplings:
         return []
-    size = np.linalg.norm(stopping, axis=1, keepdims=True)
-    stopped = (stopping / np.where(size > 0, size, 1.0))[:, :rigid]
+    size = np.linalg.norm(stopping_rows, axis=1, keepdims=True)
+    stopped = (stopping_rows / np.where(size > 0, size, 1.0))[:, :rigid]
     _, s, vt = np.linalg.svd(stopped)
-    unstopped = vt[int(np.sum(s > NOTHING)) :].T
+    unstopped = vt[int(np.sum(s > NEGLIGIBLE_MOTION)) :].T
     problems = [
         problem(("joints", index), f"{what}, and nothing stops that motion", f"{remedy}, or let a snubber meet it")
         for index, what, remedy in _mechanisms(joints, structure, basis, unstopped)
@@ -144,7 +148,7 @@ def _mechanisms(
     for coupling in structure.couplings:
         row = _opening(structure, basis, coupling)[: basis.rigid] @ motions
         largest = float(np.linalg.norm(row))
-        if coupling.stiffness == 0.0 and coupling.name in joints and largest > NOTHING:
+        if coupling.stiffness == 0.0 and coupling.name in joints and largest > NEGLIGIBLE_MOTION:
             turns = coupling.ends[0].direction == SLOPE
             verb, stiffness = ("turn", "rotational_stiffness") if turns else ("move", "stiffness")
             bodies = " and ".join(_bodies(structure, fields @ (row / largest)))
@@ -170,9 +174,9 @@ def _turning(structure: Structure, couplings: Sequence[Coupling], motions: Float
             still = fields
             if resting is not None:
                 _, s, vt = np.linalg.svd(structure.member(resting.body).expansion @ fields)
-                still = fields @ vt[int(np.sum(s > NOTHING)) :].T
+                still = fields @ vt[int(np.sum(s > NEGLIGIBLE_MOTION)) :].T
             moved = body.expansion @ still
-            if moved.size and np.abs(moved).max() > NOTHING:
+            if moved.size and np.abs(moved).max() > NEGLIGIBLE_MOTION:
                 k = int(np.argmax(np.abs(moved).max(axis=0)))
                 yield coupling.name, turning.body, body.body.largest_at(moved[:, k])
 
@@ -186,4 +190,4 @@ def _opening(structure: Structure, basis: ReducedBasis, coupling: Coupling) -> F
 def _bodies(structure: Structure, field: Floats) -> list[str]:
     """Names of the bodies that a field (N,) moves."""
     reach = [member.body.largest_deflection(member.expansion @ field) for member in structure.members]
-    return [m.body.name for m, x in zip(structure.members, reach, strict=True) if x > NOTHING * max(reach)]
+    return [m.body.name for m, x in zip(structure.members, reach, strict=True) if x > NEGLIGIBLE_MOTION * max(reach)]

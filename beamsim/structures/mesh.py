@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array
 
 from beamsim.structures.modes import allowed_rigid_motions, mode_of_unit_deflection, orthonormal_in_mass
-from beamsim.structures.places import Distributed
+from beamsim.structures.places import LoadedRegion
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
@@ -246,7 +246,7 @@ class PlateMesh:
 
 
 def on_supports(
-    mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: Ints, extension: Floats
+    mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], supported_dofs: Ints, extension: Floats
 ) -> dict[str, Any]:
     """Fields of a `MeshedBody` that follow from the matrices of all dofs and what holds them.
 
@@ -254,7 +254,7 @@ def on_supports(
     ----------
     mesh : of the body.
     matrices : scaled mass and factor of all dofs, and their damping, N s/m, or None.
-    held : dofs that the supports hold.
+    supported_dofs : dofs that the supports hold.
     extension : (c, k) how far each of the mesh's rigid motions extends what else holds the body.
 
     Returns
@@ -263,10 +263,10 @@ def on_supports(
         By name.
     """
     mass, factor, drag = matrices
-    free, motions = np.setdiff1d(np.arange(mesh.size), held), mesh.rigid_motions
-    allowed = allowed_rigid_motions(motions, np.vstack([motions[held], extension]))
+    free, motions = np.setdiff1d(np.arange(mesh.size), supported_dofs), mesh.rigid_motions
+    allowed = allowed_rigid_motions(motions, np.vstack([motions[supported_dofs], extension]))
     return {
-        "mesh": mesh, "free": free, "on_all_dofs": eye_array(mesh.size, format="csr")[:, free],
+        "mesh": mesh, "free": free, "all_dofs_map": eye_array(mesh.size, format="csr")[:, free],
         "unsupported": matrices, "mass": mass[free][:, free].tocsc(), "factor": factor[:, free].tocsr(),
         "damping": None if drag is None else drag[free][:, free].tocsc(),
         "rigid": orthonormal_in_mass(motions @ allowed, mass)[free],
@@ -290,12 +290,12 @@ class MeshedBody(BodyStructure, ABC):
         """(d,) sides of the body, m."""
         return np.array([getattr(self.section, side) for side in self.sides], dtype=float)
 
-    def load_vector(self, load: Distributed) -> Floats:
+    def load_vector(self, load: LoadedRegion) -> Floats:
         """(all dofs,) of a distributed load of unit level, those that the supports hold included."""
         points, force = self.point_forces(load, np.zeros(0))
         return np.asarray(self.mesh.rows(points).T @ force)
 
-    def point_forces(self, load: Distributed, cuts: Floats) -> tuple[Floats, Floats]:
+    def point_forces(self, load: LoadedRegion, cuts: Floats) -> tuple[Floats, Floats]:
         """Nondimensional positions (k, d) and forces (k,) that stand for a distributed load of unit level.
 
         Between nodes, neighbouring ``cuts`` (m, along x) and corners of the shape they have the force and the moment of
@@ -306,5 +306,5 @@ class MeshedBody(BodyStructure, ABC):
         return points / self.extent, np.asarray(weights * load.intensity(points, self.extent, self._mode_at))
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
-        field = self.on_all_dofs @ mode_of_unit_deflection(self, mode)
+        field = self.all_dofs_map @ mode_of_unit_deflection(self, mode)
         return np.asarray(self.mesh.rows(points / self.extent) @ field)

@@ -25,7 +25,7 @@ class Modes:
     vectors: Floats  # (N, k) orthonormal in the mass matrix
 
 
-NO_EXTENSION = 1e-10  # extension of a spring per unit motion, below which the motion does not extend it
+NEGLIGIBLE_EXTENSION = 1e-10  # extension of a spring per unit motion, below which the motion does not extend it
 
 
 def allowed_rigid_motions(motions: Floats, extension: Floats, length: Floats | float = 1.0) -> Floats:
@@ -48,7 +48,7 @@ def allowed_rigid_motions(motions: Floats, extension: Floats, length: Floats | f
     if not extension.size:
         return np.diag(1 / unit)
     _, s, vt = np.linalg.svd(extension / np.reshape(length, (-1, 1)) / unit)
-    return np.asarray(vt[int(np.sum(s > NO_EXTENSION)) :].T / unit[:, None])
+    return np.asarray(vt[int(np.sum(s > NEGLIGIBLE_EXTENSION)) :].T / unit[:, None])
 
 
 def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:
@@ -121,7 +121,7 @@ def _rayleigh_ritz(model: Structure, vectors: Floats, count: int) -> tuple[Float
 
 
 def natural_modes(
-    model: Structure, count: int | None = None, below: float | None = None, most: int | None = None
+    model: Structure, count: int | None = None, up_to: float | None = None, most_modes: int | None = None
 ) -> Modes:
     """The lowest modes, beginning with the rigid-body modes.
 
@@ -129,8 +129,8 @@ def natural_modes(
     ----------
     model : the full model.
     count : at least this many modes (all modes if it exceeds the size of the model).
-    below : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
-    most : enough of those below that frequency.
+    up_to : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
+    most_modes : enough of those below that frequency.
 
     Returns
     -------
@@ -144,20 +144,20 @@ def natural_modes(
     Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
     """
     if model.substructures:
-        return _modes_of_substructures(model, count, below)
+        return _modes_of_substructures(model, count, up_to)
     size, rigid = model.rigid.shape
-    few = size > DENSE_LIMIT and (count is not None or below is not None)
-    needed = _number_needed(model, count or 0, below, most) if few else size
+    few = size > DENSE_LIMIT and (count is not None or up_to is not None)
+    needed = _number_needed(model, count or 0, up_to, most_modes) if few else size
     omega, vectors = _all_elastic(model) if needed > size // 4 else _lowest_elastic(model, needed - rigid)
     vectors = np.hstack([model.rigid, vectors])
     return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflections(vectors)))
 
 
-def _number_needed(model: Structure, count: int, below: float | None, most: int | None) -> int:
+def _number_needed(model: Structure, count: int, up_to: float | None, most_modes: int | None) -> int:
     """How many modes are computed; see `natural_modes`."""
     size, rigid = model.rigid.shape
-    up_to = 0 if below is None else model.frequency_count(below) + 1
-    return int(min(max(count, up_to if most is None else min(up_to, most), rigid), size))
+    estimate = 0 if up_to is None else model.frequency_count(up_to) + 1
+    return int(min(max(count, estimate if most_modes is None else min(estimate, most_modes), rigid), size))
 
 
 def _all_elastic(model: Structure) -> tuple[Floats, Floats]:
@@ -182,12 +182,12 @@ def mode_of_unit_deflection(model: Structure, mode: int) -> Floats:
     return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
 
 
-def _modes_of_substructures(model: Structure, count: int | None, below: float | None) -> Modes:
+def _modes_of_substructures(model: Structure, count: int | None, up_to: float | None) -> Modes:
     """The modes of all bodies in order of frequency, each of one body alone."""
     omega, vectors = [], []
     for structure, dofs in ((part.structure, part.dofs) for part in model.substructures):
         ratio = structure.frequency_scale / model.frequency_scale
-        modes = natural_modes(structure, count, None if below is None else below / ratio)
+        modes = natural_modes(structure, count, None if up_to is None else up_to / ratio)
         widened = np.zeros((model.size, modes.omega.size))
         widened[dofs] = modes.vectors * np.sqrt(model.mass_scale / structure.mass_scale)
         omega.append(modes.omega * ratio)

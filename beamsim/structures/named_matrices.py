@@ -51,7 +51,7 @@ class DofTable:
     dofs: tuple[Dof, ...]
     coordinates: Floats | None = None  # (N, 3) of each row's node, m beyond the file; NaN where none are given
     systems: Ints | None = None  # (N,) number of the system of each row in the file; 0 of the model's axes
-    turn: Any = None  # (N, N) sparse, rows as they were in those systems; None where there were none
+    to_file_systems: Any = None  # (N, N) sparse, rows as they were in those systems; None where there were none
 
     @cached_property
     def number(self) -> dict[Dof, int]:
@@ -75,14 +75,14 @@ class DofTable:
         """The table of some rows."""
         coordinates = None if self.coordinates is None else self.coordinates[rows]
         systems = None if self.systems is None else self.systems[rows]
-        turn = None if self.turn is None else self.turn[rows][:, rows]
+        turn = None if self.to_file_systems is None else self.to_file_systems[rows][:, rows]
         return DofTable(tuple(self.dofs[i] for i in rows), coordinates, systems, turn)
 
     def row(self, node: int, direction: str) -> Floats | None:
         """(N,) shares in a direction of a node, an axis of the model or of its own system (``local_x``)."""
         number = self.number.get((node, direction.removeprefix("local_")))
-        turned = self.turn is not None and direction.startswith("local_")
-        units = self.turn if turned else eye_array(len(self.dofs), format="csr")
+        turned = self.to_file_systems is not None and direction.startswith("local_")
+        units = self.to_file_systems if turned else eye_array(len(self.dofs), format="csr")
         return None if number is None else np.asarray(units[[number]].toarray()[0])
 
     def remedy(self, node: int) -> str:
@@ -109,7 +109,7 @@ class NamedDofs:
     influence: Floats  # (N,) each, in the table's units, when the base moves by 1 m
 
 
-_LAYOUT = "head its columns node, direction and, if wanted, x (mm), y (mm), z (mm) and system, in any order"
+_TABLE_LAYOUT = "head its columns node, direction and, if wanted, x (mm), y (mm), z (mm) and system, in any order"
 _AXES = ("x", "y", "z")
 
 
@@ -191,10 +191,12 @@ def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], di
     names = table.names
     missing = [name for name in ("node", "direction") if name not in names]
     if missing:
-        raise InputFileError(f"has no heading {' and no heading '.join(missing)} in line {table.line}", _LAYOUT)
+        raise InputFileError(f"has no heading {' and no heading '.join(missing)} in line {table.line}", _TABLE_LAYOUT)
     for name, heading in zip(names, table.headings, strict=True):
         if name not in ("node", "direction", "system", *_AXES):
-            raise InputFileError(f"has an unknown heading {heading or '(an empty one)'} in line {table.line}", _LAYOUT)
+            raise InputFileError(
+                f"has an unknown heading {heading or '(an empty one)'} in line {table.line}", _TABLE_LAYOUT
+            )
         if names.count(name) > 1:
             raise InputFileError(f"has two columns {name} in line {table.line}", "leave one of them out")
     columns = {name: k for k, name in enumerate(names)}
@@ -206,7 +208,7 @@ def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], di
         except si.UnitError as error:
             heading = table.headings[columns[axis]]
             message = f"has the heading {heading} in line {table.line}: {unit} {error.message}"
-            raise InputFileError(message, _LAYOUT) from None
+            raise InputFileError(message, _TABLE_LAYOUT) from None
     return columns, factors
 
 
@@ -236,33 +238,33 @@ class NamedMatrices:
     units: str = ""  # of the files that they were read from
 
 
-def moves_freely(stiffness: Any, motion: Floats, within: float = 1e-6) -> bool:
+def moves_freely(stiffness: Any, motion: Floats, tolerance: float = 1e-6) -> bool:
     """Whether the forces of a motion are round-off compared with those that the entries of K would give one by one.
 
     Parameters
     ----------
     stiffness : (N, N) sparse K.
     motion : (N,).
-    within : what counts as round-off.
+    tolerance : what counts as round-off.
 
     Returns
     -------
     bool
     """
-    return bool(np.abs(stiffness @ motion).max() <= within * (abs(stiffness) @ np.abs(motion)).max())
+    return bool(np.abs(stiffness @ motion).max() <= tolerance * (abs(stiffness) @ np.abs(motion)).max())
 
 
 _ROUND_OFF = 1e-9  # of forces, within which a motion of the base leaves none
 
 
 def with_base_node(
-    named: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
+    named_dofs: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
 ) -> NamedMatrices:
     """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports.
 
     Parameters
     ----------
-    named : names and units of the degrees of freedom.
+    named_dofs : names and units of the degrees of freedom.
     mass, stiffness, damping : (N, N) sparse, physical, for the degrees of freedom as the body has them; damping may be
         None, and acts on motion relative to the base.
     inertia : (N,) kg under a unit acceleration of the base.
@@ -273,17 +275,17 @@ def with_base_node(
     NamedMatrices
         Absolute displacements.
     """
-    physical: Any = diags_array(1 / named.scale)
+    physical: Any = diags_array(1 / named_dofs.scale)
     mass, stiffness = (physical @ matrix @ physical for matrix in (mass, stiffness))
     damping = None if damping is None else physical @ damping @ physical
-    load = inertia / named.scale
-    r = named.influence
+    load = inertia / named_dofs.scale
+    r = named_dofs.influence
     if moves_freely(stiffness, r, _ROUND_OFF) and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
-        return NamedMatrices(named.table, mass, stiffness, damping, ())
-    base = int(named.table.nodes.max()) + 1
-    places = named.table.coordinates
+        return NamedMatrices(named_dofs.table, mass, stiffness, damping, ())
+    base = int(named_dofs.table.nodes.max()) + 1
+    places = named_dofs.table.coordinates
     return NamedMatrices(
-        DofTable((*named.table.dofs, (base, "z")), None if places is None else np.vstack([places, np.zeros(3)])),
+        DofTable((*named_dofs.table.dofs, (base, "z")), None if places is None else np.vstack([places, np.zeros(3)])),
         _with_base(mass, load - mass @ r, float(r @ (mass @ r) - 2 * r @ load + total_mass)),
         _with_base(stiffness, -(stiffness @ r), float(r @ (stiffness @ r))),
         None if damping is None else _with_base(damping, -(damping @ r), float(r @ (damping @ r))),
@@ -297,36 +299,36 @@ def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
     return block_array([[matrix, border], [border.T, csc_array([[corner]])]], format="csc")
 
 
-def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
+def in_si_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
     """Matrices, recovery matrix and coordinates of a file in SI units.
 
     The rows of a recovery matrix give what they gave, in the units of the file, now for motions in SI units.
     """
     length, mass, force, time = sizes
     if all(size == 1.0 for size in sizes):
-        return given
+        return matrices
     by_direction = {MODAL: length * np.sqrt(mass), **dict.fromkeys(TRANSLATIONS, length)}
-    units = np.array([by_direction.get(direction, 1.0) for _, direction in given.table.dofs])
+    units = np.array([by_direction.get(direction, 1.0) for _, direction in matrices.table.dofs])
     diagonal: Any = diags_array(1.0 / units)
 
     def scaled(matrix: Any, factor: float) -> Any:
         return None if matrix is None else (factor * (diagonal @ matrix @ diagonal)).tocsc()
 
-    places = given.table.coordinates
+    places = matrices.table.coordinates
     return replace(
-        given,
-        table=replace(given.table, coordinates=None if places is None else places * length),
-        mass=scaled(given.mass, mass * length**2),
-        stiffness=scaled(given.stiffness, force * length),
-        damping=scaled(given.damping, force * length * time),
-        recovery=None if given.recovery is None else (given.recovery @ diagonal).tocsr(),
-        time_unit=given.time_unit * time,
+        matrices,
+        table=replace(matrices.table, coordinates=None if places is None else places * length),
+        mass=scaled(matrices.mass, mass * length**2),
+        stiffness=scaled(matrices.stiffness, force * length),
+        damping=scaled(matrices.damping, force * length * time),
+        recovery=None if matrices.recovery is None else (matrices.recovery @ diagonal).tocsr(),
+        time_unit=matrices.time_unit * time,
     )
 
 
-def in_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
+def in_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
     """The reverse: matrices and coordinates in SI units as a file in other units has them."""
-    return in_si_units(given, type(sizes)(*(1.0 / size for size in sizes)))
+    return in_si_units(matrices, type(sizes)(*(1.0 / size for size in sizes)))
 
 
 # Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
@@ -350,23 +352,23 @@ class SizeAndMass:
         return f"{mass}, {' x '.join(f'{each:.4g}' for each in self.extent)} m"
 
 
-def size_and_mass(given: NamedMatrices) -> SizeAndMass:
+def size_and_mass(matrices: NamedMatrices) -> SizeAndMass:
     """Mass from translations of all nodes, size from their coordinates."""
-    moved = [given.table.of_direction(direction) for direction in TRANSLATIONS]
-    masses = [float(motion @ (given.mass @ motion)) for motion in moved if motion.any()]
-    places = given.table.coordinates
+    moved = [matrices.table.of_direction(direction) for direction in TRANSLATIONS]
+    masses = [float(motion @ (matrices.mass @ motion)) for motion in moved if motion.any()]
+    places = matrices.table.coordinates
     if places is not None:
         places = places[np.all(np.isfinite(places), axis=1)]
     extent = None if places is None or not places.size else np.ptp(places, axis=0)
     return SizeAndMass(max(masses, default=None), extent)
 
 
-def doubtful_units(given: NamedMatrices, units: UnitSystem | FileUnits | None) -> list[str]:
+def doubtful_units(matrices: NamedMatrices, units: UnitSystem | FileUnits | None) -> list[str]:
     """A warning where size and mass are those of a structure in other units than its files are taken to be in.
 
     Frequencies do not show it: those in mm, t and s are the same.
     """
-    found = size_and_mass(given)
+    found = size_and_mass(matrices)
     if found.mass is None or found.extent is None or found.mass <= 0.0:
         return []
     largest = float(found.extent.max())
@@ -378,7 +380,7 @@ def doubtful_units(given: NamedMatrices, units: UnitSystem | FileUnits | None) -
         ]
     if units not in (None, "SI") and density > HEAVIEST:
         return [
-            f"the structure has {found.text}, with its files in {given.units}: are the coordinates of the table in "
+            f"the structure has {found.text}, with its files in {matrices.units}: are the coordinates of the table in "
             "metres? All files of a body have the same units"
         ]
     return []
@@ -391,17 +393,16 @@ class FileSummary:
     body: str
     degrees_of_freedom: int
     units: str  # of the files
-    by_default: bool  # whether the units were not stated
-    found: SizeAndMass
+    units_assumed: bool  # whether the units were not stated
+    size_and_mass: SizeAndMass
     remarks: tuple[str, ...]
 
     @property
     def text(self) -> str:
         """In words."""
-        units = f"{self.units}, the default" if self.by_default else self.units
-        return (
-            f"{self.body}: {self.degrees_of_freedom} degrees of freedom, {self.found.text}; units of its files: {units}"
-        )
+        units = f"{self.units}, the default" if self.units_assumed else self.units
+        count = f"{self.degrees_of_freedom} degrees of freedom"
+        return f"{self.body}: {count}, {self.size_and_mass.text}; units of its files: {units}"
 
     @property
     def as_json(self) -> dict[str, Any]:
@@ -409,7 +410,7 @@ class FileSummary:
         return {
             "degrees_of_freedom": self.degrees_of_freedom,
             "units": self.units,
-            "units_by_default": self.by_default,
-            "mass_kg": self.found.mass,
-            "extent_m": None if self.found.extent is None else self.found.extent.tolist(),
+            "units_by_default": self.units_assumed,
+            "mass_kg": self.size_and_mass.mass,
+            "extent_m": None if self.size_and_mass.extent is None else self.size_and_mass.extent.tolist(),
         }

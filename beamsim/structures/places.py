@@ -27,12 +27,12 @@ class BaseDirection:
     """
 
     direction: str = ""  # x, y, z, rx, ry or rz; empty: that of each body, z where it has none
-    about: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point on the axis of a rotation
+    axis_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point on the axis of a rotation
 
     def displacements(self, points: Floats) -> Floats:
         """(k, 3) displacements x, y, z of points (k, 3), m."""
         if self.direction in ROTATIONS:
-            return np.cross(np.eye(3)[ROTATIONS.index(self.direction)], points - np.array(self.about))
+            return np.cross(np.eye(3)[ROTATIONS.index(self.direction)], points - np.array(self.axis_point))
         return np.tile(np.eye(3)[TRANSLATIONS.index(self.direction or "z")], (points.shape[0], 1))
 
 
@@ -44,7 +44,7 @@ _HERMITE = 3  # degree of the shape functions
 
 
 @dataclass(frozen=True)
-class Distributed:
+class LoadedRegion:
     """A load of unit level on a part of a body; its row is the work of that load on a unit of each dof."""
 
     body: str
@@ -187,13 +187,13 @@ class Link:
 
 Site = Place | Link
 
-LoadSite = Site | Distributed
+LoadSite = Site | LoadedRegion
 """Where a load acts."""
 
 
 def ends_of(site: LoadSite) -> tuple[Place, ...]:
     """The place, or both places of a link; none of a distributed load."""
-    if isinstance(site, Distributed):
+    if isinstance(site, LoadedRegion):
         return ()
     return (site.first, site.second) if isinstance(site, Link) else (site,)
 
@@ -248,7 +248,7 @@ def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite
 
     Returns
     -------
-    Place | Link | Distributed
+    Place | Link | LoadedRegion
         In metres; a distributed load without ends acts on the whole body.
     """
     if item.places:
@@ -256,10 +256,10 @@ def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite
     body, ends = item.body or body, item.ends
     shape = item.shape.on_the_body(sections[body]) if item.shape.kind == "table" else item.shape
     if ends is None:
-        return Distributed(body, shape, None, f"{body} as a whole")
+        return LoadedRegion(body, shape, None, f"{body} as a whole")
     first, last = (sections[body].point(end) for end in ends)
     bounds = (first, last) if isinstance(first, tuple) else ((first,), (last,))
-    return Distributed(body, shape, tuple(zip(*bounds, strict=True)), f"{body} from {first} to {last} m")
+    return LoadedRegion(body, shape, tuple(zip(*bounds, strict=True)), f"{body} from {first} to {last} m")
 
 
 @dataclass(frozen=True)
@@ -272,11 +272,11 @@ class StationAxis:
     continuous: bool  # drawn as a line through the stations, else as a dot at each
 
 
-ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
-IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
+ALONG_BEAM = StationAxis("position along the beam", "m", "Position", continuous=True)
+ON_PLATE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
 MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
 NODES = StationAxis("node number", "1", "Node", continuous=False)
-AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES, NODES)}
+AXES = {axis.long_name: axis for axis in (ALONG_BEAM, ON_PLATE, MASSES, NODES)}
 
 
 @dataclass(frozen=True)
@@ -345,7 +345,7 @@ class Stations:
     @property
     def position_words(self) -> dict[str, str]:
         """Unit and meaning of the positions of all bodies."""
-        axes = {part.axis for part in self.parts} or {ALONG}
+        axes = {part.axis for part in self.parts} or {ALONG_BEAM}
         if len(axes) > 1:
             return {"position_unit": "1", "position": "position on the axis of each body"}
         (axis,) = axes

@@ -26,16 +26,16 @@ from scipy.sparse import csr_array, kron, vstack
 from beamsim.dofs import MODAL
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.scenario.plate import PlateBody, Stiffener
-from beamsim.structures.beam import HELD
+from beamsim.structures.beam import FIXED_DERIVATIVES
 from beamsim.structures.mesh import Mesh, MeshedBody, PlateMesh, graded_mesh, on_supports
 from beamsim.structures.named_matrices import DofTable, NamedDofs
 from beamsim.structures.places import (
     DEFLECTION,
-    IN_PLANE,
+    ON_PLATE,
     SLOPE,
     UPWARDS,
     BaseDirection,
-    Distributed,
+    LoadedRegion,
     Place,
     Recovery,
     Site,
@@ -119,12 +119,12 @@ class PlateStructure(MeshedBody):
         Recovery
             Three moments at each node of the mesh.
         """
-        plate, whole = self.section, member.whole
+        plate, whole = self.section, member.structure
         scale = 1 / np.sqrt(whole.mass_scale)
         operator = moment_operator(self)
 
         def moments(vectors: Floats) -> Floats:
-            return np.asarray(operator @ (self.on_all_dofs @ (member.expansion @ vectors)))
+            return np.asarray(operator @ (self.all_dofs_map @ (member.expansion @ vectors)))
 
         moment = moments(basis.vectors) + operator @ _motion_of_supports(self, basis)
         moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
@@ -138,10 +138,10 @@ class PlateStructure(MeshedBody):
         points = self.mesh.node_points * (plate.length, plate.width)
         return Recovery(
             body=self.name,
-            axis=IN_PLANE,
+            axis=ON_PLATE,
             position=points[:, 0],
             across=points[:, 1],
-            deflection=(self.on_all_dofs @ (member.expansion @ basis.vectors))[self.mesh.deflections] * scale,
+            deflection=(self.all_dofs_map @ (member.expansion @ basis.vectors))[self.mesh.deflections] * scale,
             bending_moment=moment * scale,
             stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
             strains_per_moments=_strains_per_moments(plate),
@@ -194,9 +194,9 @@ class PlateStructure(MeshedBody):
         """(3,) x and y from the left and bottom edges, m."""
         return None if place.across is None else np.array([place.coordinate, place.across, 0.0])
 
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
+    def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(all dofs,) deflection at a place, or load vector."""
-        if isinstance(place, Distributed):
+        if isinstance(place, LoadedRegion):
             return self.load_vector(place)
         if place.direction != DEFLECTION or place.across is None:
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
@@ -205,7 +205,7 @@ class PlateStructure(MeshedBody):
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
         """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
-        x, y, _ = motion.about
+        x, y, _ = motion.axis_point
         shares = {  # of the translation, and of the rotations w = x / length and w = y / width
             "rx": (-y, 0.0, self.section.width),
             "ry": (x, -self.section.length, 0.0),  # z goes down with x
@@ -229,7 +229,7 @@ class PlateStructure(MeshedBody):
         ]
         x, y = np.meshgrid(*lines, indexing="ij")
         rows = self.mesh.rows(np.column_stack([x.ravel(), y.ravel()]))
-        return float(np.abs(rows @ (self.on_all_dofs @ field)).max())
+        return float(np.abs(rows @ (self.all_dofs_map @ field)).max())
 
     def reassemble(self, section: PlateBody) -> PlateStructure:
         """The plate with other numbers on the same mesh."""
@@ -359,7 +359,7 @@ def _supported_dofs(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
         (("bottom", "top"), dofs % along_y, mesh.y.nodes.size),
     ):
         for edge, first in zip(edges, (0, 2 * (nodes - 1)), strict=True):
-            held[edge] = np.isin(along, [first + each for each in HELD[getattr(supports, edge)]])
+            held[edge] = np.isin(along, [first + each for each in FIXED_DERIVATIVES[getattr(supports, edge)]])
     for number, (x, y) in enumerate(plate.supported_points, start=1):
         i = int(np.abs(mesh.x.nodes - x / plate.length).argmin())
         j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())

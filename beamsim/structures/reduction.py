@@ -80,7 +80,7 @@ def _reduced_substructures(
     count: int | None,
     highest_frequency: float | None,
     *,
-    default: bool,
+    default_reduction: bool,
     least_modes: int,
 ) -> ReducedBasis:
     """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
@@ -95,7 +95,12 @@ def _reduced_substructures(
         highest = None if physical is None else physical / own.frequency_scale
         of_parts.append(
             reduce_model(
-                own, of_part, count=part_count, highest_frequency=highest, default=default, least_modes=least_modes
+                own,
+                of_part,
+                count=part_count,
+                highest_frequency=highest,
+                default_reduction=default_reduction,
+                least_modes=least_modes,
             )
         )
     return _direct_sum(model, of_parts)
@@ -107,7 +112,7 @@ def reduce_model(
     *,
     count: int | None = None,
     highest_frequency: float | None = None,
-    default: bool = False,
+    default_reduction: bool = False,
     least_modes: int = 0,
     mode: int = 0,
 ) -> ReducedBasis:
@@ -120,10 +125,10 @@ def reduce_model(
     count : number of modes (at least the rigid-body modes are kept).
     highest_frequency : scaled angular frequency of interest; modes up to `FREQUENCY_MARGIN` times this value
         are kept. Without `count` and `highest_frequency` all modes are kept, and no static vector is needed.
-    default : whether the scenario leaves the reduction to the program. Then at least the ``least_modes`` lowest
-        flexible modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the
-        reported frequency of interest is changed accordingly. A structure that resolves all of its modes keeps all.
-    least_modes, mode : see ``default``.
+    default_reduction : True if the program chooses the number of modes. At least the ``least_modes`` lowest flexible
+        modes and mode number ``mode`` are then kept, but none that the discretisation does not resolve; the reported
+        frequency of interest is changed accordingly. A structure that resolves all of its modes keeps all of them.
+    least_modes, mode : see ``default_reduction``.
 
     Returns
     -------
@@ -133,19 +138,19 @@ def reduce_model(
     if model.substructures:
         least_modes = max(least_modes, mode)
         return _reduced_substructures(
-            model, patterns, count, highest_frequency, default=default, least_modes=least_modes
+            model, patterns, count, highest_frequency, default_reduction=default_reduction, least_modes=least_modes
         )
     rigid = model.rigid.shape[1]
-    if default and model.most_modes is None:
+    if default_reduction and model.most_modes is None:
         return _with_static_vectors(model, natural_modes(model), model.size, (), None)
     if count is not None:
         kept = min(max(count, rigid), model.size)
         modes = natural_modes(model, count=kept)
     elif highest_frequency is not None:
         limit = FREQUENCY_MARGIN * highest_frequency
-        least = min(max(rigid + least_modes if default else 1, rigid, mode, 1), model.size)
-        most = None if not default or model.most_modes is None else max(rigid + model.most_modes, least)
-        modes = natural_modes(model, count=least, below=limit, most=None if most is None else most + 1)
+        least = min(max(rigid + least_modes if default_reduction else 1, rigid, mode, 1), model.size)
+        most = None if not default_reduction or model.most_modes is None else max(rigid + model.most_modes, least)
+        modes = natural_modes(model, count=least, up_to=limit, most_modes=None if most is None else most + 1)
         kept = max(int(np.searchsorted(modes.omega, limit, side="right")), least)
         if kept == least or (most is not None and kept > most):
             kept = max(least, kept if most is None else min(kept, most))
@@ -200,24 +205,24 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
 
 
 def _with_static_vectors(
-    model: Structure, modes: Modes, kept: int, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
+    model: Structure, modes: Modes, kept_count: int, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
 ) -> ReducedBasis:
-    phi, omega = modes.vectors[:, :kept], modes.omega[:kept]
+    phi, omega = modes.vectors[:, :kept_count], modes.omega[:kept_count]
     if highest_frequency is None:
-        highest_frequency = float(omega[-1]) if kept == model.size else float(omega[-1]) / FREQUENCY_MARGIN
+        highest_frequency = float(omega[-1]) if kept_count == model.size else float(omega[-1]) / FREQUENCY_MARGIN
     transform, static = np.zeros((len(patterns), 0)), np.zeros((model.size, 0))
     loads = np.array([pattern.vector for pattern in patterns]).reshape(-1, model.size).T
-    if kept < model.size and patterns:
+    if kept_count < model.size and patterns:
         transform, static = _static_vectors(model, phi, loads)
-        if kept + static.shape[1] == model.size:
+        if kept_count + static.shape[1] == model.size:
             # the same coordinates, but the moments of a load whose vector was dropped would be those of another load
             every = modes if modes.omega.size == model.size else natural_modes(model)
             return _with_static_vectors(model, every, model.size, patterns, highest_frequency)
     strain = np.asarray(model.factor @ static)
     static_omega = np.sqrt(np.sum(strain**2, axis=0) / np.sum(static * (model.mass @ static), axis=0))
     return ReducedBasis(
-        np.concatenate([omega, static_omega]), np.hstack([phi, static]), model.rigid.shape[1], kept, patterns,
-        np.hstack([np.zeros((len(patterns), kept)), transform]),
+        np.concatenate([omega, static_omega]), np.hstack([phi, static]), model.rigid.shape[1], kept_count, patterns,
+        np.hstack([np.zeros((len(patterns), kept_count)), transform]),
         np.hstack([np.diag(omega**2), -(phi.T @ loads) @ transform]), highest_frequency,
     )  # fmt: skip
 
@@ -257,13 +262,13 @@ def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Float
 
 
 # Relative distance that a limit is moved by where the matrix is singular at it.
-_ASIDE = 1e-7
+_COUNT_OFFSET = 1e-7
 # Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
 
-def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
-    """A lower bound of the natural frequencies that are not among the lowest, ``kept`` ones (scaled, ascending).
+def frequency_beyond(model: Structure, kept_frequencies: Floats, guess: float) -> float:
+    """A certified lower bound of the natural frequencies above the kept ones (scaled).
 
     Certified by Sturm counts, up to round-off of their factorisations: below the value returned there are no natural
     frequencies but those kept. Zero where the kept ones are not the lowest; nan where no count is known.
@@ -271,7 +276,7 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     Parameters
     ----------
     model : the full model.
-    kept : (k,) scaled angular frequencies.
+    kept_frequencies : (k,) scaled angular frequencies.
     guess : an upper bound of the first of the others, such as a Ritz value beyond the kept modes.
 
     Returns
@@ -280,14 +285,14 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
         Scaled angular frequency; zero or nan as stated above.
     """
     stiffness = model.stiffness
-    last = float(kept[-1]) if kept.size else 0.0
+    last = float(kept_frequencies[-1]) if kept_frequencies.size else 0.0
     between = last + (guess - last) * np.array(_SHARES)
-    limits = [*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)]
+    limits = [*between[between > last], last * (1 + _COUNT_OFFSET), last * (1 - _COUNT_OFFSET)]
     undecided = False
     while limits:
         omega = limits.pop(0)
         count = negative_eigenvalues(stiffness - omega**2 * model.mass, model.order)
-        known = int(np.sum(kept < omega))
+        known = int(np.sum(kept_frequencies < omega))
         if count == known:
             return float(omega)
         undecided |= count is None
@@ -361,7 +366,9 @@ def receptance_bound(
     return ReceptanceBound(float(largest[:acting].max()), float(largest[acting:].max()) if known is not None else None)
 
 
-RIGID_LOAD = 1e-24  # of the squared size of a load: with less compliance it moves the structure as a rigid body
+NEGLIGIBLE_COMPLIANCE = (
+    1e-24  # of the squared size of a load: with less compliance it moves the structure as a rigid body
+)
 
 
 @dataclass(frozen=True)
@@ -372,29 +379,31 @@ class OmittedResponse:
     basis: ReducedBasis
     damping: Floats  # (n, n) of the reduced model, 1/s
     loads: Floats  # (m, N)
-    acting: int  # loads that the static vectors are made for, the first of them
+    static_load_count: int  # loads that the static vectors are made for, the first of them
     shapes: Floats  # (m, n) work of each load for a unit of each coordinate
     compliances: (
         Floats  # (m,) static compliance that each load meets, rigid-body motion apart; 0 where it causes only that
     )
-    stated: StatedDamping  # damping of the full model
+    stated_damping: StatedDamping  # damping of the full model
     modal_damping: Floats  # (n, n) what modal ratios give of the reduced model's C, scaled
     # (p, m + 2 k [+ n]) of what residuals are made of, orthogonally reduced: norms and products are kept. Columns:
     # deflections under the loads, the static vectors, deflections under their inertia, and under the known damping
     strains: Floats
-    beyond: float  # certified lower bound of the frequencies left out; infinite if none is
-    known_share: float  # a number c with C <= c K for the known damping in all motion that is left out
+    omitted_from: float  # certified lower bound of the frequencies left out; infinite if none is
+    damping_factor: float  # a number c with C <= c K for the known damping in all motion that is left out
     static_inverse: Floats  # (k, k) S^T A^-1 S of the static vectors S
 
     @classmethod
-    def of(cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, acting: int) -> OmittedResponse:
+    def of(
+        cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, static_load_count: int
+    ) -> OmittedResponse:
         """What a basis leaves out; see the fields."""
         deflected = np.asarray(model.factor @ static_deflections(model, loads.T))
         compliance = np.sum(deflected**2, axis=0)
-        compliances = np.where(compliance > RIGID_LOAD * np.sum(loads**2, axis=1), compliance, 0.0)
+        compliances = np.where(compliance > NEGLIGIBLE_COMPLIANCE * np.sum(loads**2, axis=1), compliance, 0.0)
         stated, modal_damping = stated_damping(model, basis), damping / model.frequency_scale
-        if stated.known is not None:
-            modal_damping = modal_damping - basis.vectors.T @ (stated.known @ basis.vectors)
+        if stated.matrix is not None:
+            modal_damping = modal_damping - basis.vectors.T @ (stated.matrix @ basis.vectors)
         modes, static = np.hsplit(basis.vectors, [basis.modes])
         flexibility = _residual_deflections(model, modes, model.mass @ static)
         columns = [_residual_deflections(model, modes, loads.T), static, flexibility]
@@ -402,19 +411,19 @@ class OmittedResponse:
         if basis.modes < model.size:
             trial = np.hstack([static, flexibility])
             if not trial.shape[1]:
-                trial = _residual_deflections(model, modes, loads[:acting].T)
+                trial = _residual_deflections(model, modes, loads[:static_load_count].T)
             bent = np.asarray(model.factor @ trial)
             moving = np.einsum("ij,ij->j", trial, model.mass @ trial)
             ritz = np.sqrt(np.sum(bent**2, axis=0)[moving > 0] / moving[moving > 0])
             beyond = frequency_beyond(model, kept, float(ritz.min(initial=4 * max(kept[-1:], default=1.0))))
-            if stated.known is not None:
-                columns.append(_residual_deflections(model, modes, stated.known @ basis.vectors))
+            if stated.matrix is not None:
+                columns.append(_residual_deflections(model, modes, stated.matrix @ basis.vectors))
                 share = stated.share_of(model, beyond)
         strains = np.asarray(np.linalg.qr(np.asarray(model.factor @ np.hstack(columns)), mode="r"))
         inverse = static.T @ (model.mass @ flexibility)
         return cls(
-            model, basis, damping, loads, acting, loads @ basis.vectors, compliances, stated, modal_damping, strains,
-            beyond, share, (inverse + inverse.T) / 2,
+            model, basis, damping, loads, static_load_count, loads @ basis.vectors, compliances, stated, modal_damping,
+            strains, beyond, share, (inverse + inverse.T) / 2,
         )  # fmt: skip
 
     def response(self, s: float) -> Complexes:
@@ -429,22 +438,22 @@ class OmittedResponse:
 
     def errors(self, s: float, y: Complexes) -> Floats:
         """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""
-        stated, kept, beyond, count = self.stated, self.basis.modes, self.beyond, self.loads.shape[0]
+        stated, kept, beyond, count = self.stated_damping, self.basis.modes, self.omitted_from, self.loads.shape[0]
         if kept == self.model.size or beyond <= s:
             return np.full((count, count), 0.0 if kept == self.model.size else np.inf)
         static = y[kept:]
         inertia = s**2 * static
-        if stated.on_coordinates:
+        if stated.is_composite:
             inertia = inertia - 1j * s * (self.modal_damping @ y)[kept:]
         rows = [-static, inertia]
-        weights = np.vstack([*rows, -1j * s * y] if stated.known is not None else rows)
+        weights = np.vstack([*rows, -1j * s * y] if stated.matrix is not None else rows)
         # real and imaginary parts of all in one real product: a complex one would take the zeros of the strains as well
         residual = self.strains[:, count:] @ np.hstack([weights.real, weights.imag])
         residual[:, :count] += self.strains[:, :count]
         squares = np.sum(residual**2, axis=0)
         size = np.sqrt(squares[:count] + squares[count:])
-        coupling, deviation = self.known_share, np.zeros((count, count))
-        if stated.on_coordinates:
+        coupling, deviation = self.damping_factor, np.zeros((count, count))
+        if stated.is_composite:
             within = self.modal_damping[kept:, kept:]
             coupling += float(np.linalg.norm(within, 2)) / beyond**2 if within.size else 0.0
         elif static.size and stated.highest != 0.0:
@@ -466,11 +475,11 @@ class OmittedResponse:
         return np.asarray(np.outer(size, size) / divisor + deviation)
 
 
-ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size
+ACCURATE_COMPLIANCE = 3e-5  # of the compliance; the default reduction has an error of this size
 
 
 def places_needed(
-    structure: Structure, basis: ReducedBasis, first: Place, last: Place, known: Sequence[Place]
+    structure: Structure, basis: ReducedBasis, first: Place, last: Place, places_with_vectors: Sequence[Place]
 ) -> list[Place]:
     """Where to add a static vector next; empty if the compliance is accurate from the first place to the last.
 
@@ -478,7 +487,7 @@ def places_needed(
     ----------
     structure, basis : full model and its reduced coordinates.
     first, last : ends of the range.
-    known : places that have a static vector.
+    places_with_vectors : places that have a static vector.
 
     Returns
     -------
@@ -492,17 +501,17 @@ def places_needed(
     # what the reduced model does not represent of the static compliance
     defect = np.where(full > 0, (full - reduced) / np.where(full > 0, full, 1.0), 0.0)
     worst = int(np.argmax(defect))
-    return [] if defect[worst] <= ACCURATE or places[worst] in known else [places[worst]]
+    return [] if defect[worst] <= ACCURATE_COMPLIANCE or places[worst] in places_with_vectors else [places[worst]]
 
 
 @dataclass(frozen=True)
 class StatedDamping:
     """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
 
-    known: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
+    matrix: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
     lowest: float  # modal ratio of the modes that a reduction leaves out: bounds
     highest: float
-    on_coordinates: bool  # modal damping is defined for the reduced coordinates alone (composite modal damping)
+    is_composite: bool  # modal damping is defined for the reduced coordinates alone (composite modal damping)
 
     def share_of(self, model: Structure, omega: float) -> float:
         """A number c with C <= c K for the known damping C in all motion of frequencies beyond ``omega``, scaled.
@@ -511,9 +520,9 @@ class StatedDamping:
         """
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)
-        share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])
+        share = 1.01 * float(eigsh(self.matrix.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])
         for _ in range(6):
-            if share <= 0 or negative_eigenvalues(share * norm - self.known) == 0:
+            if share <= 0 or negative_eigenvalues(share * norm - self.matrix) == 0:
                 return 2 * max(share, 0.0)  # K + omega^2 M <= 2 K in that motion
             share *= 2
         return np.nan
@@ -536,7 +545,7 @@ def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
 
 def _rayleigh_damping(member: MemberBody) -> Any:
     """(N, N) sparse scaled damping matrix of one body in its structure."""
-    body, frequency = member.body, member.whole.frequency_scale
+    body, frequency = member.body, member.structure.frequency_scale
     of_mass, of_stiffness = body.stated_damping.factors
     mass, stiffness = body.mass * member.mass_ratio, body.factor.T @ body.factor
     matrix = mass * (of_mass / frequency) + stiffness * (member.stiffness_ratio * of_stiffness * frequency)

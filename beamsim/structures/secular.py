@@ -50,9 +50,9 @@ from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.typing import Floats
 
 _EPS = float(np.finfo(float).eps)
-ONE_POLE = 1e-13  # relative distance of natural frequencies that count as one pole
-NODE = 1e-26  # share of the largest weight of a mode that the spring does not reach
-ON_NODE = 1e-8  # of the largest motion of a mode; finite elements give nodes to 1e-12
+POLE_ROUND_OFF = 1e-13  # relative distance of natural frequencies that count as one pole
+NEGLIGIBLE_WEIGHT = 1e-26  # share of the largest weight of a mode that the spring does not reach
+NODE_MOTION = 1e-8  # of the largest motion of a mode; finite elements give nodes to 1e-12
 
 
 class SpringPoint:
@@ -69,9 +69,11 @@ class SpringPoint:
         self.omega: Floats = np.asarray(omega, dtype=float)[order]
         self.shape: Floats = np.asarray(shape, dtype=float)[order]
         weight = self.shape**2
-        loaded = weight > NODE * weight.max(initial=0.0)  # a mode with a node there does not load the spring
+        loaded = weight > NEGLIGIBLE_WEIGHT * weight.max(
+            initial=0.0
+        )  # a mode with a node there does not load the spring
         frequency = self.omega[loaded]
-        first = np.diff(frequency, prepend=-np.inf) > ONE_POLE * frequency  # of those at one pole
+        first = np.diff(frequency, prepend=-np.inf) > POLE_ROUND_OFF * frequency  # of those at one pole
         poles, of_pole = frequency[first], np.cumsum(first) - 1
         # poles of g, their weights, and the natural frequencies that no spring changes (repeated, or with a node)
         unchanged = np.concatenate([self.omega[~loaded], poles[of_pole[~first]]])
@@ -120,7 +122,7 @@ class SpringPoint:
 
     def on_node(self, mode: int) -> bool:
         """Whether the point is a node of free mode number `mode`, so that a spring does not change the mode."""
-        return bool(abs(self.shape[mode - 1]) <= ON_NODE * np.abs(self.shape).max(initial=0.0))
+        return bool(abs(self.shape[mode - 1]) <= NODE_MOTION * np.abs(self.shape).max(initial=0.0))
 
     def slope(self, omega: ArrayLike) -> Floats:
         """d omega / dk, rad/s per N/m, of the mode that the spring raises to omega (> 0): u_r^2 / (2 omega).

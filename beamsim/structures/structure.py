@@ -20,8 +20,8 @@ from beamsim.structures.places import (
     ROTATIONS,
     UPWARDS,
     BaseDirection,
-    Distributed,
     Link,
+    LoadedRegion,
     LoadSite,
     Place,
     Recovery,
@@ -142,7 +142,7 @@ class WeightedValues:
 
 
 @dataclass(frozen=True)
-class GivenField:
+class BodyField:
     """A displacement or velocity of a body."""
 
     kinetic: WeightedValues  # whose products are those in the scaled mass matrix
@@ -168,7 +168,7 @@ class MemberBody:
     """A body, and how its fields follow from those of the structure that it belongs to."""
 
     body: BodyStructure
-    whole: Structure
+    structure: Structure
     expansion: Any  # (N of the body, N of the whole) sparse: fields of the body from those of the whole structure
     mass_ratio: float = 1.0  # unit of mass of the body over that of the whole structure
     stiffness_ratio: float = 1.0  # of stiffness
@@ -245,7 +245,7 @@ class Structure(ABC):
         if isinstance(site, Link):
             return np.asarray(self.row(site.second) - self.row(site.first))
         member = self.member(site.body)
-        return np.asarray((member.body.unsupported_row(site) @ member.body.on_all_dofs) @ member.expansion)
+        return np.asarray((member.body.unsupported_row(site) @ member.body.all_dofs_map) @ member.expansion)
 
     def own_row(self, site: Site) -> Floats:
         """(N,) how far those ends of a site that are on the structure draw apart for a unit of each dof."""
@@ -300,8 +300,8 @@ class Structure(ABC):
         """A motion of the base in the coordinates of a body."""
         if motion.direction not in ROTATIONS:
             return motion
-        x, y, z = motion.about
-        return replace(motion, about=(x - dict(self.origins).get(body, 0.0), y, z))
+        x, y, z = motion.axis_point
+        return replace(motion, axis_point=(x - dict(self.origins).get(body, 0.0), y, z))
 
     def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
@@ -337,14 +337,14 @@ class Structure(ABC):
         return float(np.abs(self.deflections(field)).max())
 
     def project(
-        self, basis: ReducedBasis, given: Mapping[str, Sequence[float]], quantity: str
+        self, basis: ReducedBasis, numbers_by_body: Mapping[str, Sequence[float]], quantity: str
     ) -> tuple[Floats, dict[str, float]]:
         """Kinetic (M-orthogonal) projection of given fields on a basis.
 
         Parameters
         ----------
         basis : of the structure.
-        given : numbers by body, as its kind reads them; a body that is not named has no displacement or velocity.
+        numbers_by_body : coefficients or values for each body, in the form that its kind takes; zero for other bodies.
         quantity : "displacement" or "velocity".
 
         Returns
@@ -353,9 +353,9 @@ class Structure(ABC):
             Coordinates, and the relative error on every body that is named.
         """
         fields = [
-            (member, member.expansion @ basis.vectors, member.body.given_field(given[member.body.name]))
+            (member, member.expansion @ basis.vectors, member.body.given_field(numbers_by_body[member.body.name]))
             for member in self.members
-            if any(given.get(member.body.name, ()))
+            if any(numbers_by_body.get(member.body.name, ()))
         ]
         parts = (member.mass_ratio * field.kinetic.products(vectors) for member, vectors, field in fields)
         q = sum(parts, np.zeros(basis.size))
@@ -370,7 +370,7 @@ class BodyStructure(Structure, ABC):
     section: Any  # what describes the body in the scenario; None where that has no number of its matrices
     stated_damping: Any  # what the scenario gives the body; None without
     # (all dofs, N) sparse: values of all dofs, those that supports hold included, from those of the free ones
-    on_all_dofs: Any
+    all_dofs_map: Any
     # mass and factor of all dofs, scaled, and their damping, N s/m, or None; of imported matrices see `forces_of`
     unsupported: tuple[Any, Any, Any] | None = field(default=None, kw_only=True)
     # springs and dashpots between the ends and the base
@@ -418,7 +418,7 @@ class BodyStructure(Structure, ABC):
         return ()
 
     @abstractmethod
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
+    def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(all dofs,) row of a place, or load vector."""
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
@@ -438,9 +438,9 @@ class BodyStructure(Structure, ABC):
         """(3,) work of forces (3, all dofs) along a motion (all dofs,)."""
         return forces @ motion
 
-    def place_problem(self, place: Place | Distributed, for_force: bool) -> tuple[str, str, str] | None:
+    def place_problem(self, place: Place | LoadedRegion, for_force: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
-        if isinstance(place, Distributed) and place.mode is not None and place.mode > self.size:
+        if isinstance(place, LoadedRegion) and place.mode is not None and place.mode > self.size:
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
 
@@ -461,7 +461,7 @@ class BodyStructure(Structure, ABC):
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
         assert self.unsupported is not None
-        inertia = (self.unsupported[0] @ self.rigid_motion(motion)) @ self.on_all_dofs
+        inertia = (self.unsupported[0] @ self.rigid_motion(motion)) @ self.all_dofs_map
         return np.asarray(inertia), np.zeros(self.size)
 
     def demand_undamped(self, motion: BaseDirection) -> None:
@@ -499,6 +499,6 @@ class BodyStructure(Structure, ABC):
             For a unit of each coordinate.
         """
 
-    def given_field(self, numbers: Sequence[float]) -> GivenField:
+    def given_field(self, numbers: Sequence[float]) -> BodyField:
         """A field that a scenario gives by numbers, as the kind of body reads them."""
         raise ValueError(f"{self.name} takes no field to start from")  # which the scenario refuses

@@ -26,8 +26,8 @@ from beamsim.structures.places import (
     SLOPE,
     UPWARDS,
     BaseDirection,
-    Distributed,
     Link,
+    LoadedRegion,
     LoadSite,
     Place,
     Site,
@@ -49,29 +49,31 @@ class Support:
     direction: str  # of the motion: a force of a displacement, a moment of a rotation
     base_motion: float  # how far it moves with a unit motion of the base
     body: str = ""  # that it holds; empty for joints and springs
-    at: Site | None = None  # of a joint or spring
+    site: Site | None = None  # of a joint or spring
     fixed_motion: Mapping[str, Floats] = field(
         default_factory=dict
     )  # by body (all its dofs,) motion of what supports fix
-    free: Mapping[str, Floats] = field(default_factory=dict)  # by body (N,) motion of the others, of a joint that holds
+    free_motion: Mapping[str, Floats] = field(
+        default_factory=dict
+    )  # by body (N,) motion of the others, of a joint that holds
     extensions: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
     determined: bool = True  # whether nothing else holds the same
 
     @property
     def is_constraint(self) -> bool:
         """Whether it is a joint that holds without a spring."""
-        return bool(self.free)
+        return bool(self.free_motion)
 
     @property
     def on_base(self) -> bool:
         """Whether it is the base that holds the structure there: not the ground, and not another body."""
         to_ground = not self.is_constraint and any(spring.to_ground for spring in self.extensions)
-        return not to_ground and not isinstance(self.at, Link)
+        return not to_ground and not isinstance(self.site, Link)
 
     @cached_property
     def motion(self) -> UnitMotion:
         """The unit motion on all degrees of freedom of the bodies."""
-        moved = {name: self._member(name).body.on_all_dofs @ u for name, u in self.free.items()}
+        moved = {name: self._member(name).body.all_dofs_map @ u for name, u in self.free_motion.items()}
         return UnitMotion({**self.fixed_motion, **moved})
 
     @cached_property
@@ -88,7 +90,7 @@ class Support:
     @cached_property
     def forces(self) -> dict[str, Floats]:
         """By body (3, N of the body): what holds its degrees of freedom."""
-        return {name: of @ self._member(name).body.on_all_dofs for name, of in self._whole_forces.items()}
+        return {name: of @ self._member(name).body.all_dofs_map for name, of in self._whole_forces.items()}
 
     @cached_property
     def on_dofs(self) -> Floats:
@@ -150,14 +152,14 @@ class Support:
         for name, u in self.motion.fields.items():
             body, seen = self._member(name).body, structure.base_direction_of(name, motion)
             total[0] += body.forces_of(u)[1] @ body.rigid_motion(seen)
-            if name in self.free:
-                total[1] -= body.base_load(seen)[1] @ self.free[name]
+            if name in self.free_motion:
+                total[1] -= body.base_load(seen)[1] @ self.free_motion[name]
         for spring, extension in self.extensions.items():
             if spring.to_ground:
                 total[1] += _of_spring(spring)[0] * extension * structure.base_motion_at(spring.ends[0], motion)
         return total
 
-    def direct(self, place: Place | Distributed) -> float:
+    def direct(self, place: Place | LoadedRegion) -> float:
         """Share of a unit load that goes to it while all degrees of freedom stay at zero."""
         body = self._member(place.body).body
         moved = self.motion.fields.get(body.name)
@@ -208,8 +210,8 @@ def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support
                 s: sum(float(m.body.own_row(s.site) @ free[m.body.name]) for m in structure.members) for s in springs
             }
         yield Support(
-            structure, coupling.name, direction, base_motion, at=coupling.site, free=free, extensions=extensions,
-            determined=determined,
+            structure, coupling.name, direction, base_motion, site=coupling.site, free_motion=free,
+            extensions=extensions, determined=determined,
         )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def _cut(graph: Any, places: Floats, rows: Ints, mark: Ints) -> tuple[Ints, Ints
     return first, others[~touching], others[touching]
 
 
-MOST_ERROR = 0.01  # of factors whose signs count, over the smallest eigenvalue
+LARGEST_FACTOR_ERROR = 0.01  # of factors whose signs count, over the smallest eigenvalue
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
     """K with a diagonal matrix in place of some rows and columns, and which; see `factors_with_rigid_motions`."""
     size, count = rigid.shape
     # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
-    ranked = rigid * np.linspace(1.0, 1.0 - PREFERENCE, size)[:, None]
+    ranked = rigid * np.linspace(1.0, 1.0 - FIRST_ROW_PREFERENCE, size)[:, None]
     pinned: Ints = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
     held = np.isin(np.arange(size), pinned).astype(float)
     free: Any = diags_array(1.0 - held)
@@ -193,7 +193,7 @@ def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
     return stiffness, pinned
 
 
-PREFERENCE = 1e-6  # of the first row over the last one, of rows in which rigid-body motions differ equally
+FIRST_ROW_PREFERENCE = 1e-6  # of the first row over the last one, of rows in which rigid-body motions differ equally
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
 DENSE_COUNT = 3000
 
@@ -219,7 +219,7 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
         error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
         inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
-        if error * onenormest(inverse) <= MOST_ERROR:
+        if error * onenormest(inverse) <= LARGEST_FACTOR_ERROR:
             return int(np.sum(lu.U.diagonal() < 0))
     return None if size > DENSE_COUNT else _negative_eigenvalues_of_dense(matrix)
 

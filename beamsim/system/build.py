@@ -30,8 +30,8 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
-from beamsim.scenario.body import Located, OnSupport
-from beamsim.scenario.excitation import One, has_level_steps, sine_problems
+from beamsim.scenario.body import LocatedItem, OnSupport
+from beamsim.scenario.excitation import SingleExcitation, has_level_steps, sine_problems
 from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
@@ -60,7 +60,7 @@ def _start_on_supports(model: ReducedModel, forcing: Forcing) -> Floats:
     A start is relative to it, as one is to a base that moves.
     """
     start = np.zeros(2 * model.basis.size)
-    number = model.acting.signals
+    number = model.acting_loads.signals
     for moved in model.moving_supports:
         velocity, displacement = (forcing.signal[number[moved.path, of]] for of in ("velocity", "displacement"))
         shape = moved.static_shape(model.structure, model.basis)
@@ -74,9 +74,13 @@ def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
     several = excitation.kind == "forces"
-    terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for _, force in model.acting.forces]
+    terms: list[tuple[complex, int]] = [
+        (_phasor(force) if several else 1.0, 0) for _, force in model.acting_loads.forces
+    ]
     for moved in model.moving_supports:
-        amplitude, power = (_phasor(moved.driven), power_of(moved.driven.quantity)) if several else (complex(1.0), 0)
+        amplitude, power = (
+            (_phasor(moved.excitation), power_of(moved.excitation.quantity)) if several else (complex(1.0), 0)
+        )
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
     if not terms:  # of a base: its acceleration, and its displacement where springs to the ground feel it
         terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
@@ -100,7 +104,7 @@ class TimeDependent(NamedTuple):
 _FILE_KEYS = {"matched": ("srs", "file"), "random": ("psd", "file")}  # by kind of input, where it is not ``file``
 
 
-def time_dependent_loads(model: ReducedModel, pushing: _StaticLoads) -> TimeDependent:
+def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> TimeDependent:
     """The base's motion and the time-dependent loads.
 
     They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
@@ -109,65 +113,71 @@ def time_dependent_loads(model: ReducedModel, pushing: _StaticLoads) -> TimeDepe
     motion, accounts = None, list[tuple[str, InputAccount]]()
     loads = [
         (model.shape(force.applied_to), _signal_of(model, path, force, level_signal, accounts).signal)
-        for path, force in model.acting.forces
+        for path, force in model.acting_loads.forces
     ]
-    if model.moving_supports or model.acting.stops:
-        loads += _loads_of_moved(model, accounts)
-    if model.acting.base is not None and model.base is not None:
-        motion = _signal_of(model, *model.acting.base, base_motion, accounts)
+    if model.moving_supports or model.acting_loads.stops:
+        loads += _loads_of_moving_supports(model, accounts)
+    if model.acting_loads.base is not None and model.base is not None:
+        motion = _signal_of(model, *model.acting_loads.base, base_motion, accounts)
         inertia, ground = model.base_load(model.base)
         loads.append((-inertia, motion.acceleration))
         if model.structure.base_load(model.base)[1].any():  # springs to ground extend by the base's displacement, too
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
-    on_ground = pushing.contacts.on_ground.any() or (pushing.cubic and pushing.cubic.base_influence.any())
+    on_ground = static_loads.contacts.on_ground.any() or (
+        static_loads.cubic and static_loads.cubic.base_influence.any()
+    )
     displacement = motion.displacement if motion is not None and on_ground else None
     mountings = (getattr(snubber, "mounted_on", None) for snubber in model.scenario.all_snubbers)
-    moved_mountings = model.acting.stops or any(isinstance(on, OnSupport) for on in mountings)
-    influence = _influence_of_mountings(model, pushing, len(loads)) if moved_mountings else None
+    moved_mountings = model.acting_loads.stops or any(isinstance(on, OnSupport) for on in mountings)
+    influence = _influence_of_mountings(model, static_loads, len(loads)) if moved_mountings else None
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
 
 
-def _signal_of(model: ReducedModel, path: Path, driven: One, make: Callable[..., Any], accounts: list[Any]) -> Any:
-    """What ``make`` gives for one part of the excitation, at a path, whose account it adds to the others."""
+def _signal_of(
+    model: ReducedModel, path: Path, excitation: SingleExcitation, build_signal: Callable[..., Any], accounts: list[Any]
+) -> Any:
+    """What ``build_signal`` gives for one part of the excitation, at a path, whose account it adds to the others."""
     scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
-    folder = scenario.folder_of(*path, *_FILE_KEYS.get(driven.kind, ("file",)))
+    folder = scenario.folder_of(*path, *_FILE_KEYS.get(excitation.kind, ("file",)))
     with prefix_problems("excitation", path_text(path)):
-        key = (driven, duration, folder)
-        made: Any = model.shared.once("signal", key, lambda: make(driven, duration, folder))
+        key = (excitation, duration, folder)
+        made: Any = model.shared.once("signal", key, lambda: build_signal(excitation, duration, folder))
     accounts.append((path_text(path), made.account))
     return made
 
 
-def _loads_of_moved(model: ReducedModel, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
+def _loads_of_moving_supports(model: ReducedModel, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
     """Loads of supports, by acceleration, velocity and displacement, and of stops that move by themselves."""
     loads: list[tuple[Floats, Signal]] = []
     for moved in model.moving_supports:
-        support = _signal_of(model, moved.path, moved.driven, base_motion, accounts)
+        support = _signal_of(model, moved.path, moved.excitation, base_motion, accounts)
         signals = (support.acceleration, support.velocity, support.displacement)
         loads += zip(moved.loads(model.structure, model.basis, model.damping), signals, strict=True)
-    for path, driven in model.acting.stops:
+    for path, driven in model.acting_loads.stops:
         loads.append((np.zeros(model.basis.size), _signal_of(model, path, driven, base_motion, accounts).displacement))
     return loads
 
 
-def _influence_of_mountings(model: ReducedModel, pushing: _StaticLoads, signals: int) -> Floats | None:
+def _influence_of_mountings(model: ReducedModel, static_loads: _StaticLoads, signals: int) -> Floats | None:
     """(m, L) displacement of each contact's place from its mounting by a unit of each signal; None where it is 0."""
     influence = model.influence(signals)
     if not influence.any():
         return None
-    return np.vstack([influence, np.zeros((len(model.spring_sites), signals))])[pushing.owner]
+    return np.vstack([influence, np.zeros((len(model.spring_sites), signals))])[static_loads.owner]
 
 
-def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
+def build_system(
+    scenario: Scenario, shared: SharedBuilds | None = None, *, with_stations: bool = True
+) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
     Parameters
     ----------
     scenario : a validated scenario.
     shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
-    recovered : whether deflections and stresses along the bodies are wanted; else there are no stations.
+    with_stations : whether deflections and stresses along the bodies are wanted; else there are no stations.
 
     Returns
     -------
@@ -182,7 +192,7 @@ def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, reco
     """
     with scenario.locating():
         try:
-            return _build(*_model_with_contacts(scenario, shared=shared), recovered)
+            return _build(*_model_with_contacts(scenario, shared=shared), with_stations)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise ScenarioError(_out_of_range(scenario, error)) from None
 
@@ -219,11 +229,11 @@ class SystemFamily:
         value : in its place; SI.
         """
         model = self._model_with(path, value)
-        return _build(model, _pushing(model))
+        return _build(model, _build_static_loads(model))
 
     def contacts_at(self, path: Path, value: float) -> Contacts:
         """The contacts of `at` alone, where no snubber has a preload."""
-        return _pushing(self._model_with(path, value)).contacts
+        return _build_static_loads(self._model_with(path, value)).contacts
 
     def rates_along(self, place: Place) -> tuple[Floats, float]:
         """Derivatives by the position of a place on its body, per m.
@@ -274,13 +284,13 @@ _LEAST_FALL = 0.7
 
 
 def _model_with_contacts(
-    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None
+    scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None
 ) -> tuple[ReducedModel, _StaticLoads]:
     """The reduced model and its contacts, by default up to higher frequencies as long as contacts need more modes."""
-    model = build_reduced_model(scenario, also_at, shared)
-    pushing, before = _pushing(model), math.inf
+    model = build_reduced_model(scenario, extra_places, shared)
+    pushing, before = _build_static_loads(model), math.inf
     found = model, pushing
-    while model.default:
+    while model.default_reduction:
         static = slice(model.basis.modes, model.basis.size)
         compliance = np.sum((pushing.contacts.shape[:, static] / model.omega[static]) ** 2, axis=1)
         stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
@@ -290,49 +300,51 @@ def _model_with_contacts(
         found, before = (model, pushing), beyond
         if beyond <= _STIFFNESS_BEYOND_MODES:
             break
-        model = build_reduced_model(scenario, also_at, model.shared, 2.0 * model.highest_hz)
-        pushing = _pushing(model)
+        model = build_reduced_model(scenario, extra_places, model.shared, 2.0 * model.highest_hz)
+        pushing = _build_static_loads(model)
     return found
 
 
-def _build(model: ReducedModel, pushing: _StaticLoads, recovered: bool = True) -> StructuralSystem:
+def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool = True) -> StructuralSystem:
     scenario = model.scenario
     if model.moving_supports:
         _check_places_on_supports(model)
-    free = _check_couplings(model, pushing) if model.structure.couplings else []
+    free = _check_couplings(model, static_loads) if model.structure.couplings else []
     loads = np.array(
         [
             *(force.force * model.shape(force) for force in scenario.constant_forces),
             *(acceleration * model.base_load(direction)[0] for direction, acceleration in gravity_loads(scenario)),
         ]
     ).reshape(-1, model.basis.size)  # N/sqrt(kg)
-    contacts, equilibrium, initial, warnings = _statics(model, pushing, loads)
-    motion, forcing, accounts = time_dependent_loads(model, pushing)
+    contacts, equilibrium, initial, warnings = _statics(model, static_loads, loads)
+    motion, forcing, accounts = time_dependent_loads(model, static_loads)
     if model.moving_supports:
         initial += _start_on_supports(model, forcing)
     if contacts.internal_states:
         initial = np.append(initial, _relaxed_states(contacts, forcing, initial[: model.basis.size]))
     correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
     if correction is not None:
-        warnings += correction.warnings(held=any(has_level_steps(each) for _, each in scenario.excitation.items))
+        warnings += correction.warnings(
+            stepped_levels=any(has_level_steps(each) for _, each in scenario.excitation.items)
+        )
     sites = [*model.snubber_sites, *force_sites(scenario), *(output_sites(model) if scenario.requested_outputs else ())]
-    recoveries = model.recoveries(sites) if recovered else ()
-    asked = (model, recoveries, pushing.sites, contacts, forcing)
-    outputs = output_channels(*asked) if recovered and scenario.requested_outputs else ()
+    recoveries = model.recoveries(sites) if with_stations else ()
+    asked = (model, recoveries, static_loads.sites, contacts, forcing)
+    outputs = output_channels(*asked) if with_stations and scenario.requested_outputs else ()
     dynamics = PiecewiseLinearSystem(model.stiffness, model.damping, contacts, loads.sum(axis=0))
     return StructuralSystem(
         model=model, as_built=dynamics, dynamics=dynamics, forcing=forcing, initial_state=initial,
         probes=_describe_probes(model), base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None, base_displacement=motion.displacement if motion else None,
-        snubbers=_describe_snubbers(model, contacts, equilibrium, pushing.tables), bodies=recoveries,
-        stops=pushing.stops, static_equilibrium=equilibrium.q, static_reason=equilibrium.reason,
-        excitation_frequency_hz=scenario.excitation.tone_hz, cubic=pushing.cubic, springs=pushing.springs,
+        snubbers=_describe_snubbers(model, contacts, equilibrium, static_loads.tables), bodies=recoveries,
+        stops=static_loads.stops, static_equilibrium=equilibrium.q, static_reason=equilibrium.reason,
+        excitation_frequency_hz=scenario.excitation.tone_hz, cubic=static_loads.cubic, springs=static_loads.springs,
         outputs=outputs,
         files=tuple(each for member in model.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
             *(f"{member.body.name}: {note}" for member in model.structure.members for note in member.body.notes),
             *free, *warnings,
-            *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),
+            *(f"{at}.force_deflection: {table.remark}" for at, table in static_loads.tables.items() if table.remark),
             *(f"{path}: {text}" for path, account in accounts for text in account.warnings),
         ),
         inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
@@ -341,14 +353,14 @@ def _build(model: ReducedModel, pushing: _StaticLoads, recovered: bool = True) -
 
 
 def _statics(
-    model: ReducedModel, pushing: _StaticLoads, loads: Floats
+    model: ReducedModel, static_loads: _StaticLoads, loads: Floats
 ) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
     """Contacts with the gaps that preloads need, their equilibrium under constant loads (L, n), the state at t = 0.
 
     With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
     """
-    snubbers, cubic = model.scenario.located_snubbers, pushing.cubic
-    contacts = pushing.contacts
+    snubbers, cubic = model.scenario.located_snubbers, static_loads.cubic
+    contacts = static_loads.contacts
     resting = np.array([law.resting_force for law in contacts.laws])  # does not fade, and no static spring gives it
     loads = np.vstack([loads, (contacts.sign * resting) @ contacts.shape])
     if any(located.item.preload is not None for located in snubbers):
@@ -380,7 +392,7 @@ class _StaticLoads:
     sites: list[Site]  # (m,) where the contacts act
 
 
-def _pushing(model: ReducedModel) -> _StaticLoads:
+def _build_static_loads(model: ReducedModel) -> _StaticLoads:
     nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
     tables = force_tables(model.scenario) if model.scenario.has_force_tables else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
@@ -388,10 +400,12 @@ def _pushing(model: ReducedModel) -> _StaticLoads:
     stops = build_contacts(snubbers, curves, *of_stops, model.omega, basis.rigid)
     if not nonlinear:
         return _StaticLoads(tables, stops, (), None, stops, np.arange(stops.count), model.snubber_sites)
-    return _pushing_with_springs(model, tables, stops)
+    return _build_static_loads_with_springs(model, tables, stops)
 
 
-def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts) -> _StaticLoads:
+def _build_static_loads_with_springs(
+    model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts
+) -> _StaticLoads:
     """Stops, and springs with laws of their own, joints that relax and friction."""
     nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
     springs = describe_springs(
@@ -413,7 +427,7 @@ def _pushing_with_springs(model: ReducedModel, tables: Mapping[str, TableOfStop]
     return _StaticLoads(tables, stops, springs, cubic, contacts, owner, sites)
 
 
-def _check_couplings(model: ReducedModel, pushing: _StaticLoads) -> list[str]:
+def _check_couplings(model: ReducedModel, static_loads: _StaticLoads) -> list[str]:
     """Warnings of loops that joints do not close and of motions that contacts alone stop.
 
     Raises
@@ -424,7 +438,7 @@ def _check_couplings(model: ReducedModel, pushing: _StaticLoads) -> list[str]:
     problems = immobile_problems(model.structure, _load_sites(model))
     if problems:
         raise ScenarioError(problems)
-    stopping = np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)])
+    stopping = np.vstack([static_loads.stops.shape, *(spring.shape for spring in static_loads.springs)])
     joints = [joint.name for joint in model.scenario.joints]
     free = check_mechanisms(joints, model.structure, model.basis, stopping)
     return [*open_loops(model.scenario, model.structure), *free]
@@ -446,7 +460,7 @@ def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     return _with_initial_branches(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
 
 
-def _located_sites(model: ReducedModel) -> list[tuple[Located, Site]]:
+def _located_sites(model: ReducedModel) -> list[tuple[LocatedItem, Site]]:
     """Snubbers and nonlinear springs, and where they sit."""
     located = (*model.scenario.located_snubbers, *model.scenario.nonlinear_springs)
     return list(zip(located, (*model.snubber_sites, *model.spring_sites), strict=True))
@@ -454,7 +468,7 @@ def _located_sites(model: ReducedModel) -> list[tuple[Located, Site]]:
 
 def _load_sites(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
-    forces = model.acting.forces
+    forces = model.acting_loads.forces
     return [
         *((located.path, site, f"{located.item.name}") for located, site in _located_sites(model)),
         *(((*path, "applied_to"), load_site_in(model.scenario, force.applied_to), "a force") for path, force in forces),
@@ -495,10 +509,10 @@ def _equilibrium(model: ReducedModel, contacts: Contacts, loads: Floats, cubic: 
     springs = springs_of(contacts)
     if not (model.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
         return Equilibrium(np.zeros(model.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
-    return _found_equilibrium(model, contacts, springs, loads, cubic)
+    return _compute_equilibrium(model, contacts, springs, loads, cubic)
 
 
-def _found_equilibrium(
+def _compute_equilibrium(
     model: ReducedModel, contacts: Contacts, springs: Springs, loads: Floats, cubic: CubicSprings | None
 ) -> Equilibrium:
     """The static equilibrium of what is displaced; see `_equilibrium`."""
@@ -511,7 +525,7 @@ def _found_equilibrium(
         return Equilibrium(None, np.full(contacts.count, np.nan), str(error))
 
 
-def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
+def _refuse_memory(snubbers: Sequence[LocatedItem], stops: Contacts, springs: Sequence[LocatedItem]) -> None:
     """ScenarioError where contacts are more than one-sided springs."""
     linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
     refused = [
@@ -610,7 +624,7 @@ def _moving_start(
     if isinstance(start, ModeStart):
         return _mode_shape(model, start.mode, start.amplitude), np.zeros(model.basis.size)
     given = {model.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
-    displacement, velocity = (_given_field(model, given, name, warnings) for name in ("displacement", "velocity"))
+    displacement, velocity = (_start_field(model, given, name, warnings) for name in ("displacement", "velocity"))
     return displacement, velocity
 
 
@@ -648,11 +662,11 @@ def _mode_shape(model: ReducedModel, mode: int, amplitude: float) -> Floats:
     return q
 
 
-def _given_field(
-    model: ReducedModel, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]
+def _start_field(
+    model: ReducedModel, fields: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]
 ) -> Floats:
     """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
-    numbers = {name: getattr(start, quantity) for name, start in given.items()}
+    numbers = {name: getattr(start, quantity) for name, start in fields.items()}
     field, errors = model.structure.project(model.basis, numbers, quantity)
     for name, error in errors.items():
         if error > 1e-6:

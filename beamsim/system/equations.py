@@ -44,11 +44,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import CONSTANT, INTERNAL, PENETRATION, PRESSING, PRESSING_RATE, RATE, REACTION
+from beamsim.contacts.laws import CONSTANT, INTERNAL, NORMAL_FORCE, NORMAL_FORCE_RATE, PENETRATION, RATE, REACTION
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
-SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
+NEGLIGIBLE_SINGULAR_VALUE = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
 
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -84,7 +84,7 @@ class PiecewiseLinearSystem:
     def contacts_act(self, phases: Ints) -> bool:
         """True if a contact pushes or sticks in the given phases, or has internal states that move by themselves."""
         arrays, every = self.contacts.arrays, np.arange(self.contacts.count)
-        pushing = arrays.force[every, phases, :PRESSING].any() or arrays.sticks_rigidly[every, phases].any()
+        pushing = arrays.force[every, phases, :NORMAL_FORCE].any() or arrays.sticks_rigidly[every, phases].any()
         return self.contacts.internal_states > 0 or bool(pushing)
 
     def one_sided(self) -> PiecewiseLinearSystem:
@@ -155,12 +155,12 @@ class Equations:
         self.penetrations = -c.sign[:, None] * c.shape  # (m, n) for a unit of each coordinate
         self.unit = np.eye(self.width)  # (V, V) z for a unit of each of its entries
         self.state = self.unit[: self.states]  # (N, V) the state itself
-        self.law = np.zeros((c.count, INTERNAL + int(c.states.max(initial=0)), self.width))
+        self.law = np.zeros((c.count, INTERNAL + int(c.state_counts.max(initial=0)), self.width))
         self.law[:, PENETRATION, self.coordinates] = self.law[:, RATE, self.velocities] = self.penetrations
         self.law[:, PENETRATION, self.inputs] = self.law[:, RATE, self.slopes] = -self._mounting
         self.law[:, PENETRATION, self.inputs.start] -= c.gap
         self.law[:, CONSTANT, self.inputs.start] = 1.0
-        self.law[c.owner, c.column] = self.unit[self.internal]
+        self.law[c.state_owner, c.state_column] = self.unit[self.internal]
         self.free = self.rows(  # (n, V) generalised forces on the structure, those of contacts apart
             n, coordinates=-np.diag(system.stiffness), velocities=-system.damping, inputs=self._load
         )
@@ -204,8 +204,10 @@ class EventFunctions:
     next: Ints  # (g,) its phase afterwards
     rows: Floats  # (w, V) the g functions, then the internal states after events that set them anew
     guards: Floats  # (g, V) the functions alone
-    reset: Ints  # (g,) first of the rows that give the contact's internal states after the event; -1: they go on
-    joining: int  # how many, the first ones, are of contacts that join others at rest: where one acts, no other does
+    reset_row: Ints  # (g,) first of the rows that give the contact's internal states after the event; -1: they go on
+    joining_count: (
+        int  # how many, the first ones, are of contacts that join others at rest: where one acts, no other does
+    )
 
     def of_change(self, contact: int, after: int) -> int:
         """Number of the function whose event takes a contact to a phase."""
@@ -224,10 +226,10 @@ class StateEquations:
     factors: Floats  # (m, C) of ``law`` in the contact forces, reactions apart
     law: Floats  # (m, C, V) what the laws depend on
     force: Floats  # (m, V) contact forces, reactions included, N
-    pressing: Floats  # (p, V) of each contact that another one presses the force of that one, N
+    normal_force: Floats  # (p, V) of each contact that another one presses the force of that one, N
     stuck_directions: Floats  # (n, h) orthonormal directions that rigidly sticking contacts keep at rest
     internal_factors: Floats  # (r,) of each internal state in the force of its own contact, N per unit
-    internal_drive: Floats  # (r, C) factors of what the law of its contact depends on in the rate of each
+    internal_rate_factors: Floats  # (r, C) factors of what the law of its contact depends on in the rate of each
     internal_rates: Floats  # (r, V) time derivatives of the internal states of all contacts
     rates: Floats  # (N, V) time derivative of the state
 
@@ -236,18 +238,18 @@ class StateEquations:
         self.equations, self.phases = equations, phases
         self.law = e.law.copy() if c.jointly_acting else e.law
         self.factors, drive = c.arrays.force[every, phases], c.arrays.rates[every, phases]
-        if c.pressed.size:
+        if c.pressed_contacts.size:
             self._add_pressing(drive)
-        self.pressing = self.law[c.pressed, PRESSING]
+        self.normal_force = self.law[c.pressed_contacts, NORMAL_FORCE]
         self.force = self._own_force = _products(self.factors, self.law)
         applied = e.free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
         self.stuck_directions, acceleration = np.zeros((e.system.size, 0)), applied
         sticking = np.flatnonzero(c.arrays.sticks_rigidly[every, phases])
         if sticking.size:
             acceleration = self._accelerations_with_reactions(sticking, applied)
-        self.internal_factors = self.factors[c.owner, c.column]
-        self.internal_drive = drive[c.owner, c.column - INTERNAL]
-        self.internal_rates = (drive @ self.law)[c.owner, c.column - INTERNAL]
+        self.internal_factors = self.factors[c.state_owner, c.state_column]
+        self.internal_rate_factors = drive[c.state_owner, c.state_column - INTERNAL]
+        self.internal_rates = (drive @ self.law)[c.state_owner, c.state_column - INTERNAL]
         self.rates = np.vstack([e.unit[e.velocities], acceleration, self.internal_rates])
 
     def rates_at(self, z: Complexes) -> Complexes:
@@ -264,37 +266,39 @@ class StateEquations:
     def _add_pressing(self, drive: Floats) -> None:
         """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
         c, law = self.equations.contacts, self.law
-        i, factors = c.pressing, self.factors[c.pressing]
-        law[c.pressed, PRESSING] = _products(factors, law[i])
+        i, factors = c.pressing_contacts, self.factors[c.pressing_contacts]
+        law[c.pressed_contacts, NORMAL_FORCE] = _products(factors, law[i])
         of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
-        law[c.pressed, PRESSING_RATE] = factors[:, :1] * law[i, RATE] + of_states
+        law[c.pressed_contacts, NORMAL_FORCE_RATE] = factors[:, :1] * law[i, RATE] + of_states
 
-    def _accelerations_with_reactions(self, sticking: Ints, applied: Floats) -> Floats:
+    def _accelerations_with_reactions(self, sticking_contacts: Ints, applied_forces: Floats) -> Floats:
         """(n, V) accelerations under generalised forces with reactions of contacts that stick, which are entered."""
-        left, size, right = np.linalg.svd(self.equations.penetrations[sticking], full_matrices=False)
-        rank = int(np.sum(size > SMALLEST * size.max()))
+        left, size, right = np.linalg.svd(self.equations.penetrations[sticking_contacts], full_matrices=False)
+        rank = int(np.sum(size > NEGLIGIBLE_SINGULAR_VALUE * size.max()))
         self.stuck_directions, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
-        self.law[sticking, REACTION] = share @ applied
+        self.law[sticking_contacts, REACTION] = share @ applied_forces
         self.force = self.force.copy()
-        self.force[sticking] += self.law[sticking, REACTION]
-        return self._without_balanced(applied)
+        self.force[sticking_contacts] += self.law[sticking_contacts, REACTION]
+        return self._without_balanced(applied_forces)
 
-    def _without_balanced(self, applied: NDArray[Number]) -> NDArray[Number]:
+    def _without_balanced(self, applied_forces: NDArray[Number]) -> NDArray[Number]:
         """(n, k) accelerations under generalised forces (n, k), the reactions of contacts that stick apart.
 
         What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
         """
         if not self.stuck_directions.shape[1]:
-            return applied
-        acceleration = applied - self.stuck_directions @ (self.stuck_directions.T @ applied)
-        balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied, axis=0)
+            return applied_forces
+        acceleration = applied_forces - self.stuck_directions @ (self.stuck_directions.T @ applied_forces)
+        balanced = np.linalg.norm(acceleration, axis=0) <= ROUND_OFF * np.linalg.norm(applied_forces, axis=0)
         return np.where(balanced, 0.0, acceleration)
 
     @property
     def push(self) -> Floats:
         """(m, n) generalised force for a unit of each contact's own force, friction that it presses included."""
         c, push = self.equations.contacts, -self.equations.penetrations
-        np.add.at(push, c.pressing, self.factors[c.pressed, PRESSING, None] * push[c.pressed])
+        np.add.at(
+            push, c.pressing_contacts, self.factors[c.pressed_contacts, NORMAL_FORCE, None] * push[c.pressed_contacts]
+        )
         return np.asarray(push)
 
     @property
@@ -317,8 +321,8 @@ class StateEquations:
         reset, fresh, count = np.full(contact.size, -1), [], contact.size
         for g in np.flatnonzero(a.resets[contact, phases[contact], place]).tolist():
             j = contact[g]
-            fresh.append(a.reset[j, phases[j], place[g], : c.states[j]] @ self.law[j])
-            reset[g], count = count, count + int(c.states[j])
+            fresh.append(a.reset[j, phases[j], place[g], : c.state_counts[j]] @ self.law[j])
+            reset[g], count = count, count + int(c.state_counts[j])
         all_rows = np.concatenate([rows, *fresh])
         return EventFunctions(contact.size, contact, after, all_rows, all_rows[: contact.size], reset, joining)
 
@@ -326,40 +330,42 @@ class StateEquations:
         """Contacts and guards (g,), and how many, the first ones then, are of contacts that join others at rest."""
         shape, guard = self.equations.contacts.shape, self.equations.contacts.arrays.guard
         left = np.linalg.norm(shape - (shape @ self.stuck_directions) @ self.stuck_directions.T, axis=1)
-        resting = left <= SMALLEST * np.linalg.norm(shape, axis=1)  # whose motion others hold, at the same place say
+        resting = left <= NEGLIGIBLE_SINGULAR_VALUE * np.linalg.norm(
+            shape, axis=1
+        )  # whose motion others hold, at the same place say
         joins = resting[contact] & (guard[contact, self.phases[contact], place, RATE] != 0.0)
         order = np.argsort(~joins, kind="stable")
         return contact[order], place[order], int(joins.sum())
 
-    def _joining(self, contact: int, stuck: int) -> Floats:
+    def _joining(self, contact: int, stick_phase: int) -> Floats:
         """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.
 
         It sticks where that takes less than its limit: until then this is by how much the limit is exceeded, N.
         """
         c = self.equations.contacts
-        limit = next(g.row for g in c.laws[contact].phases[stuck].guards if g.next == self.phases[contact])
-        law = StateEquations(self.equations, c.phases_after(self.phases, contact, stuck)).law[contact]
+        limit = next(g.row for g in c.laws[contact].phases[stick_phase].guards if g.next == self.phases[contact])
+        law = StateEquations(self.equations, c.phases_after(self.phases, contact, stick_phase)).law[contact]
         return np.asarray(-limit.reaction * law[REACTION] - limit.constant * law[CONSTANT])
 
     def state_after(self, event: int) -> Floats:
         """(N, V) the state after an event, by the number of its function."""
         state = self.equations.state.copy()
-        if self.events.reset[event] >= 0:
+        if self.events.reset_row[event] >= 0:
             self._reset(state, event)
         return state
 
     def _reset(self, state: Floats, event: int) -> None:
         """Put the rows of the states of a contact that an event sets into those of all states."""
-        e, j, row = self.equations, int(self.events.contact[event]), int(self.events.reset[event])
-        first, count = e.internal.start + int(e.contacts.first[j]), int(e.contacts.states[j])
+        e, j, row = self.equations, int(self.events.contact[event]), int(self.events.reset_row[event])
+        first, count = e.internal.start + int(e.contacts.first_state[j]), int(e.contacts.state_counts[j])
         state[first : first + count] = self.events.rows[row : row + count]
 
     @property
     def lost_by_rate(self) -> Floats:
         """(m + r,) dissipated power per squared rate, of penetrations and of internal states, N s/m."""
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
-        of_states = c.arrays.losses[c.owner, self.phases[c.owner], c.column - INTERNAL]
-        return np.concatenate([c.arrays.lost[every, self.phases, RATE], of_states])
+        of_states = c.arrays.state_dashpots[c.state_owner, self.phases[c.state_owner], c.state_column - INTERNAL]
+        return np.concatenate([c.arrays.dissipative_force[every, self.phases, RATE], of_states])
 
     @cached_property
     def dissipation(self) -> tuple[Floats, Floats]:
@@ -367,9 +373,11 @@ class StateEquations:
         comes on top."""
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
         moved = self.law[:, RATE].copy()
-        if c.pressed.size:  # the spring of a slider gives way
-            moved[c.pressed] -= c.pressing_extensions(self.phases)[:, None] * self.law[c.pressed, PRESSING_RATE]
-        forces = _products(c.arrays.lost[every, self.phases], self.law)
+        if c.pressed_contacts.size:  # the spring of a slider gives way
+            moved[c.pressed_contacts] -= (
+                c.pressing_extensions(self.phases)[:, None] * self.law[c.pressed_contacts, NORMAL_FORCE_RATE]
+            )
+        forces = _products(c.arrays.dissipative_force[every, self.phases], self.law)
         of_states = self.lost_by_rate[c.count :, None] * self.internal_rates
         return np.vstack([forces, of_states]), np.vstack([moved, self.internal_rates])
 
@@ -377,7 +385,7 @@ class StateEquations:
     def sliding_speeds(self) -> Floats:
         """(m, V) speeds at which the contacts slide, m/s; 0 of those that do not."""
         c = self.equations.contacts
-        return np.asarray(c.slides(self.phases)[:, None] * self.dissipation[1][: c.count])
+        return np.asarray(c.sliding_directions(self.phases)[:, None] * self.dissipation[1][: c.count])
 
 
 def _products(rows: Floats, law: Any) -> Any:
@@ -414,13 +422,13 @@ class Sizes(NamedTuple):
         ends = np.cumsum([0, *sizes.values()]).tolist()
         return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
 
-    def rows(self, count: int, **given: Floats | float) -> Floats:
+    def rows(self, count: int, **blocks: Floats | float) -> Floats:
         """Rows of channels of which some parts are given, the others being zero.
 
         Parameters
         ----------
         count : k.
-        given : by name of the part, arrays (k, width of the part) or what broadcasts to it; (k,) of a part of one
+        blocks : by name of the part, arrays (k, width of the part) or what broadcasts to it; (k,) of a part of one
             column.
 
         Returns
@@ -429,7 +437,7 @@ class Sizes(NamedTuple):
         """
         slices = self.slices
         rows = np.zeros((count, slices["cubic"].stop))
-        for name, values in given.items():
+        for name, values in blocks.items():
             part = rows[:, slices[name]]
             part[:] = np.reshape(values, (-1, 1)) if part.shape[1] == 1 else values
         return rows
@@ -453,7 +461,7 @@ class Channel:
     rows: Floats  # (k, W), see `Sizes`
     at: str = ""  # for people
     squared: bool = False
-    both_ways: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
+    counts_pulling: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
 
     @property
     def key(self) -> Key:
@@ -484,7 +492,7 @@ class ChannelSet:
     rows: Floats = field(init=False)  # all of them, those of the linear channels first
     squares: Ints = field(init=False)  # first of the rows of each energy
     order: Ints = field(init=False)  # (C,) numbers of the columns among those of linear channels, then of energies
-    located: list[tuple[Channel, int]] = field(init=False)  # each channel with its first column
+    first_columns: list[tuple[Channel, int]] = field(init=False)  # each channel with its first column
     places: Places = field(init=False)  # columns of the values by section and quantity
 
     def __post_init__(self) -> None:
@@ -494,18 +502,18 @@ class ChannelSet:
         self.rows = np.vstack([self.linear, self.squared])
         self.squares = np.cumsum([0, *(channel.rows.shape[0] for channel in energies)])[:-1]
         ends = np.cumsum([0, *(channel.columns for channel in self.channels)])
-        self.located = list(zip(self.channels, ends.tolist(), strict=False))
+        self.first_columns = list(zip(self.channels, ends.tolist(), strict=False))
         places: dict[Key, list[int]] = {}
         squared = np.zeros(ends[-1], dtype=bool)
-        for channel, first in self.located:
+        for channel, first in self.first_columns:
             squared[first : first + channel.columns] = channel.squared
             places.setdefault(channel.key, []).extend(range(first, first + channel.columns))
         self.order = np.argsort(np.argsort(squared, kind="stable"), kind="stable")
         self.places = Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
-    def select(self, wanted: Callable[[Channel], bool]) -> ChannelSet:
+    def select(self, predicate: Callable[[Channel], bool]) -> ChannelSet:
         """The channels for which `wanted` returns True."""
-        return ChannelSet(tuple(filter(wanted, self.channels)), self.sizes)
+        return ChannelSet(tuple(filter(predicate, self.channels)), self.sizes)
 
     def of_keys(self, *keys: Key) -> ChannelSet:
         """Those of some sections and quantities, key after key."""
@@ -515,9 +523,9 @@ class ChannelSet:
         """All but those of some sections and quantities."""
         return self.select(lambda channel: channel.key not in keys)
 
-    def values(self, of_rows: Floats) -> Floats:
+    def values(self, row_values: Floats) -> Floats:
         """(nt, C) values from those of the rows (nt, k): of the linear channels, then of the energies."""
-        linear, squared = np.split(of_rows, [self.linear.shape[0]], axis=1)
+        linear, squared = np.split(row_values, [self.linear.shape[0]], axis=1)
         if self.squares.size:
             linear = np.hstack([linear, np.add.reduceat(0.5 * squared**2, self.squares, axis=1)])
         return np.asarray(linear[:, self.order])

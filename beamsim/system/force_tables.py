@@ -24,7 +24,7 @@ from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
 
-LOOP = 0.02  # width of a loop over the largest force, above which its work counts
+LOOP_WIDTH = 0.02  # width of a loop over the largest force, above which its work counts
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
 
 
@@ -36,14 +36,14 @@ class TableOfStop:
     misfit: float  # N, root mean square; 0 where the points are the curve
     remark: str = ""
 
-    def scaled(self, factor: float, of_segments: Sequence[float]) -> TableOfStop:
+    def scaled(self, factor: float, segment_factors: Sequence[float]) -> TableOfStop:
         """All forces multiplied by a factor, and the stiffness of each segment by one of its own, where these are
         given."""
-        if factor == 1.0 and not of_segments:
+        if factor == 1.0 and not segment_factors:
             return self
         force = factor * self.curve.force
-        if of_segments:
-            force = np.concatenate([[0.0], np.cumsum(np.array(of_segments) * np.diff(force))])
+        if segment_factors:
+            force = np.concatenate([[0.0], np.cumsum(np.array(segment_factors) * np.diff(force))])
         return TableOfStop(ForceCurve(self.curve.deflection, force), factor * self.misfit, self.remark)
 
 
@@ -113,8 +113,8 @@ def _of_file(file: FilePath | None, path: Sequence[str | int]) -> str:
 
 
 @lru_cache(maxsize=64)
-def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableOfStop:
-    """``changed`` is the time of the file's last change: it tells versions of a file apart."""
+def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> TableOfStop:
+    """``change_time`` is the time of the file's last change: it tells versions of a file apart."""
     if file is None:
         assert table.points is not None
         deflection, force = np.array(table.points, dtype=float).T
@@ -131,7 +131,7 @@ def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableO
 
 LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
 SMALL_OFFSET, FEWEST_FOR_OFFSET = 0.01, 8  # of the largest force, that is remarked on; of deflections that tell it
-NO_FORCE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
+FREE_TRAVEL_SLOPE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
 POOR_FIT = 0.05  # misfit over the largest force, beyond which more segments are advised
 LIMITED_ROWS, LIMITED_TRAVEL = 3, 0.1  # at exactly the largest force: rows, and share of the largest deflection
 REMEDY_OF_OFFSET = "subtract from the column of {} what it reads where contact begins; a real free travel is the gap"
@@ -178,7 +178,7 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
         message = f"has an offset: its force is {at_zero:.3g} N at zero deflection"
         raise InputFileError(message, REMEDY_OF_OFFSET.format("force or deflection"))
     width = loop_width(deflection, force)
-    remarks = [] if late or width > LOOP else _small_offset(x, y, at_zero)
+    remarks = [] if late or width > LOOP_WIDTH else _small_offset(x, y, at_zero)
     if free := free_travel(curve):
         remarks.append(
             f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
@@ -253,7 +253,11 @@ def free_travel(curve: ForceCurve) -> float:
     0.0003
     """
     slopes, free = curve.slopes, float(curve.deflection[1])
-    flat = slopes.size > 1 and slopes[0] < NO_FORCE * slopes.max() and free > LARGEST_OFFSET * curve.deflection[-1]
+    flat = (
+        slopes.size > 1
+        and slopes[0] < FREE_TRAVEL_SLOPE * slopes.max()
+        and free > LARGEST_OFFSET * curve.deflection[-1]
+    )
     return free if flat else 0.0
 
 
@@ -304,7 +308,7 @@ def read_forces(
 
 def _remarks(width: float, file: FilePath | None, time: Floats | None, segments: int) -> tuple[str, ...]:
     """What to say about a loop of this width: the curve goes through its middle."""
-    if width <= LOOP:
+    if width <= LOOP_WIDTH:
         return ()
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
     if file is None or time is None or np.any(np.diff(time) <= 0):

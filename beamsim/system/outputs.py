@@ -86,7 +86,7 @@ class _OutputContext:
     @cached_property
     def force_sites(self) -> list[LoadSite]:
         """Where the forces of the excitation act, in the order of the signals; none of base motion."""
-        return [load_site_in(self.model.scenario, force.applied_to) for _, force in self.model.acting.forces]
+        return [load_site_in(self.model.scenario, force.applied_to) for _, force in self.model.acting_loads.forces]
 
     @cached_property
     def cubic_sites(self) -> list[Site]:
@@ -125,11 +125,13 @@ class _OutputContext:
         for (
             each
         ) in self.model.moving_supports:  # what moves with a support has its motion in addition to that of free dofs
-            load[0, self.model.acting.signals[each.path, quantity]] = each.support.direct(place)
+            load[0, self.model.acting_loads.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
-    def _channel(self, output: Any, place_text: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
-        rows, unit = self.sizes.rows(count, **given), self.model.scenario.output_unit(output)
+    def _channel(
+        self, output: Any, place_text: str, count: int = 1, *, squared: bool = False, **blocks: Any
+    ) -> Channel:
+        rows, unit = self.sizes.rows(count, **blocks), self.model.scenario.output_unit(output)
         return Channel("outputs", output.name, output.kind, unit, rows, place_text, squared)
 
     def _recovered_channel(self, output: Any) -> Channel:
@@ -137,7 +139,7 @@ class _OutputContext:
         structure, names = self.model.structure, self.model.scenario.all_bodies[name].recovered_rows
         member, motion = structure.member(name), self.model.base or UPWARDS
         row = member.body.recovery_row(names.index(output.row), _BY_ORDER.index(output.motion))
-        on_dofs = (row @ member.body.on_all_dofs) @ member.expansion
+        on_dofs = (row @ member.body.all_dofs_map) @ member.expansion
         shape = on_dofs @ self.model.basis.vectors / np.sqrt(structure.mass_scale)
         of_base = row @ member.body.rigid_motion(motion)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
@@ -145,7 +147,7 @@ class _OutputContext:
         for each in self.model.moving_supports:
             field = each.support.motion.fields.get(name)
             if field is not None:
-                load[0, self.model.acting.signals[each.path, output.motion]] = row @ field
+                load[0, self.model.acting_loads.signals[each.path, output.motion]] = row @ field
         return self._channel(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> Channel:
@@ -179,7 +181,7 @@ class _OutputContext:
         return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
 
     def _of_joint(self, path: Path, output: Any) -> Channel:
-        joined = [each for each in self.supports if each.at is not None and each.name == output.joint]
+        joined = [each for each in self.supports if each.site is not None and each.name == output.joint]
         direction = SLOPE if output.kind == "joint_moment" else DEFLECTION
         fits = [each for each in joined if each.direction == direction]
         if not fits:
@@ -209,8 +211,8 @@ class _OutputContext:
         scenario, structure = self.model.scenario, self.model.structure
         vectors = self.model.basis.vectors / np.sqrt(structure.mass_scale)
 
-        def total(of: Callable[[Support], Any]) -> Any:
-            return sum((factor * of(force) for factor, force in supports), 0.0)
+        def total(term: Callable[[Support], Any]) -> Any:
+            return sum((factor * term(force) for factor, force in supports), 0.0)
 
         def share(site: LoadSite) -> float:
             return float(sum(factor * force.share(site) for factor, force in supports))
@@ -225,7 +227,11 @@ class _OutputContext:
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
             weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
-        load, acting, number = np.zeros(len(self.forcing.signal)), self.model.acting, self.model.acting.signals
+        load, acting, number = (
+            np.zeros(len(self.forcing.signal)),
+            self.model.acting_loads,
+            self.model.acting_loads.signals,
+        )
         for site, (path, _) in zip(self.force_sites, acting.forces, strict=True):
             load[number[path, "force"]] = -share(site)
         for moved in self.model.moving_supports:
@@ -249,7 +255,7 @@ class _OutputContext:
     def _energy(self, output: Any) -> Channel:
         """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
         member = self.model.structure.member(output.body or self.model.scenario.default_body)
-        body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
+        body, whole, kinetic = member.body, member.structure, output.kind == "kinetic_energy"
         fields = (member.expansion @ self.model.basis.vectors) / np.sqrt(whole.mass_scale)
         moved = [each.support for each in self.model.moving_supports]
         part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
@@ -273,5 +279,5 @@ class _OutputContext:
         quantity = "velocity" if kinetic else "displacement"
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))
         for k, each in enumerate(self.model.moving_supports):
-            load[:, self.model.acting.signals[each.path, quantity]] = rows[:, n + k]
+            load[:, self.model.acting_loads.signals[each.path, quantity]] = rows[:, n + k]
         return self._channel(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})

@@ -24,7 +24,7 @@ from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
-from beamsim.scenario.excitation import One, point_of
+from beamsim.scenario.excitation import SingleExcitation, point_of
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.places import (
@@ -45,7 +45,7 @@ from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
 
-MOST_KEPT = 8  # of each sort; the one not used for longest is dropped
+MOST_BUILDS = 8  # of each sort; the one not used for longest is dropped
 
 Built = TypeVar("Built")
 
@@ -56,12 +56,12 @@ class SharedBuilds:
     def __init__(self) -> None:
         self._kept: defaultdict[str, OrderedDict[Hashable, Any]] = defaultdict(OrderedDict)
 
-    def once(self, sort: str, key: Hashable, build: Callable[[], Built]) -> Built:
+    def once(self, kind: str, key: Hashable, build: Callable[[], Built]) -> Built:
         """What ``build`` gives for a key.
 
         Parameters
         ----------
-        sort : what is built; of each sort the `MOST_KEPT` used last are kept.
+        kind : what is built; of each sort the `MOST_BUILDS` used last are kept.
         key : all that it depends on.
         build : makes it.
 
@@ -69,11 +69,11 @@ class SharedBuilds:
         -------
         What was built, now or before.
         """
-        kept = self._kept[sort]
+        kept = self._kept[kind]
         if key not in kept:
             kept[key] = build()
         kept.move_to_end(key)
-        if len(kept) > MOST_KEPT:
+        if len(kept) > MOST_BUILDS:
             kept.popitem(last=False)
         known: Built = kept[key]
         return known
@@ -84,7 +84,7 @@ class MovingSupport:
     """A support of the structure and what moves it."""
 
     path: Path
-    driven: One
+    excitation: SingleExcitation
     support: Support
 
     def pattern(self, structure: Structure) -> LoadPattern:
@@ -119,10 +119,10 @@ class MovingSupport:
 class ActingLoads(NamedTuple):
     """What the excitation consists of, each with its path."""
 
-    forces: list[tuple[Path, One]]
-    supports: list[tuple[Path, One]]  # that move
-    stops: list[tuple[Path, One]]  # that move
-    base: tuple[Path, One] | None  # None where it is at rest
+    forces: list[tuple[Path, SingleExcitation]]
+    supports: list[tuple[Path, SingleExcitation]]  # that move
+    stops: list[tuple[Path, SingleExcitation]]  # that move
+    base: tuple[Path, SingleExcitation] | None  # None where it is at rest
 
     @classmethod
     def of(cls, scenario: Scenario) -> ActingLoads:
@@ -166,27 +166,27 @@ def moving_supports(scenario: Scenario, structure: Structure) -> list[MovingSupp
     """
     supports = supports_of(structure)
     return [
-        MovingSupport(path, each, _driven_support(scenario, supports, path, each.applied_to))
+        MovingSupport(path, each, _support_of_excitation(scenario, supports, path, each.applied_to))
         for path, each in ActingLoads.of(scenario).supports
     ]
 
 
-def _driven_support(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
+def _support_of_excitation(scenario: Scenario, supports: Sequence[Support], path: Path, excitation: Any) -> Support:
     path = (*path, "applied_to")
-    directions = (moved.direction or DEFLECTION,)
-    if moved.direction == "slope":
+    directions = (excitation.direction or DEFLECTION,)
+    if excitation.direction == "slope":
         directions = (SLOPE,)
-    if moved.joint is not None:
-        named = [each for each in supports if each.at is not None and each.name == moved.joint]
+    if excitation.joint is not None:
+        named = [each for each in supports if each.site is not None and each.name == excitation.joint]
         key = "joint"
     else:
-        body = moved.body or scenario.default_body
-        named, key = supports_named(supports, body, str(moved.support), (*path, "support")), "support"
+        body = excitation.body or scenario.default_body
+        named, key = supports_named(supports, body, str(excitation.support), (*path, "support")), "support"
     fits = [each for each in named if each.direction in directions]
     if not fits:
         held = " and ".join(dict.fromkeys("slope" if each.direction == SLOPE else each.direction for each in named))
-        name = moved.joint or moved.support
-        message = f"= {name} does not hold {moved.direction or 'z'}"
+        name = excitation.joint or excitation.support
+        message = f"= {name} does not hold {excitation.direction or 'z'}"
         raise ScenarioError(problem((*path, key), message, f"it holds {held}"))
     return check_determined(fits[0], (*path, key), ", and cannot move against them")
 
@@ -205,7 +205,7 @@ def supports_named(supports: Sequence[Support], body: str, name: str, path: Path
     ScenarioError
         Where the body has no such support.
     """
-    on_body = [each for each in supports if each.body == body and each.at is None]
+    on_body = [each for each in supports if each.body == body and each.site is None]
     named = [each for each in on_body if each.name == name]
     if not named:
         names = list(dict.fromkeys(each.name for each in on_body))
@@ -237,12 +237,12 @@ def check_determined(support: Support, path: Path, consequence: str) -> Support:
     return support
 
 
-def check_places(moving: Sequence[MovingSupport], places: Sequence[tuple[Path, Site]]) -> None:
+def check_places(moving_supports: Sequence[MovingSupport], places: Sequence[tuple[Path, Site]]) -> None:
     """Refuse contacts and probes on what moves with a support: their motion is not that of a free point."""
     problems = []
     for path, site in places:
         ends = (site.first, site.second) if isinstance(site, Link) else (site,)
-        for each in moving:
+        for each in moving_supports:
             if any(abs(each.support.direct(end)) > 1e-9 for end in ends):
                 where = path_text((*each.path, "applied_to"))
                 message = f"is at {site.label}, which moves with the support of {where}"
@@ -260,9 +260,9 @@ class ReducedModel:
     structure: Structure
     basis: ReducedBasis
     shared: SharedBuilds
-    acting: ActingLoads
+    acting_loads: ActingLoads
     moving_supports: tuple[MovingSupport, ...] = ()  # supports that move
-    default: bool = False  # whether the scenario leaves the number of modes to the program
+    default_reduction: bool = False  # whether the scenario leaves the number of modes to the program
     base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
     omega: Floats = field(init=False)  # (n,) rad/s
     stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
@@ -325,7 +325,7 @@ class ReducedModel:
         ScenarioError
             Where a snubber is mounted on a support that there is not.
         """
-        scenario, number = self.scenario, self.acting.signals
+        scenario, number = self.scenario, self.acting_loads.signals
         influence = np.zeros((len(self.snubber_sites), signals))
         for row, site, (path, _, snubber, _) in zip(
             influence, self.snubber_sites, scenario.located_snubbers, strict=True
@@ -337,22 +337,22 @@ class ReducedModel:
                 supports_named(supports_of(self.structure), body, on.support, at)
                 for moved in self.moving_supports:
                     by = moved.support
-                    if by.at is None and (by.body, by.name, by.direction) == (body, on.support, site.direction):
+                    if by.site is None and (by.body, by.name, by.direction) == (body, on.support, site.direction):
                         row[number[moved.path, "displacement"]] = -1.0
-            for of_stop, driven in self.acting.stops:
+            for of_stop, driven in self.acting_loads.stops:
                 row[number[of_stop, "displacement"]] = -float(driven.moves_stop(snubber.name))
         return influence
 
 
 def build_reduced_model(
-    scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None, least_hz: float = 0.0
+    scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None, least_hz: float = 0.0
 ) -> ReducedModel:
     """Assemble and reduce the structure of a scenario, with static vectors at further places.
 
     Parameters
     ----------
     scenario : a validated scenario.
-    also_at : the further places.
+    extra_places : the further places.
     shared : keeps what is built for other scenarios with the same structure.
     least_hz : the frequency that the default number of modes serves at least.
 
@@ -370,14 +370,14 @@ def build_reduced_model(
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
     # a place in an element that ends at a support which moves would move with it
-    nodes = (*_sensor_places(scenario, contacts), *also_at) if driven else ()
+    nodes = (*_sensor_places(scenario, contacts), *extra_places) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moving = moving_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs
-    sites: list[LoadSite] = [*contacts, *force_sites(scenario), *also_at]
-    asked = _asked_reduction(scenario, structure, least_hz)
+    sites: list[LoadSite] = [*contacts, *force_sites(scenario), *extra_places]
+    asked = _reduction_arguments(scenario, structure, least_hz)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
@@ -385,17 +385,20 @@ def build_reduced_model(
     basis = shared.once(
         "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moving), **asked)
     )
-    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving), "default" in asked)
+    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving), "default_reduction" in asked)
 
 
 def _patterns(
-    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moving: Sequence[MovingSupport]
+    structure: Structure,
+    sites: Sequence[LoadSite],
+    gravity: Sequence[BaseDirection],
+    moving_supports: Sequence[MovingSupport],
 ) -> list[LoadPattern]:
     """The loads whose static deflections a reduced model keeps."""
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     springs = [*structure.couplings, *(each for member in structure.members for each in member.body.end_springs)]
     patterns += [LoadPattern(structure.own_row(each.site), each) for each in springs if each.dashpot]
-    patterns += [each.pattern(structure) for each in moving]
+    patterns += [each.pattern(structure) for each in moving_supports]
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
 
@@ -457,7 +460,7 @@ def force_sites(scenario: Scenario) -> list[LoadSite]:
     return sites
 
 
-def _asked_reduction(scenario: Scenario, structure: Structure, least_hz: float) -> dict[str, Any]:
+def _reduction_arguments(scenario: Scenario, structure: Structure, least_hz: float) -> dict[str, Any]:
     """How much `reduce_model` keeps: what the scenario asks for, or the default.
 
     By default a structure keeps the modes up to the frequency of interest of a run, at least ten times the excitation
@@ -475,4 +478,4 @@ def _asked_reduction(scenario: Scenario, structure: Structure, least_hz: float) 
     highest = max(of_run, 10 * excited, least_hz)
     start = None if scenario.run is None else scenario.run.start
     mode = start.mode if isinstance(start, ModeStart) else 0
-    return {"highest_frequency": highest * hz, "default": True, "least_modes": 6, "mode": mode}
+    return {"highest_frequency": highest * hz, "default_reduction": True, "least_modes": 6, "mode": mode}

@@ -31,7 +31,7 @@ from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, count_text
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.reporting import SWEPT
 from beamsim.scenario.scenario import UsualSizes
 from beamsim.structures.modes import closed_modes
@@ -52,10 +52,10 @@ from beamsim.system.equations import (
 from beamsim.system.reduced_model import ReducedModel, base_direction, force_sites, gravity_loads
 from beamsim.typing import Floats, Ints
 
-DIFFERENT = 1.3  # factor between damping ratios that count as different
-UNCOUPLED = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
-SLOW = 1e-6  # rad/s, at which Maxwell branches have relaxed
-LIGHT = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
+DISTINCT_RATIO_FACTOR = 1.3  # factor between damping ratios that count as different
+DAMPING_ROUND_OFF = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
+RELAXED_FREQUENCY = 1e-6  # rad/s, at which Maxwell branches have relaxed
+LIGHT_MASS_FACTOR = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ class JumpingForce(NamedTuple):
 
     @property
     def light(self) -> bool:
-        """Whether a model of `LIGHT` times the modes does not reach 1 / m of a point mass m, if there is one."""
-        return self.inverse_mass > LIGHT * float(self.shape @ self.shape)
+        """True if the mass at the point is so small that the modes of the model do not represent it."""
+        return self.inverse_mass > LIGHT_MASS_FACTOR * float(self.shape @ self.shape)
 
 
 _MODE, _BODY, _STATION, _SNUBBER = ("mode",), ("body",), ("station",), ("snubber",)
@@ -287,7 +287,7 @@ class StructuralSystem:
         ]
         if self.springs:
             found += self._jumping_friction()
-        if self.model.acting.forces:
+        if self.model.acting_loads.forces:
             found += self._jumping_loads()
         return tuple(found)
 
@@ -295,16 +295,16 @@ class StructuralSystem:
         contacts, listed = self.dynamics.contacts, self.scenario.listed("friction")
         springs = [spring for spring in self.springs if spring.kind == FRICTION]
         for j, spring, located in zip(self.friction_contacts.tolist(), springs, listed, strict=True):
-            if drops(contacts.laws[j]) or contacts.laws[j].needs_pressing:
+            if drops(contacts.laws[j]) or contacts.laws[j].needs_normal_contact:
                 cause, inverse_mass = f"the friction force of {spring.name}", self.scenario.inverse_mass(located)
                 yield JumpingForce(cause, contacts.shape[j], inverse_mass, contact=j)
 
     def _jumping_loads(self) -> Iterator[JumpingForce]:
-        scenario, acting = self.scenario, self.model.acting
+        scenario, acting = self.scenario, self.model.acting_loads
         for path, force in acting.forces:
             if getattr(force.applied_to, "places", ()):
                 number = acting.signals[path, "force"]
-                where = Located(path, scenario.default_body, force.applied_to, scenario.all_bodies)
+                where = LocatedItem(path, scenario.default_body, force.applied_to, scenario.all_bodies)
                 cause, inverse_mass = "the force of the excitation", scenario.inverse_mass(where)
                 yield JumpingForce(cause, self.forcing.load[number], inverse_mass, signal=number)
 
@@ -312,7 +312,7 @@ class StructuralSystem:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
         motion = np.zeros((times.size, len(places)))
         for each in self.model.moving_supports:
-            displacement = self.forcing.signal[self.model.acting.signals[each.path, "displacement"]]
+            displacement = self.forcing.signal[self.model.acting_loads.signals[each.path, "displacement"]]
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
         return motion
 
@@ -375,7 +375,7 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
         way, force = snubber.gap_unit, sizes.rows(1, contact=unit[j])
         holds = contacts.laws[j].latches
         channels += [
-            Channel("snubbers", snubber.name, "force", snubber.force_unit, force, both_ways=holds),
+            Channel("snubbers", snubber.name, "force", snubber.force_unit, force, counts_pulling=holds),
             Channel("snubbers", snubber.name, "penetration", way, penetration),
             Channel("snubbers", snubber.name, "opening", way, sizes.rows(1, opening=unit[j])),
             Channel("snubbers", snubber.name, "displacement", way, sizes.rows(1, displacement=shape)),
@@ -439,7 +439,7 @@ def modes_of(
     resting, of_resting = None, None
     if equilibrium is not None and not contacts.jointly_acting:
         phases = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ equilibrium))
-        if np.all(contacts.dynamic_stiffness(phases, np.full(1, SLOW)).real >= 0.0):
+        if np.all(contacts.dynamic_stiffness(phases, np.full(1, RELAXED_FREQUENCY)).real >= 0.0):
             resting, of_resting = damped_modes(dynamics, phases, basis.rigid)
     values: dict[str, Any] = {
         "mode": 1 + np.arange(basis.size),
@@ -567,10 +567,10 @@ def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:
     )
 
 
-def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:
+def _dashpots(snubbers: Sequence[LocatedItem], contacts: Contacts) -> dict[str, Any]:
     """Of each snubber its dashpot, N s/m or N m s/rad, and what that follows from; they are the first contacts."""
     sources = []
-    for at, law in zip(located, contacts.laws, strict=False):
+    for at, law in zip(snubbers, contacts.laws, strict=False):
         snubber, number = at.item, len(at.item.maxwell)
         if snubber.damping is None:
             source = "none written"
@@ -582,11 +582,11 @@ def _dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, Any]:
             source = f"{100 * ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
         branches = f", in parallel with {count_text(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
         sources.append(source + branches)
-    dashpots = [law.dashpot for law in contacts.laws[: len(located)]]
-    return {"snubber": [each.item.name for each in located], "dashpot": dashpots, "dashpot_from": sources}
+    dashpots = [law.dashpot for law in contacts.laws[: len(snubbers)]]
+    return {"snubber": [each.item.name for each in snubbers], "dashpot": dashpots, "dashpot_from": sources}
 
 
-def damping_remarks(snubbers: Sequence[Located], modes: Dataset) -> list[str]:
+def damping_remarks(snubbers: Sequence[LocatedItem], modes: Dataset) -> list[str]:
     """That the first closed mode is damped otherwise than a ratio says, which is that of another mode."""
     frequencies = modes["closed_frequencies_hz"].values
     closed = np.flatnonzero(frequencies > 0.0)
@@ -594,18 +594,22 @@ def damping_remarks(snubbers: Sequence[Located], modes: Dataset) -> list[str]:
         return []
     hz, ratio = frequencies[closed[0]], float(modes["closed_damping_ratios"].values[closed[0]])
     written = {s.name: s.damping.ratio for _, _, s, _ in snubbers if s.damping and s.damping.kind == "ratio"}
-    other = {name: x for name, x in written.items() if x > 0.0 and not 1.0 / DIFFERENT < ratio / x < DIFFERENT}
+    other = {
+        name: x
+        for name, x in written.items()
+        if x > 0.0 and not 1.0 / DISTINCT_RATIO_FACTOR < ratio / x < DISTINCT_RATIO_FACTOR
+    }
     return [_damped_otherwise(hz, ratio, other)] if other else []
 
 
-def _damped_otherwise(hz: float, ratio: float, other: Mapping[str, float]) -> str:
+def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[str, float]) -> str:
     """That the first closed mode, Hz, has another damping ratio than those that are written, by snubber."""
-    shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other.values()))
+    shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other_ratios.values()))
     return (
-        f"snubbers: the first mode with all snubbers closed, {hz:.4g} Hz, has a damping ratio of {100 * ratio:.3g} %, "
-        f"{shares} % is written for {first_of(list(other), 4)}: the dashpot 2 ratio k / Omega damps a mode by the "
-        "snubber's share of its energy, and Omega is the first natural frequency with that snubber alone closed; give "
-        "the dashpot in N s/m where the damping of this mode is known"
+        f"snubbers: the first mode with all snubbers closed, {frequency_hz:.4g} Hz, has a damping ratio of "
+        f"{100 * ratio:.3g} %, but {shares} % is given for {first_of(list(other_ratios), 4)}: the dashpot "
+        "2 ratio k / Omega damps a mode by the snubber's share of its energy, and Omega is the first natural frequency "
+        "with that snubber alone closed; to set the damping of this mode, give the dashpot in N s/m"
     )
 
 
@@ -618,7 +622,7 @@ def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) ->
     ----------
     dynamics, phases, rigid : as of `damped_modes`.
     """
-    slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, SLOW))[0].real)
+    slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, RELAXED_FREQUENCY))[0].real)
     return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid), slow
 
 
@@ -653,12 +657,12 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, RATE]) @ depth
     ratio = np.divide(np.diag(damping), 2.0 * omega, out=np.full(n, np.nan), where=omega > 0.0)
     coupling = np.abs(damping - np.diag(np.diag(damping))).max(initial=0.0)
-    if not by_states.any() and coupling <= UNCOUPLED * np.abs(damping).max(initial=0.0):
+    if not by_states.any() and coupling <= DAMPING_ROUND_OFF * np.abs(damping).max(initial=0.0):
         return omega, ratio
 
     scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
-    states, drive = equations.internal_rates[:, equations.equations.internal], equations.internal_drive
-    own = depth[contacts.owner]
+    states, drive = equations.internal_rates[:, equations.equations.internal], equations.internal_rate_factors
+    own = depth[contacts.state_owner]
     beyond = (depth.T * (force[:, PENETRATION] - slow)) @ depth  # of branches that have not relaxed
     matrix = np.block([
         [np.zeros((n, n)), np.diag(scale), np.zeros((n, contacts.internal_states))],

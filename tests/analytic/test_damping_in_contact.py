@@ -187,7 +187,7 @@ def test_a_note_says_that_the_first_closed_mode_has_other_damping(dashpot, noted
     notes = [text for text in build_system(load_scenario(panels(dashpot))).warnings if "has a damping ratio of" in text]
     assert len(notes) == noted
     if noted:
-        for part in ("18.13 Hz", "6.75 %", "5 % is written for floor, pad"):
+        for part in ("18.13 Hz", "6.75 %", "5 % is given for floor, pad"):
             assert part in notes[0]
 
 

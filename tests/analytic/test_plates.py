@@ -185,7 +185,7 @@ def test_pinned_plate_under_pressure_against_navier(width: float) -> None:
     x, y = (m * np.pi)[:, None], (m * np.pi / width)[None, :]
     sign = np.outer((-1.0) ** ((m - 1) // 2), (-1.0) ** ((m - 1) // 2))
     w = 16 * sign / (np.pi**2 * np.outer(m, m) * (x**2 + y**2) ** 2)
-    field = structure.on_all_dofs @ _uniform_pressure(structure, d)
+    field = structure.all_dofs_map @ _uniform_pressure(structure, d)
     assert structure.mesh.rows(np.array([[0.5, 0.5]])) @ field == pytest.approx(w.sum(), rel=2e-5)
     moments = (moment_operator(structure) @ field).reshape(3, -1) / d
     centre = int(np.argmin(np.abs(structure.mesh.node_points - 0.5).sum(axis=1)))
@@ -196,7 +196,7 @@ def test_pinned_plate_under_pressure_against_navier(width: float) -> None:
 def test_moments_of_a_strip_under_pressure_are_exact() -> None:
     """Mx = q (L - x)^2 / 2 at every node of a cantilever strip (nu = 0), where second derivatives alone are 2 % off."""
     structure = assemble_plate(plate("CFFF", (5, 2), width=0.3, poissons_ratio=0.0))
-    field = structure.on_all_dofs @ _uniform_pressure(structure, 1.0)
+    field = structure.all_dofs_map @ _uniform_pressure(structure, 1.0)
     exact = 0.5 * (1 - structure.mesh.node_points[:, 0]) ** 2
     moments = (moment_operator(structure) @ field).reshape(3, -1)
     np.testing.assert_allclose(moments[0], exact, atol=1e-9)

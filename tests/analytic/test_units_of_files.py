@@ -149,17 +149,17 @@ def agree(folder, units, ending=".op4"):
     known = bodies_of(case(folder / "si", si))[0]
     read = bodies_of(case(folder / "units", in_units(si, *SYSTEMS[units]), SYSTEMS[units], units, ending))[0]
     for name in ("mass", "stiffness", "damping"):
-        one, other = (getattr(body.given, name) for body in (known, read))
+        one, other = (getattr(body.source_matrices, name) for body in (known, read))
         root = np.sqrt(one.diagonal())
         root[root == 0.0] = root[root > 0.0].min()
         same(one, other, np.outer(root, root))
-    places = [body.given.table.coordinates for body in (known, read)]
+    places = [body.source_matrices.table.coordinates for body in (known, read)]
     np.testing.assert_allclose(places[1], places[0], rtol=1e-13)
     time = SYSTEMS[units][3]
     for motion in (UPWARDS, BaseDirection("ry")):
         for derivative in range(3):
             rows = [(body, body.recovery_row(0, derivative)) for body in (known, read)]
-            one, other = ((row @ body.on_all_dofs, row @ body.rigid_motion(motion)) for body, row in rows)
+            one, other = ((row @ body.all_dofs_map, row @ body.rigid_motion(motion)) for body, row in rows)
             np.testing.assert_allclose(other[0] / time**derivative, one[0], rtol=1e-12)
             np.testing.assert_allclose(other[1] / time**derivative, one[1], rtol=1e-12)
     return known, read
@@ -196,7 +196,7 @@ def test_sizes_and_masses_of_other_units_are_noticed_and_said(tmp_path, written,
         matrices = in_units(si, *SYSTEMS[stated])
     scenario = case(tmp_path, matrices, sizes, stated or "null")
     (found,) = summaries_of_files(scenario)
-    assert (found.units, found.by_default) == (stated or "SI", stated is None)
+    assert (found.units, found.units_assumed) == (stated or "SI", stated is None)
     assert [warns in remark for remark in found.remarks if "structure has" in remark] == ([True] if warns else [])
     if stated == written:
         assert found.text.startswith("bar: 8 degrees of freedom, 0.3375 kg, 0.5 x 0.01 x 0.02 m; units of its files: ")

@@ -68,7 +68,7 @@ def described(system):
         for name in ("contact", "opening", "constant", "cubic")
     }
     found |= {name: np.asarray(getattr(contacts, name), dtype=float) for name in
-              ("gap", "sign", "on_ground", "base_participations", "pressing", "pressed")}  # fmt: skip
+              ("gap", "sign", "on_ground", "base_participations", "pressing_contacts", "pressed_contacts")}  # fmt: skip
     found |= {f"laws: {name}": np.asarray(of, dtype=float) for name, of in contacts.arrays._asdict().items()}
     found["at rest"] = contacts.shape @ (np.full(system.dynamics.size, np.nan) if rest is None else rest)
     found["start"] = contacts.shape @ system.initial_state[: system.dynamics.size]

@@ -71,7 +71,7 @@ def pad(curve, dashpot, branches):
 def rubbing(law, dashpot=0.0, late=1.0):
     return Case(
         (no_tension(STOP, dashpot), law), 5 * PERIOD + late + 1e-9, 3 * PERIOD, 9, ((-1.0, 0.2), (0.3, 1.0)),
-        (1.0, -1.0), (-0.05, 0.0), (-1, 0) if law.needs_pressing else None, (1.0, 3.0),
+        (1.0, -1.0), (-0.05, 0.0), (-1, 0) if law.needs_normal_contact else None, (1.0, 3.0),
         (0.02, 0.05), (0.6 - 0.1j, 0.5j), late,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
+from beamsim.contacts.equilibrium import FLOATING_MESSAGE, UNBALANCED_MESSAGE, CubicSprings, Springs, find_equilibrium
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow.periodic_flow import Frequency, Level, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
@@ -120,12 +120,12 @@ def test_statics_of_one_mass_on_a_softening_spring():
     s = one_mass([0.5, 2.0, 0.5], 3.0)
     assert s.probes[0].shape @ s.static_equilibrium == pytest.approx(3.0, rel=1e-12)  # 2 + 0.5 (x - 1) = 3
     assert one_mass([0.5, 2.0, 0.5], 0.0).static_equilibrium == pytest.approx([0.0])
-    assert one_mass([0.0, 2.0, 0.0], 3.0).static_reason == UNBALANCED
-    assert one_mass([0.0, 2.0, 0.0], 2.0).static_reason == FLOATS  # anywhere beyond the breakpoint
+    assert one_mass([0.0, 2.0, 0.0], 3.0).static_reason == UNBALANCED_MESSAGE
+    assert one_mass([0.0, 2.0, 0.0], 2.0).static_reason == FLOATING_MESSAGE  # anywhere beyond the breakpoint
     assert one_mass([0.0, 2.0, 0.0], 1.0).static_reason == ""
-    assert one_mass([2.0, 0.0, 2.0], 0.0).static_reason == FLOATS  # a dead band
+    assert one_mass([2.0, 0.0, 2.0], 0.0).static_reason == FLOATING_MESSAGE  # a dead band
     assert one_mass([2.0, 1.0, 0.0, 4.0], 3.0, (-1.0, 1.0, 2.0)).static_reason == ""
-    assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATS
+    assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATING_MESSAGE
 
 
 @pytest.mark.parametrize("load", [0.0, 1e-3])
@@ -162,13 +162,13 @@ def test_softening_parts_beside_very_stiff_stops_and_soft_modes(case):
     shape = np.array([[1.0, -0.7, 0.4], [1.0, -0.7, 0.4], [1.0, 0.0, 0.0]])
     springs = Springs(shape, np.array(sign, float), np.array(slopes), np.array(gap), np.array([0, 0, 1]))
     found = find_equilibrium(np.array([3.0, 2e4, 6e10]), 0, springs, np.zeros((1, 3)))
-    assert found.reason == (FLOATS if floats else "")
+    assert found.reason == (FLOATING_MESSAGE if floats else "")
 
 
 def test_a_cubic_spring_holds_what_a_softened_spring_lets_go():
     springs = Springs(np.ones((1, 1)), np.array([-1.0]), np.array([-2.0]), np.array([1.0]))
     alone = find_equilibrium(np.array([2.0]), 0, springs, np.array([[5.0]]))
-    assert alone.reason == UNBALANCED
+    assert alone.reason == UNBALANCED_MESSAGE
     held = find_equilibrium(
         np.array([2.0]), 0, springs, np.array([[5.0]]), CubicSprings(np.ones((1, 1)), np.array([0.1]))
     )

@@ -133,9 +133,9 @@ def test_it_bounds_the_error_of_beams_whatever_damps_and_holds_them(case):
 def test_it_bounds_the_error_at_probes_which_have_no_static_vectors(case, position):
     held = case["beam"]["supports"]["right"] in ("clamped", "pinned")
     t = truncation({**case, "probes": [{"name": "p", "position": min(position, 0.95 if held else 1.0)}]})
-    assert t.loads.shape[0] == t.acting + 1
+    assert t.loads.shape[0] == t.static_load_count + 1
     assert_bounded(t)
-    loads, probe = t.loads[: t.acting], t.loads[t.acting :]
+    loads, probe = t.loads[: t.static_load_count], t.loads[t.static_load_count :]
     both = receptance_bound(t.model, t.basis, t.damping, loads, probe)
     alone = receptance_bound(t.model, t.basis, t.damping, loads, probe[:0])
     assert alone.probes is None
@@ -144,8 +144,8 @@ def test_it_bounds_the_error_at_probes_which_have_no_static_vectors(case, positi
         s = t.basis.highest_frequency
         full, reduced = full_receptance(t, s), t.shapes @ t.response(s)
         size = np.sqrt(np.maximum(t.compliances, np.abs(np.diag(reduced))))
-        moved = t.compliances[: t.acting] > 0
-        true = (np.abs(full - reduced)[-1] / (size[-1] * size))[: t.acting][moved].max()
+        moved = t.compliances[: t.static_load_count] > 0
+        true = (np.abs(full - reduced)[-1] / (size[-1] * size))[: t.static_load_count][moved].max()
         assert true <= both.probes * (1 + 1e-6) + 1e-11
 
 
@@ -195,10 +195,10 @@ def joined(inner, outer):
 @given(RATIO, RATIO)
 def test_it_bounds_the_error_of_joined_bodies_with_modal_damping_defined_for_the_coordinates(inner, outer):
     t = truncation(joined({"kind": "modal", "ratio": inner}, {"kind": "modal", "ratio": outer}))
-    assert t.stated.on_coordinates
+    assert t.stated_damping.is_composite
     stiffness, mass = (t.model.factor.T @ t.model.factor).toarray(), t.model.mass.toarray()
     vectors = mass @ t.basis.vectors
-    damping = t.stated.known.toarray() + vectors @ t.modal_damping @ vectors.T
+    damping = t.stated_damping.matrix.toarray() + vectors @ t.modal_damping @ vectors.T
     for s in frequencies(t):
         full = t.loads @ np.linalg.solve(stiffness - s**2 * mass + 1j * s * damping, t.loads.T)
         true = np.abs(full - t.shapes @ t.response(s))

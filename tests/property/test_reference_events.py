@@ -217,7 +217,7 @@ def random_system(seed):
         omega[-1] = 200.0
     laws = [random_law(rng) for _ in range(m)]
     shape, sign = rng.normal(size=(m, n)), rng.choice([1.0, -1.0], m)
-    gap = np.where([law.rubs and not law.yields for law in laws], 0.0, rng.uniform(0, 0.3, m))
+    gap = np.where([law.slides_or_yields and not law.yields for law in laws], 0.0, rng.uniform(0, 0.3, m))
     pressed = None
     if rng.random() < 0.4:
         laws += [

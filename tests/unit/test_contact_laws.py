@@ -5,7 +5,7 @@ import pytest
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import (
-    DEPTH,
+    PENETRATION_ROW,
     ContactLaw,
     Guard,
     LawRow,
@@ -39,8 +39,8 @@ def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
 
 def test_phases_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="names a phase"):
-        ContactLaw((Phase("alone", (Guard(1, DEPTH),), closed=True),))
-    twice = (Guard(1, DEPTH), Guard(1, LawRow(rate=1.0)))
+        ContactLaw((Phase("alone", (Guard(1, PENETRATION_ROW),), closed=True),))
+    twice = (Guard(1, PENETRATION_ROW), Guard(1, LawRow(rate=1.0)))
     with pytest.raises(ValueError, match="name the same phase"):
         ContactLaw((Phase("a", twice, closed=True), Phase("b", (), closed=False)))
     with pytest.raises(ValueError, match="not a sum"):

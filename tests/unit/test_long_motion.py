@@ -28,7 +28,7 @@ def scenario(**run):
 @pytest.fixture(autouse=True, scope="module")
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(signal, "PIECES_OF_A_BLOCK", 700)
+        patch.setattr(signal, "PIECES_PER_BLOCK", 700)
         patch.setattr(motion, "FEWEST_PIECES", 256)
         patch.setattr(motion, "BYTES_A_PIECE", 12800)
         yield

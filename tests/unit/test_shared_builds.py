@@ -2,7 +2,7 @@
 
 import pytest
 
-from beamsim.system.reduced_model import MOST_KEPT, SharedBuilds
+from beamsim.system.reduced_model import MOST_BUILDS, SharedBuilds
 
 pytestmark = pytest.mark.quick
 
@@ -21,4 +21,4 @@ def test_a_bounded_number_of_each_sort_is_kept():
         for number in range(2000)
     ]
     assert found == [[number % 37] * 2 for number in range(2000)]
-    assert {sort: len(kept) for sort, kept in shared._kept.items()} == {"structure": MOST_KEPT, "signal": MOST_KEPT}
+    assert {sort: len(kept) for sort, kept in shared._kept.items()} == {"structure": MOST_BUILDS, "signal": MOST_BUILDS}

@@ -86,6 +86,27 @@ def test_no_function_has_a_name_that_says_nothing():
     assert found == set()
 
 
+def arguments(tree, place):
+    """Name and place of every argument of the functions of a module, lambdas left out."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            listed = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
+            yield from ((argument.arg, place) for argument in listed if argument is not None)
+
+
+def test_no_argument_has_a_name_that_says_nothing():
+    entries = [(e["name"], e["in"], e["use"]) for e in yaml.safe_load(WORDS.read_text(encoding="utf-8"))["arguments"]]
+    found = []
+    for path in sorted((ROOT / "beamsim").rglob("*.py")):
+        found += arguments(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix())
+    assert list(breaches(found, entries)) == []
+
+
+def test_an_argument_with_a_refused_name_is_found():
+    found = list(arguments(ast.parse("class A:\n    def f(self, at): ..."), "beamsim/scenario/body.py"))
+    assert len(list(breaches(found, [("at", "beamsim/scenario", "path")]))) == 1
+
+
 def test_a_method_with_a_refused_name_is_found():
     assert functions_and_classes(ast.parse("class A:\n    def _asked(self): ...")) == {"A", "asked"}
 

@@ -313,7 +313,7 @@ class Transient(Test):
             for key, section in {"excitation": "excitation", "start": "run.start"}.items():
                 if getattr(test, key) is not None:
                     places.enter_context(prefix_problems(section, f"{at}.{key}"))
-            system = build_system(case, shared, recovered=False)
+            system = build_system(case, shared, with_stations=False)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         motion = simulate(exact_flow(system, self.duration), system.initial_state, max_events=MOST_EVENTS)
@@ -661,14 +661,14 @@ class SweptPeaks(Test):
 
     def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
         """The branch of a case and what is measured along it."""
-        system, harmonic = build_system(case, shared, recovered=False), of_kind(Harmonic, case.excitation)
+        system, harmonic = build_system(case, shared, with_stations=False), of_kind(Harmonic, case.excitation)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)
         orbits = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, harmonic.level), "frequency")
         keys = dict.fromkeys(("probes", quantity) for _, quantity in (*self.places, ("", "displacement")))
         channels = system.channels.of_keys(*keys)
-        columns = {(each.name, each.quantity): k for each, k in channels.located}
+        columns = {(each.name, each.quantity): k for each, k in channels.first_columns}
         return _Curve(
             orbits, Measurement(system, harmonic, channels, 1), tuple(columns[at] for at in self.places), self.test
         )

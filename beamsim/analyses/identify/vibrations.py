@@ -774,7 +774,7 @@ def steady_vibration(
     UnpredictableError
         Where neither Newton's method nor a transient of 300 periods ends in such a motion.
     """
-    system = build_system(scenario, shared, recovered=False)
+    system = build_system(scenario, shared, with_stations=False)
     if system.cubic is not None:
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * scenario.sine.frequency

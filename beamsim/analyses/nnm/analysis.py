@@ -71,7 +71,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
             raise ScenarioError.at("nnm", message, f"leave out latch of {name}")
         if law.undamped() is None:
             key = next((stop.memory for stop in scenario.all_snubbers if stop.name == name), "maxwell")
-            what = f"the friction contact {name}" if law.rubs and key == "maxwell" else f"{key} of {name}"
+            what = f"the friction contact {name}" if law.slides_or_yields and key == "maxwell" else f"{key} of {name}"
             raise ScenarioError.at(
                 "nnm",
                 f"needs contacts without losses, and that of {name} rubs or keeps internal states",

@@ -7,7 +7,7 @@ import numpy as np
 from beamsim.labelled import Dataset
 from beamsim.responses.frames import DrawnLine, Frames, lines_of_nodes, paced_by_contact, values_by_stop
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import IN_PLANE, Place, Stations, ends_of
+from beamsim.structures.places import ON_PLATE, Place, Stations, ends_of
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Floats
 
@@ -36,7 +36,7 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset
     lines, columns = [], []
     for part in stations.parts:
         numbers = np.arange(part.stations.start, part.stations.stop)
-        across = None if part.axis is not IN_PLANE or stations.across is None else stations.across[part.stations]
+        across = None if part.axis is not ON_PLATE or stations.across is None else stations.across[part.stations]
         rows = [numbers[across == y] for y in np.unique(across)] if across is not None else [numbers]
         for row in rows if part.axis.continuous else lines_of_nodes(stations, part):
             y = None if across is None or stations.across is None else stations.across[row]

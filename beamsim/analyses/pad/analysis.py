@@ -31,7 +31,7 @@ from beamsim.contacts.pads import ForceCurve, MaxwellBranch, loop_width
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.files import DecimalMark
-from beamsim.system.force_tables import LOOP, FittedForces, fit_from_zero, free_travel, read_forces
+from beamsim.system.force_tables import LOOP_WIDTH, FittedForces, fit_from_zero, free_travel, read_forces
 from beamsim.typing import Floats, not_none
 
 
@@ -193,7 +193,7 @@ def _measured(
         loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
     if fitted.misfit <= ROUND_OFF * float(np.abs(force).max()):
         fitted = fitted._replace(misfit=0.0)
-    timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
+    timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP_WIDTH
     record = Record(time, deflection, force) if timed and time is not None else None
     return fitted, loss_factor, record
 

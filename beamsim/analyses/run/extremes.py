@@ -110,7 +110,7 @@ class LocalExtremes:
         """The values of channels, and the largest of all places of those that a limit takes there."""
         found = list[Contest]()
         for value in chosen:
-            at = [(channel, first) for channel, first in self.channels.located if value.is_extreme_of(channel)]
+            at = [(channel, first) for channel, first in self.channels.first_columns if value.is_extreme_of(channel)]
             groups = {value.name: at} if at and (value.single or (value in limited and len(at) > 1)) else {}
             for channel, first in () if value.single else at:
                 groups.setdefault(f"{value.section}/{channel.name}/{value.name}", []).append((channel, first))
@@ -334,7 +334,7 @@ def _alone(value: Value, channel: Channel, extreme: Floats) -> tuple[Floats, Flo
 
     def of(number: Floats) -> Floats:
         zero = np.zeros_like(number)
-        return not_none(value.of)(np.array([number, zero, np.abs(number) if channel.both_ways else number, zero]))
+        return not_none(value.of)(np.array([number, zero, np.abs(number) if channel.counts_pulling else number, zero]))
 
     step = 2.0**-20 * np.where(extreme == 0.0, np.abs(extreme).max(initial=0.0) or 1.0, np.abs(extreme))
     return of(extreme), np.round((of(extreme + step) - of(extreme - step)) / (2.0 * step))

@@ -154,7 +154,7 @@ def _residual_crush(motion: RunMotion) -> dict[int, float]:
     end = trajectory.final_y
     penetration = trajectory.flow.equations.penetration
     delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
-    phases, first = trajectory.phases[-1], 2 * contacts.shape.shape[1] + contacts.first
+    phases, first = trajectory.phases[-1], 2 * contacts.shape.shape[1] + contacts.first_state
     return {
         j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
     }

@@ -23,7 +23,7 @@ import numpy as np
 
 from beamsim.analyses.run.layouts import IMPACT_STATISTICS, IMPACTS, OF_SNUBBERS
 from beamsim.analyses.run.observers import ChunkObserver
-from beamsim.contacts.laws import PRESSING
+from beamsim.contacts.laws import NORMAL_FORCE
 from beamsim.contacts.sliders import STICK
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
@@ -261,7 +261,7 @@ def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
 def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
     """(S, 3) integrals over each segment: squared force, force, power lost in the snubber."""
     contacts = trajectory.flow.system.contacts
-    segments = np.arange(touching.size) if contacts.states[contact] else np.flatnonzero(touching)
+    segments = np.arange(touching.size) if contacts.state_counts[contact] else np.flatnonzero(touching)
     out = np.zeros((touching.size, 3))
     if segments.size:
         out[segments] = trajectory.select(segments).segment_integrals(*_factors(trajectory.flow, contact))
@@ -271,8 +271,8 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
 def _factors(flow: ExactFlow, contact: int) -> tuple[RowsOf, RowsOf, Floats]:
     """Factors of squared force, force and power lost of one contact, and their weights; as `power_factors`."""
     contacts = flow.system.contacts
-    first = contacts.count + int(contacts.first[contact])
-    rows = np.append(contact, first + np.arange(contacts.states[contact]))
+    first = contacts.count + int(contacts.first_state[contact])
+    rows = np.append(contact, first + np.arange(contacts.state_counts[contact]))
     one = flow.equations.constant(np.ones(1))
 
     def left(phases: Ints) -> Floats:
@@ -486,7 +486,7 @@ belongs to the block in which it does."""
 
 def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> Floats:
     forces = flow.equations.constant(np.array([c.constant_force if c.pressed_by is None else 0.0 for c in contacts]))
-    return np.asarray(forces + flow.at(phases).law[which, PRESSING])
+    return np.asarray(forces + flow.at(phases).law[which, NORMAL_FORCE])
 
 
 def _sliding(
@@ -509,7 +509,7 @@ def _sliding(
     begin = float(trajectory.time[0])
     integrals = trajectory.product_integrals(times, forces, speeds, np.eye(3 * which.size), begin)
     distance, wear, lost = integrals.reshape(times.size, 3, which.size).swapaxes(0, 1)
-    slides = flow.system.contacts.slides(every)[:, which] != 0.0
+    slides = flow.system.contacts.sliding_directions(every)[:, which] != 0.0
     begins = slides.copy()
     begins[1:] &= ~slides[:-1]
     normal = trajectory.sample(trajectory.time, lambda state: _normal_forces(flow, contacts, which, state))

@@ -296,11 +296,11 @@ def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) ->
     factors = []
     for owner, law, rest in zip(owners, system.dynamics.contacts.laws, penetration.tolist(), strict=True):
         found = [(math.inf, math.nan)]
-        for border in law.borders(rest):
-            low, low_at, high, high_at = extreme[(*FORCE, owner[-1]) if border.of_force else owner]
+        for border in law.boundaries(rest):
+            low, low_at, high, high_at = extreme[(*FORCE, owner[-1]) if border.is_force else owner]
             far, at = (high, high_at) if border.direction > 0 else (low, low_at)
-            excursion = border.direction * (far - border.rest)
-            if excursion > ALWAYS_CLOSED * abs(border.rest):
+            excursion = border.direction * (far - border.value_at_rest)
+            if excursion > ALWAYS_CLOSED * abs(border.value_at_rest):
                 found.append((border.distance / excursion, at))
         factors.append(min(found))
     return factors
@@ -338,7 +338,9 @@ def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
 
     def deviations_to_contact(name: str, law: ContactLaw, rest: float) -> float:
         """Standard deviations."""
-        of_borders = [(b.distance, at_rest[name, "force" if b.of_force else "penetration"]) for b in law.borders(rest)]
+        of_borders = [
+            (b.distance, at_rest[name, "force" if b.is_force else "penetration"]) for b in law.boundaries(rest)
+        ]
         return min(distance / deviation if deviation > 0 else math.inf for distance, deviation in of_borders)
 
     def needed(of: Deviations) -> list[float]:

@@ -99,9 +99,9 @@ def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], 
     levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
     moving: dict[str, list[tuple[float, Pieces]]] = {}
     for moved in model.moving_supports:
-        support, own = moved.support, system.forcing.signal[model.acting.signals[moved.path, "acceleration"]]
-        at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
-        if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
+        support, own = moved.support, system.forcing.signal[model.acting_loads.signals[moved.path, "acceleration"]]
+        at, lever = moved.excitation.applied_to, levers.get((support.body, support.name, support.direction))
+        if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.site, Link):
             with_base = [(lever, of_base)] if of_base is not None and lever else []
             moving.setdefault(at.label, with_base).append((1.0, own))
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())

@@ -361,7 +361,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
     that does not start at equilibrium.
     """
     system, contacts = motion.system, motion.system.dynamics.contacts
-    unknown = contacts.any_sticks_rigidly or contacts.pressed.size or system.static_equilibrium is None
+    unknown = contacts.any_sticks_rigidly or contacts.pressed_contacts.size or system.static_equilibrium is None
     if not system.snubbers or unknown or system.cubic is not None or motion.outcome.interrupted:
         return {}
     of_snubber = gapping_of_sine(system) if system.sine is not None else _gapping_of_other(motion)

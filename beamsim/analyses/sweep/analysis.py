@@ -222,7 +222,7 @@ def _result(
         *scenario.warnings,
         *system.warnings,
         *_unsupported_requests(system, summary["margins"]),
-        *([] if correction is None else correction.warnings(held=has_level_steps(settings))),
+        *([] if correction is None else correction.warnings(stepped_levels=has_level_steps(settings))),
         *(warnings_along(scenario, system.modes, datasets["cycles"]) if curves else []),
     )
     return replace(result, warnings=warnings).with_summary(**summary)
@@ -284,7 +284,7 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
     displacement = [q @ shape for shape in shapes]
     acceleration = [base - omega2 * w for base, w in zip(system.base_influence, displacement, strict=True)]
     responses = {"displacement": displacement, "absolute_acceleration": acceleration}
-    known = bool(system.snubbers) and not contacts.any_sticks_rigidly and not contacts.pressed.size
+    known = bool(system.snubbers) and not contacts.any_sticks_rigidly and not contacts.pressed_contacts.size
     if known:
         pressed = transfer(system, frequency, pressed_phases(system, penetration))
         responses["displacement_closed"] = [pressed @ shape for shape in shapes]

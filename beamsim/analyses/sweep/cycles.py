@@ -276,13 +276,13 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
     What is lost at once follows the force that presses the contact there. Zero where a segment begins otherwise.
     """
     contacts = motion.flow.system.contacts
-    force = np.zeros((motion.time.size, contacts.pressed.size))
-    if contacts.pressed.size:
+    force = np.zeros((motion.time.size, contacts.pressed_contacts.size))
+    if contacts.pressed_contacts.size:
         phases = motion.phases
         begins = np.zeros(force.shape, dtype=bool)
         begins[1:] = contacts.pressing_losses(phases[:-1], phases[1:]) > 0.0
         if begins.any():
-            force = motion.sample(motion.time, lambda of: motion.flow.at(of).pressing) * begins
+            force = motion.sample(motion.time, lambda of: motion.flow.at(of).normal_force) * begins
     return np.stack([force, force**2], axis=1)
 
 

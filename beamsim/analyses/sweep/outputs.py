@@ -132,7 +132,7 @@ class SweepLevel:
 
     def _columns_by_name(self, key: Key, unit: str = "") -> dict[str, int]:
         """Columns of channels that are alike, by name of probe, snubber or output; of one unit, if given."""
-        return {c.name: k for c, k in self.channels.located if c.key == key and unit in ("", c.unit)}
+        return {c.name: k for c, k in self.channels.first_columns if c.key == key and unit in ("", c.unit)}
 
     def curve(
         self, record: CycleRecord, direction: str, values: Mapping[str, Any],
@@ -180,7 +180,7 @@ class SweepLevel:
             columns["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
         if self.settings.impacts:
             columns |= self._impacts(record) | self._sliding(record)
-        outputs = [c for c, _ in self.channels.located if c.section == "outputs"]
+        outputs = [c for c, _ in self.channels.first_columns if c.section == "outputs"]
         of_members = {
             "snubber": [contact_units(snubber.gap_unit) for snubber in snubbers],
             "output": [{"unit": output.unit} for output in outputs],
@@ -197,7 +197,7 @@ class SweepLevel:
         scenario, columns = self.system.scenario, dict[str, Any]()
         called = {each.unit: name for name, each in Limits.curves["response"].items()}
         for quantity, dim in FOLLOWED.items():
-            located = [(c, k) for c, k in self.channels.located if c.key == (f"{dim}s", quantity)]
+            located = [(c, k) for c, k in self.channels.first_columns if c.key == (f"{dim}s", quantity)]
             if not located:
                 continue
             numbers = [k for _, k in located]
@@ -225,14 +225,16 @@ class SweepLevel:
             return found
 
         grows = accelerations(system)
-        probes, outputs = ([c for c, _ in self.channels.located if c.section == of] for of in ("probes", "outputs"))
+        probes, outputs = (
+            [c for c, _ in self.channels.first_columns if c.section == of] for of in ("probes", "outputs")
+        )
         probes = [channel for channel in probes if channel.key == ACCELERATION]
         named = {"acceleration_jump": probes, "output_jump": outputs}
         return {name: largest(of) for name, of in named.items() if of}
 
     def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
         """Outputs with their extremes, means and harmonics."""
-        outputs = [(c, k) for c, k in self.channels.located if c.section == "outputs"]
+        outputs = [(c, k) for c, k in self.channels.first_columns if c.section == "outputs"]
         if not outputs:
             return {}
         of = self._statistics(record, [k for _, k in outputs])
@@ -308,7 +310,7 @@ class SweepLevel:
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
         _, columns, _ = self._columns_after_channels
         period, wear = record.duration / record.cycles, self._mean_products(record)
-        begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
+        begun = dict(zip(contacts.pressed_contacts.tolist(), record.pressing.T / record.cycles, strict=True))
         rows, names = [], []
         for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
             normal, law = spring.normal_force, contacts.laws[j]
@@ -359,21 +361,21 @@ def _stack_rows(rows: list[dict[str, Floats]]) -> dict[str, Any]:
 
 def loss_owner(contacts: Contacts) -> Ints:
     """(m + r,) contact of each output whose square is a power lost: the dashpots, then the internal states."""
-    return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.states)])
+    return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.state_counts)])
 
 
 def _dissipative_contacts(contacts: Contacts) -> Ints:
     """Contacts that lose work by forces that vary: friction that a snubber presses, then what yields or falls."""
-    return np.concatenate([contacts.pressed, contacts.lossy])
+    return np.concatenate([contacts.pressed_contacts, contacts.lossy])
 
 
 def _wear_rows(at: StateEquations) -> Floats:
     """Of each friction contact that a snubber presses two rows, the difference of whose squares is the normal force
     times the speed at which it slides, N m/s; of those that yield or fall the lost force times its speed."""
     contacts = at.equations.contacts
-    pressed, lossy = contacts.pressed, contacts.lossy
-    slides = np.abs(contacts.slides(at.phases)[pressed, None])
-    force = 0.5 * np.vstack([slides * at.pressing, at.dissipation[0][lossy]])
+    pressed, lossy = contacts.pressed_contacts, contacts.lossy
+    slides = np.abs(contacts.sliding_directions(at.phases)[pressed, None])
+    force = 0.5 * np.vstack([slides * at.normal_force, at.dissipation[0][lossy]])
     speed = 0.5 * np.vstack([at.sliding_speeds[pressed], at.dissipation[1][lossy]])
     pairs = np.arange(2 * speed.shape[0]).reshape(2, -1).T.ravel()
     return np.vstack([force + speed, force - speed])[pairs]

@@ -249,7 +249,7 @@ def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitCol
     """
     columns = {
         LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
-        for c, k in level.channels.located
+        for c, k in level.channels.first_columns
     }
     limited, base_force = [], level.system.scenario.base_force or BASE_FORCE.name
     for name, limit in limits.items():
