@@ -49,6 +49,7 @@ def main() -> None:
         finally:
             for number in heeded:  # the exit code is known; Python gives up its own handlers as it exits
                 signal.signal(number, signal.SIG_IGN)
+            exec("")  # else ``python -m`` ends by SIGINT where that came in an ``exec`` of a library, without exit code
             gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)

@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import time
-from itertools import product
+from contextlib import contextmanager
+from functools import cache
+from itertools import count, product
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
 from beamsim.store.results import load
 from tests.helpers.commands import invoke
+from tests.helpers.forked_commands import Plan, ended
 from tests.helpers.tables import variables
 
 MODE, RESPONSE = config_path("nnm_chain_mass_5"), config_path("chain_two_dof")
@@ -127,90 +130,48 @@ def test_a_fit_keeps_the_best_so_far():
     assert "profiles" not in part.datasets
 
 
-@pytest.mark.parametrize("asked", [1, 300, 3000])
+@pytest.mark.parametrize("asked", [1, 300, 1000])
 def test_a_fit_to_sweeps_ends_wherever_it_is_asked(asked):
     """A branch that ends on request is none that fails: the fit was refused, or ended in an internal error."""
-    scenario, count = load_scenario(config_path("identify_sweep")), 0
+    narrow = [
+        f"identify_stiffness.nonlinear.tests[{k}].{end} Hz" for k, end in product((0, 1), ("from=10", "to=12"))
+    ]  # fmt: skip
+    scenario, calls = load_scenario(config_path("identify_sweep"), narrow), count(1)
 
-    def stop():
-        nonlocal count
-        count += 1
-        return count > asked
-
+    tests = read_tests(scenario, config_path("identify_nonlinear").parent)
     try:
-        part = beamsim.identify_stiffness(
-            scenario, read_tests(scenario, config_path("identify_nonlinear").parent), stop=stop
-        )
+        part = beamsim.identify_stiffness(scenario, tests, stop=lambda: next(calls) > asked)
     except Interrupted:  # before anything was found
         return
     assert part.outcome.interrupted
 
 
-# --- as a process -----------------------------------------------------------------------------------------------------
-
-CHILD = f"""
-import signal
-import sys
-from contextlib import contextmanager
-import beamsim.cli
-import beamsim.cli.session
-
-@contextmanager
-def telling(label, *, shown, afterwards=""):
-    reports = 0
-    def tell(fraction):
-        nonlocal reports
-        reports += 1
-        if reports == {POINTS}:
-            print("under way", flush=True)
-            sys.stdin.readline()
-    yield tell
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where it is ignored
-beamsim.cli.session.progress_of = telling
-beamsim.cli.main()
-"""
-
-
-@pytest.fixture
-def under_way(tmp_path):
-    """Start a command in an empty folder; it waits after a few reports of progress for a line on its input."""
-    started = []
-
-    def start(*arguments):
-        process = subprocess.Popen(
-            [sys.executable, "-c", CHILD, *map(str, arguments)], cwd=tmp_path, text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-        started.append(process)
-        assert process.stdout.readline() == "under way\n", process.communicate()
-        return process
-
-    yield start
-    for process in started:
-        process.kill()
-        process.communicate()
+# --- as a command -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("command", "path", "read", "number", "code"),
-    [
-        ("nnm", MODE, load, signal.SIGINT, 130),
-        ("sweep", RESPONSE, load, signal.SIGTERM, 143),
-    ],
+    ("command", "path", "number", "code"),
+    [("nnm", MODE, signal.SIGINT, 130), ("sweep", RESPONSE, signal.SIGTERM, 143)],
 )
-def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):
-    process = under_way(command, path, "-o", "case.h5")
-    process.send_signal(number)
-    output, errors = process.communicate("go on\n", timeout=120)
-    assert process.returncode == code, errors
-    assert errors.splitlines() == [
+def test_a_signal_keeps_what_was_found(command, path, number, code, heeded, monkeypatch, tmp_path):
+    """The signal comes with the fifth report of progress."""
+
+    @contextmanager
+    def signalling(_label, **_options):
+        reports = count(1)
+        yield lambda _: signal.raise_signal(number) if next(reports) == POINTS else None
+
+    monkeypatch.setattr("beamsim.cli.command.progress_of", signalling)
+    monkeypatch.chdir(tmp_path)
+    done = invoke(command, path, "-o", "case.h5")
+    assert done.exit_code == code, done.output
+    assert done.stderr.splitlines() == [
         STOPPING,
         "beamsim: interrupted; the partial result is in case.h5; `beamsim plot case.h5` plots it",
     ]
-    assert "interrupted" in output.lower()
+    assert "interrupted" in done.stdout.lower()
     assert os.listdir(tmp_path) == ["case.h5"]
-    kept = read(tmp_path / "case.h5")
+    kept = load("case.h5")
     assert kept.status.startswith("interrupted")
     assert POINTS <= kept.branches[0]["parameter"].values.size <= POINTS + 1  # the first need not be reported
 
@@ -304,7 +265,8 @@ def invoked(heeded, monkeypatch, tmp_path):
     def run(name, *options):
         command, sections = WRITTEN[name]
         Path("case.yaml").write_text(MASS + sections)
-        done = invoke(command, "case.yaml", "--quiet", *options)
+        workers = ("--workers", 1) if command == "sweep" else ()
+        done = invoke(command, "case.yaml", "--quiet", *workers, *options)
         Path("case.yaml").unlink()
         return done
 
@@ -495,6 +457,33 @@ def test_a_signal_after_one_that_a_library_dropped_ends_the_command(number, code
     assert (done.returncode, done.stdout, done.stderr) == (code, b"", b"")
 
 
+IN_EXEC = """
+import signal, sys, types
+from beamsim import cli
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background is started without
+
+def app(prog_name):
+    try:
+        exec("signal.raise_signal(signal.SIGINT)")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+sys.modules["beamsim.cli.app"] = types.SimpleNamespace(app=app)
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_a_signal_in_code_that_a_library_executes_keeps_the_exit_code_of_a_module(tmp_path):
+    """``python -m`` ended by the signal itself, after the command had cleaned up."""
+    (tmp_path / "interrupted.py").write_text(IN_EXEC)
+    places = os.pathsep.join([str(tmp_path), *sys.path])
+    command = [sys.executable, "-m", "interrupted"]
+    done = subprocess.run(command, check=False, capture_output=True, env=os.environ | {"PYTHONPATH": places})
+    assert (done.returncode, done.stderr) == (130, b"")
+
+
 # --- while a motion is evaluated --------------------------------------------------------------------------------------
 
 EVALUATED = """
@@ -521,9 +510,24 @@ STAGES = [  # input, module and function in which the signal comes, what is said
 ]
 
 
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """The content of the result file of each case that is evaluated, computed when it is first asked for."""
+
+    @cache
+    def content(excited):
+        case = tmp_path_factory.mktemp(excited) / "case.yaml"
+        case.write_text(EVALUATED + INPUTS[excited])
+        done = invoke("run", case, "--no-plots", "--quiet", "--set", "run.convergence=off", "-o", case.parent)
+        assert done.exit_code == 0, done.output
+        return (case.parent / "case.h5").read_bytes()
+
+    return content
+
+
 @first_apart(("excited", "module", "function", "missing"), 3, STAGES[::4] + [x for k, x in enumerate(STAGES) if k % 4])
 def test_a_signal_in_the_evaluation_keeps_the_motion(
-    excited, module, function, missing, invoked, tmp_path, monkeypatch
+    excited, module, function, missing, uninterrupted, invoked, tmp_path, monkeypatch
 ):
     """The signal comes where the function is called: it does not return, and a complete older result stays."""
     monkeypatch.chdir(tmp_path)
@@ -537,8 +541,8 @@ def test_a_signal_in_the_evaluation_keeps_the_motion(
         return result
 
     Path("case.yaml").write_text(EVALUATED + INPUTS[excited])
-    assert invoke("run", "case.yaml", "--no-plots", "--quiet", "--set", "run.convergence=off").exit_code == 0
-    complete = Path("case.h5").read_bytes()
+    complete = uninterrupted(excited)
+    Path("case.h5").write_bytes(complete)
     monkeypatch.setattr(home, function, signalled)
     done = invoke("run", "case.yaml")
     assert done.exit_code == 143, done.output
@@ -589,51 +593,51 @@ def test_an_error_that_a_library_raises_in_place_of_a_signal_is_none(number, cod
 
 # --- at any time ------------------------------------------------------------------------------------------------------
 
-TIMED = """
-import os, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), {number}))
-signal.setitimer(signal.ITIMER_PROF, {at})
-from beamsim.cli import main
-try:
-    main()
-finally:  # a signal that comes while Python shuts down meets no handler, and it can't interrupt the command any more
-    signal.setitimer(signal.ITIMER_PROF, 0)
-"""
 LONG = {
     "run": ("run", "one_sided_65hz", "--set", "run.duration=20 s"),
-    "random": ("run", "random_vibration", "--set", "run.duration=10 s"),
     "sweep": ("sweep", "sweep_up_down"),
     "continuation": ("sweep", "continuation_60_120hz"),
-    "coexisting": ("sweep", "coexisting_motions"),
+    "coexisting": ("sweep", "coexisting_motions", "--workers", "1"),
     "study": ("sweep", "design_stiffness_gap", "--workers", "1"),
     "workers": ("sweep", "design_stiffness_gap", "--workers", "2"),
     "nnm": ("nnm", "nnm_first"),
     "identify": ("identify-stiffness", "identify_nonlinear"),
-    "identify_sweep": ("identify-stiffness", "identify_sweep"),
     "validate": ("validate", "random_vibration", "--sketch"),
 }
+AT = {"run": (0.2, 0.8), "sweep": (0.6,), "continuation": (0.2, 0.5), "coexisting": (0.8,), "study": (0.5,),
+      "workers": (0.3,), "nnm": (0.4,), "identify": (0.6,), "validate": (0.2,)}  # fmt: skip
+SHORT_RUN = ["run", str(config_path("one_sided_65hz")), *(
+    word for change in ("run.duration=0.5 s", "run.spectrum.last=0.2 s") for word in ("--set", change)
+)]  # fmt: skip
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes with such libraries cannot be forked")
 @pytest.mark.parametrize(
-    ("name", "at"),
+    ("first", "instants"),
     [
-        *product(("run", "workers", "validate"), (0.3, 0.7)),  # while it is loaded, one is like another
-        *product(LONG, (1.5, 5.0)),
+        ([], product(("run", "workers", "validate"), (0.1, 0.4, 0.8))),  # while it is loaded, one is like another
+        (SHORT_RUN, [(name, at) for name, times in AT.items() for at in times]),
     ],
+    ids=["loading", "working"],
 )
-def test_a_signal_at_any_time_ends_a_command_with_its_exit_code(name, at, tmp_path):
+def test_a_signal_at_any_time_ends_a_command_with_its_exit_code(first, instants, tmp_path):
     """After so many seconds of processor time it is importing, loading, solving, writing or drawing."""
-    number = signal.SIGINT if (list(LONG).index(name) + int(10 * at)) % 2 else signal.SIGTERM
-    command, case, *options = LONG[name]
-    child = [sys.executable, "-c", TIMED.format(number=int(number), at=at), command, str(config_path(case)), *options]
-    done = subprocess.run(child, check=False, capture_output=True, text=True, cwd=tmp_path, timeout=600)
-    assert "Traceback" not in done.stderr, done.stderr
-    assert "internal error" not in done.stderr, done.stderr
-    if done.returncode == 0:  # it had ended before
-        return
-    assert done.returncode == 128 + number, done.stderr
-    for file in tmp_path.glob("*.h5"):
-        assert load(file).outcome.cut_short or "the whole result is in" in done.stderr
-    assert not list(tmp_path.glob("*.tmp*"))
+    plans = []
+    for name, at in instants:
+        number = signal.SIGINT if (list(LONG).index(name) + int(10 * at)) % 2 else signal.SIGTERM
+        command, case, *options = LONG[name]
+        arguments = [command, str(config_path(case)), *options]
+        plans.append(Plan(arguments, str(tmp_path / f"{name}_{at}"), int(number), at))
+    interrupted = 0
+    for plan, ending in zip(plans, ended(plans, [*first, "-o", str(tmp_path)] if first else []), strict=True):
+        where = f"{plan}: {ending}"
+        assert "Traceback" not in ending.errors, where
+        assert "internal error" not in ending.errors, where
+        if ending.code == 0:  # it had ended before
+            continue
+        interrupted += 1
+        assert ending.code == 128 + plan.number, where
+        for file in Path(plan.folder).glob("*.h5"):
+            assert load(file).outcome.cut_short or "the whole result is in" in ending.errors, where
+        assert not list(Path(plan.folder).glob("*.tmp*")), where
+    assert interrupted >= 0.8 * len(plans)
