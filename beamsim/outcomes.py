@@ -307,6 +307,8 @@ class Outcome:
     @property
     def gravest_kind(self) -> OutcomeKind:
         """The gravest kind of this outcome and of its parts."""
+        if not self.sub_outcomes:  # asked for after every cycle of a march
+            return self.kind
         return max((self.kind, *(part.gravest_kind for part in self.sub_outcomes)), key=list(OutcomeKind).index)
 
     @property

@@ -93,6 +93,13 @@ def pytest_collection() -> Generator[None, object, object]:
     return collected
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_garbage_of_other_modules() -> Iterator[None]:
+    """Let no cycle of objects outlive its module; figures and results would fill the memory between rare searches."""
+    yield
+    gc.collect()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def no_processor_time_on_screens() -> Iterator[None]:
     """Many commands run in the process of the tests, whose processor time is not theirs."""

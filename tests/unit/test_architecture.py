@@ -5,7 +5,6 @@ The order of the layers is the contract of import-linter in `pyproject.toml`.
 
 import ast
 from collections import defaultdict
-from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -17,28 +16,30 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "beamsim").rglob("__init__.py"))
 
 
-@cache
-def modules():
-    """Syntax tree of every module by its dotted name; a package's name stands for its ``__init__``."""
-    trees = {}
-    for path in sorted((ROOT / "beamsim").rglob("*.py")):
-        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        trees[name] = ast.parse(path.read_text(encoding="utf-8"))
-    return trees
+PATHS = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in sorted((ROOT / "beamsim").rglob("*.py"))
+}
+"""Of every module by its dotted name; a package's name stands for its ``__init__``."""
 
 
-def imports_of(trees):
-    """Modules imported by each module, in functions and under TYPE_CHECKING too."""
-    imports = {name: set() for name in trees}
-    for name, tree in trees.items():
-        for node in ast.walk(tree):
+def parsed(name):
+    """Syntax tree of a module; all of them together would take 200 MB."""
+    return ast.parse(PATHS[name].read_text(encoding="utf-8"))
+
+
+def imports_of(names, parsed=parsed):
+    """Modules imported by each module, in functions and under TYPE_CHECKING too; `parsed` gives the tree of one."""
+    imports = {name: set() for name in names}
+    for name in names:
+        for node in ast.walk(parsed(name)):
             if isinstance(node, ast.Import):
                 imports[name] |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 assert node.level == 0, f"{name} imports relatively"
                 inside = {f"{node.module}.{alias.name}" for alias in node.names}
-                imports[name] |= {x if x in trees else node.module for x in inside}
-        imports[name] = {x for x in imports[name] if x in trees and x != name}
+                imports[name] |= {x if x in imports else node.module for x in inside}
+        imports[name] = {x for x in imports[name] if x in imports and x != name}
     return imports
 
 
@@ -49,7 +50,7 @@ def package_of(module):
 
 
 def test_no_modules_and_no_packages_import_each_other_in_a_circle():
-    imports = imports_of(modules())
+    imports = imports_of(PATHS)
     TopologicalSorter(imports).prepare()
     packages = defaultdict(set)
     for module, targets in imports.items():
@@ -65,7 +66,7 @@ def test_a_circle_under_type_checking_and_one_within_a_function_are_found():
         "beamsim.c": "from beamsim.a import x",
         "beamsim.d": "import beamsim.c",
     }
-    graph = imports_of({name: ast.parse(text) for name, text in source.items()})
+    graph = imports_of(source, lambda name: ast.parse(source[name]))
     with pytest.raises(CycleError):
         TopologicalSorter(graph).prepare()
     del graph["beamsim.c"]
@@ -76,8 +77,8 @@ def test_what_a_result_exits_with_is_decided_in_one_place():
     """An exception without a result has a code of its own."""
     decided = {
         (name, node.attr)
-        for name, tree in modules().items()
-        for node in ast.walk(tree)
+        for name in PATHS
+        for node in ast.walk(parsed(name))
         if isinstance(node, ast.Attribute) and node.attr in ("NOT_CONVERGED", "LIMIT_EXCEEDED")
     }
     assert {name for name, _ in decided} == {"beamsim.outcomes", "beamsim.errors"}
@@ -86,8 +87,8 @@ def test_what_a_result_exits_with_is_decided_in_one_place():
 
 def test_no_two_classes_share_a_name():
     homes = defaultdict(set)
-    for name, tree in modules().items():
-        for node in ast.walk(tree):
+    for name in PATHS:
+        for node in ast.walk(parsed(name)):
             if isinstance(node, ast.ClassDef):
                 homes[node.name].add(name)
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
@@ -95,7 +96,7 @@ def test_no_two_classes_share_a_name():
 
 @pytest.mark.parametrize("name", PACKAGES[1:])
 def test_every_package_says_what_it_holds_what_it_never_does_and_where_to_begin(name):
-    text = ast.get_docstring(modules()[name]) or ""
+    text = ast.get_docstring(parsed(name)) or ""
     assert len(text.splitlines()) >= 3
     assert "Never here:" in text
     assert "Begin with" in text
