@@ -5,27 +5,26 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any
 
 # as on the command line, and before numpy is loaded: the matrices are small, and the tests have the processors already
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import durations
+import kernels
 import numpy as np
 import pytest
 import typer.testing
 from durations import pytest_addoption, pytest_collection_modifyitems
 from hypothesis import settings
-from shipped import config_path
 
-import beamsim
 from beamsim.analyses.run.result import RunResult
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
@@ -59,17 +58,6 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     durations.configure(config)
-
-
-# One short case for each group of compiled kernels; a worker compiles its share first, all of it lands in the cache.
-# Of two workers one has those that share the kernels of the march, so that few are compiled by both.
-KERNEL_CASES: list[tuple[str, str, dict[str, Any]]] = [
-    ("run", "one_sided_65hz", {"run.duration": 0.4}),
-    ("continuation", "chain_two_dof", {}),  # before the next: it has the search for extremes of two kinds of motions
-    ("sweep", "sweep_up_down", {"sweep.from": 60.0, "sweep.to": 62.0, "sweep.direction": "up", "sweep.levels": [9.81]}),
-    ("nnm", "nnm_chain_cubic_energy", {}),
-    ("run", "random_vibration", {"run.duration": 0.1, "run.spectrum.last": 0.05, "run.convergence": "off"}),
-]
 
 
 @contextmanager
@@ -114,14 +102,16 @@ def compiled_kernels(request: pytest.FixtureRequest) -> None:
 
     Numba's cache on disk is common to all processes: what a worker has not compiled here it reads from there later,
     unless it needs it before the worker whose share it is has finished. Without xdist, kernels compile when called.
+    A process that compiles keeps up to 600 MB until it ends, so that where nothing is compiled yet, others do it.
     """
     worker = getattr(request.config, "workerinput", None)
     if worker is None:
         return
-    first, step = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+    share = (int(worker["workerid"].removeprefix("gw")), worker["workercount"])
+    if not kernels.any_compiled():
+        subprocess.run([sys.executable, kernels.__file__, *map(str, share)], check=True)
     with _keeping_all():
-        for analysis, name, overrides in KERNEL_CASES[first::step]:
-            getattr(beamsim, analysis)(beamsim.load_scenario(config_path(name), overrides))
+        kernels.call(*share)
 
 
 @pytest.fixture(scope="session")
