@@ -77,7 +77,7 @@ def record():
 def test_a_record_with_the_other_sign_is_not_reliable_and_its_remedy_gives_the_stiffness(record, tmp_path):
     """A stop of 1.4 kN/m behind a gap of -4.3 mm was found, with exit code 0."""
     found = identified(tmp_path, -record)
-    assert found.outcome.text.startswith("not reliable: rec with the other sign is nearer by far")
+    assert found.outcome.text.startswith("not reliable: rec agrees much better")
     assert exit_code(found.outcome) == 3
     assert "write factor: -1 in the test" in found.outcome.text
     right = identified(tmp_path, -record, factor=-1)

@@ -27,7 +27,7 @@ from beamsim.structures.places import Place
 from beamsim.typing import Floats
 
 _HZ = 2 * np.pi
-_MIN_MODES = 3  # in the tables
+_MIN_MODES = 3  # at least, in the tables
 
 
 def identify_stiffness(
@@ -40,10 +40,10 @@ def identify_stiffness(
 
     Parameters
     ----------
-    scenario : with that section, or what `beamsim.load_scenario` reads.
+    scenario : scenario with that section, or anything that `beamsim.load_scenario` reads.
     measurements : one signal for each of ``identify_stiffness.nonlinear.tests`` that is used, read from their files.
-    progress : called repeatedly with the fraction done.
-    stop : asked within fits to vibrations whether to end with the best parameters so far, without their intervals.
+    progress : called repeatedly with the completed fraction.
+    stop : polled during fits to vibrations; when True, the best parameters so far are returned without intervals.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def identify_stiffness(
     Raises
     ------
     ScenarioError
-        If the section is missing, or no parameters explain the measurements: with the reason and a remedy.
+        If the section is missing, or no parameters explain the measurements; with a reason and a remedy.
     """
     scenario = scenario_of(scenario, "identify-stiffness")
     with scenario.locating(), stop_requests(stop):
@@ -66,7 +66,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
         raise ScenarioError.at(
             "identify_stiffness", "is missing", "add `identify_stiffness: {snubber: tip, measured_with: [...]}`"
         )
-    parts, current = dict[str, Findings](), scenario  # by what is fitted
+    parts, current = dict[str, Findings](), scenario  # by kind of fit
     if section.update:
         parts["update"], current = update_model(scenario, section)
     count = max(_MIN_MODES, len(section.measured_with), len(section.measured_without))
@@ -114,10 +114,10 @@ def _structure(
 
     Parameters
     ----------
-    scenario, updated : as written, and with the parameters that were fitted.
-    section : what was measured.
-    modes : of the model, every contact open.
-    fitted : whether parameters of the structure were.
+    scenario, updated : the scenario as written, and with the fitted parameters.
+    section : section with the measured frequencies and shapes.
+    modes : modes of the model, every contact open.
+    fitted : True if parameters of the structure were fitted.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def _structure(
 
 
 def _frequencies(modes: Mapping[str, ComparedModes]) -> Dataset:
-    """The labelled dataset of natural frequencies of models."""
+    """Build the labelled dataset of natural frequencies by model."""
     columns = {name: np.concatenate([getattr(each, name) for each in modes.values()]) for name in ComparedModes._fields}
     owners = np.repeat(np.arange(len(modes)), [each.mode.size for each in modes.values()])
     numbers = 1 + np.arange(owners.size)
@@ -141,7 +141,7 @@ def _frequencies(modes: Mapping[str, ComparedModes]) -> Dataset:
 
 
 def _profiles(scenario: Scenario, profiles: Sequence[tuple[str, ProfileLikelihood]], coverage: float) -> Dataset:
-    """The labelled dataset of profile likelihoods, each with the name of its fit."""
+    """Build the labelled dataset of profile likelihoods, each with the name of its fit."""
     sizes = [each.value.size for _, each in profiles]
     units = ["N/m" if fit == "stiffness" else unit_of(scenario, each.parameter) for fit, each in profiles]
     values = {
@@ -159,7 +159,7 @@ def _profiles(scenario: Scenario, profiles: Sequence[tuple[str, ProfileLikelihoo
 
 
 def _summary(modes: Mapping[str, ComparedModes]) -> dict[str, list[float]]:
-    """Entries of the summary about natural frequencies."""
+    """Summary entries about natural frequencies."""
     summary = {}
     for name, each in modes.items():
         word = name.partition("_")[0]
@@ -171,7 +171,7 @@ def _summary(modes: Mapping[str, ComparedModes]) -> dict[str, list[float]]:
 
 
 def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
-    """Modes that are left out."""
+    """Notes on snubbers and bodies that the natural frequencies do not include."""
     others = [s.name for s in scenario.all_snubbers if s.name != snubber]
     if others:
         yield f"the natural frequencies are those with the other snubbers ({', '.join(others)}) open"
@@ -184,14 +184,14 @@ def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
 
 
 def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[float, ...]) -> Floats:
-    """Modes of the body that a snubber acts on, every contact open, without rigid-body modes.
+    """Mode shapes of the body that a snubber acts on, with every contact open, without rigid-body modes.
 
     Parameters
     ----------
-    scenario : with the snubber.
-    snubber : its name; it acts on one body.
+    scenario : scenario with the snubber.
+    snubber : name of the snubber, which acts on one body.
     count : number of modes.
-    positions : p of them, m along a beam, or numbers of masses or nodes.
+    positions : p positions, m along a beam, or numbers of masses or nodes.
 
     Returns
     -------
@@ -206,7 +206,7 @@ def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[f
 
 
 def _shapes(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShapes, warnings: list[str]) -> Dataset:
-    """Likeness of measured shapes and those of the model, with a warning for each that resembles another mode."""
+    """Modal assurance of measured and predicted shapes; warns about shapes that resemble another mode more."""
     body = scenario.all_bodies[scenario.located_snubber(section.snubber).bodies[0]]
     positions = tuple(map(body.metres, given.positions))
     predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), positions)

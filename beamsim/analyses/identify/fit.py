@@ -1,9 +1,9 @@
-r"""Parameters of a scenario that make residuals small: one fit, whatever was measured.
+r"""Least-squares fit of parameters of a scenario to measurements of any kind.
 
-Each kind of data gives its residuals, weighted by their standard deviations, as a function of x, one number for each
-parameter: the logarithm of a factor, :math:`p = p_0 e^x`, or a shift where a parameter may be zero. A path with ``[*]``
-is one factor for the whole list. Priors with a relative standard deviation :math:`\pi` are further residuals,
-:math:`(p/p_0 - 1)/\pi`. Their sum of squares, :math:`\chi^2`, is minimised within the bounds; derivatives are
+Each kind of data provides residuals, weighted by their standard deviations, as a function of x. There is one x for
+each parameter: the logarithm of a factor, :math:`p = p_0 e^x`, or a shift if the parameter may be zero. A path with
+``[*]`` is one factor for the whole list. Priors with a relative standard deviation :math:`\pi` add the residuals
+:math:`(p/p_0 - 1)/\pi`. The sum of squares, :math:`\chi^2`, is minimised within the bounds, with derivatives by finite
 differences.
 """
 
@@ -29,38 +29,38 @@ from beamsim.typing import Bools, Floats
 
 MOST_EVALUATIONS = 100  # of the residuals in one fit, not counting those for derivatives
 _WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
-_STEP = 1e-5  # of x, for differences
-_PROFILE_WIDTH = 2.5  # standard deviations
-ON_BOUND = 1e-6  # of x, from a bound
-WITHOUT_INFLUENCE = 1e-9  # share of the largest derivative of a parameter
-ALIKE = 1e-6  # ratio of singular values below which parameters are one combination
-TAKES_PART = 0.2  # component of a parameter in such a combination
-CORRELATED = 0.995  # correlation of parameters that can hardly be distinguished
+_STEP = 1e-5  # of x, for finite differences
+_PROFILE_WIDTH = 2.5  # half-width of a profile, in standard deviations
+ON_BOUND = 1e-6  # distance of x from a bound
+WITHOUT_INFLUENCE = 1e-9  # relative to the largest derivative of a parameter
+ALIKE = 1e-6  # ratio of singular values below which only a combination of parameters is determined
+TAKES_PART = 0.2  # component of a parameter in such a combination, above which it is named
+CORRELATED = 0.995  # correlation above which parameters can hardly be distinguished
 
 
 class UnpredictableError(ArithmeticError):
-    """With these parameters the model predicts nothing that could be compared."""
+    """The model has no prediction for these parameters."""
 
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A parameter to be identified, located in its scenario."""
+    """Parameter to be identified, with its places in the scenario."""
 
     parameter: str
     places: tuple[Path, ...]
     values: tuple[float, ...]  # SI, one for each place
-    bounds: tuple[float, float]  # SI, of the first place's value; infinite without
-    prior: float  # relative standard deviation; nan without
-    shift: float  # SI, for x = 1; zero where x is the logarithm of a factor
+    bounds: tuple[float, float]  # SI, of the value at the first place; infinite if there is no bound
+    prior: float  # relative standard deviation; nan without prior
+    shift: float  # SI, change for x = 1; zero if x is the logarithm of a factor
 
     @property
     def start(self) -> float:
-        """The scenario's value, of the first place."""
+        """Value in the scenario, at the first place."""
         return self.values[0]
 
     def at(self, x: float) -> list[float]:
-        """Values at all places."""
-        with np.errstate(over="ignore"):  # an interval without an end
+        """Values at all places for a given x."""
+        with np.errstate(over="ignore"):  # an interval may be unbounded
             factor = float(np.exp(x))
         return [value + self.shift * x if self.shift else value * factor for value in self.values]
 
@@ -71,7 +71,7 @@ class FitParameter:
         if self.shift:
             low = low if self.is_gap else max(low, 0.0)
             return (low - self.start) / self.shift, (high - self.start) / self.shift
-        if self.places[0][-1] == "position" and not np.isfinite(high):  # from the start of the body to where it is
+        if self.places[0][-1] == "position" and not np.isfinite(high):  # from the start to its present place
             return float(np.log(0.05)), 0.0
         lower = low / self.start if 0.0 < low < np.inf else 1 / _WIDEST_FACTOR
         upper = high / self.start if high < np.inf else _WIDEST_FACTOR
@@ -79,12 +79,12 @@ class FitParameter:
 
     @property
     def is_gap(self) -> bool:
-        """Whether it is a gap, which may be negative."""
+        """True for a gap, which may be negative."""
         return any(place[-1] == "gap" for place in self.places)
 
 
 def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[FitParameter], list[Path]]:
-    """The numeric parameters, and the places of the non-numeric ones (supports)."""
+    """Locate the numeric parameters, and the paths of non-numeric ones (supports)."""
     numbers: list[FitParameter] = []
     words: list[Path] = []
     for item in items:
@@ -100,23 +100,23 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
 
 
 def with_parameters(scenario: Scenario, numbers: Sequence[FitParameter], x: Floats) -> Scenario:
-    """The scenario with other values of the parameters.
+    """Copy of the scenario with other values of the parameters.
 
     Parameters
     ----------
-    scenario : in which the parameters were located.
+    scenario : scenario in which the parameters were located.
     numbers : p parameters.
     x : (p,) logarithms of factors, or shifts.
 
     Returns
     -------
     Scenario
-        Checked.
+        Validated scenario.
 
     Raises
     ------
     UnpredictableError
-        If there is no such case.
+        If the scenario is not valid with these values.
     """
     values: dict[Path, object] = {}
     for number, each in zip(numbers, x, strict=True):
@@ -128,19 +128,19 @@ def with_parameters(scenario: Scenario, numbers: Sequence[FitParameter], x: Floa
 
 
 class ParameterEstimate(NamedTuple):
-    """A parameter estimated by a fit, in SI units."""
+    """Estimate of a parameter, in SI units."""
 
     parameter: str
-    before: float  # in the scenario, of the first item for [*]
+    before: float  # value in the scenario; of the first item for [*]
     value: float
-    standard_deviation: float  # nan where it is not known
+    standard_deviation: float  # nan if it is not known
     interval: tuple[float, float]
     bounds: tuple[float, float]
-    prior: float  # relative standard deviation; nan without one
+    prior: float  # relative standard deviation; nan without prior
     at_bound: bool
 
     def summary(self) -> dict[str, Any]:
-        """Its entries in the summary."""
+        """Entries for the summary of the result."""
         return {
             "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
             "interval": list(self.interval),
@@ -154,15 +154,15 @@ def estimates_dataset(
     covariance: Floats,
     more: Mapping[str, Any],
 ) -> Dataset:
-    """The labelled dataset of a fit.
+    """Build the labelled dataset of a fit.
 
     Parameters
     ----------
-    layout : of the dataset.
-    scenario : that the parameters are numbers of.
+    layout : layout of the dataset.
+    scenario : scenario with the parameters.
     parameters : p estimates.
-    covariance : (p, p) of them.
-    more : what else the dataset holds, by variable.
+    covariance : (p, p) covariance of the estimates.
+    more : further variables of the dataset, by name.
 
     Returns
     -------
@@ -176,24 +176,24 @@ def estimates_dataset(
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Where the sum of squares is least."""
+    """Minimum of the sum of squares."""
 
     x: Floats  # (p,)
     misfit: float  # chi squared
     converged: bool
 
 
-UNPREDICTED = 1e6  # residual where the model predicts nothing
+UNPREDICTED = 1e6  # residual if the model has no prediction
 
 
 class Fit:
-    """A least-squares problem.
+    """Least-squares problem.
 
     Parameters
     ----------
     numbers : p parameters.
-    measured : function of (p,) x, and of whether x is a small step from the last one, for a difference quotient.
-        Returns (r,) weighted residuals, or raises `UnpredictableError` where there are none.
+    measured : function of (p,) x and a flag, which is True for a small step from the last x (difference quotient).
+    Returns (r,) weighted residuals, or raises `UnpredictableError`.
     """
 
     def __init__(self, numbers: Sequence[FitParameter], measured: Callable[[Floats, bool], Floats]) -> None:
@@ -202,11 +202,11 @@ class Fit:
         self.lower, self.upper = limits[:, 0], limits[:, 1]
         self.evaluations = 0
         self._last: tuple[Floats, Floats] | None = None
-        self._least: LeastSquares | None = None  # of all that was evaluated
+        self._least: LeastSquares | None = None  # best of all evaluations so far
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
-        """Residuals of the measurements, then of the priors; `differencing` as for the measurements."""
-        if self._last is None or not np.array_equal(self._last[0], x):  # a derivative is asked for where they were
+        """Residuals of the measurements, then of the priors; `differencing` as in ``measured``."""
+        if self._last is None or not np.array_equal(self._last[0], x):  # differences start from the last x
             self.evaluations += 1
             priors = [
                 (number.at(float(each))[0] - number.start) / (number.prior * (abs(number.start) or number.shift))
@@ -220,7 +220,7 @@ class Fit:
         return self._last[1]
 
     def jacobian(self, x: Floats) -> Floats:
-        """(r, p) derivatives; nan of a parameter on neither side of which the model predicts anything."""
+        """(r, p) derivatives; nan for a parameter if the model has no prediction on either side."""
         here = self.residuals(x)
         out = np.full((here.size, x.size), np.nan)
         for i in range(x.size):
@@ -240,26 +240,25 @@ class Fit:
         return out
 
     def minimise(self, start: Floats, fixed: Bools | None = None, tolerance: float = 1e-10) -> LeastSquares:
-        """The least sum of squares within the bounds.
+        """Minimise the sum of squares within the bounds.
 
         Parameters
         ----------
         start : (p,) where the search begins.
-        fixed : (p,) which parameters keep their values; none by default.
-        tolerance : relative, of the sum and of x.
+        fixed : (p,) True for parameters that keep their values; none by default.
+        tolerance : relative tolerance of the sum and of x.
 
         Returns
         -------
-        Best
-            Not converged where `MOST_EVALUATIONS` did not suffice, or where it is asked to stop: then the best of all
-            that was evaluated.
+        LeastSquares
+            Not converged after `MOST_EVALUATIONS` evaluations or an interruption; it then holds the best evaluation.
 
         Raises
         ------
         UnpredictableError
-            If the model predicts nothing at the start.
+            If the model has no prediction at the start.
         Interrupted
-            If it is asked to stop before anything was evaluated.
+            If interrupted before the first evaluation.
         """
         try:
             with stop_requests(at_once=True):
@@ -270,7 +269,7 @@ class Fit:
             return self._least
 
     def _search(self, start: Floats, fixed: Bools | None, tolerance: float) -> LeastSquares:
-        """See `best`."""
+        """Run the optimiser; see `minimise`."""
         from scipy.optimize import least_squares
 
         start = np.clip(start, np.nextafter(self.lower, np.inf), np.nextafter(self.upper, -np.inf))
@@ -303,19 +302,19 @@ class Fit:
     def estimates(
         self, best: LeastSquares, jacobian: Floats, scale: float, coverage: float, without: Collection[int] = ()
     ) -> tuple[tuple[ParameterEstimate, ...], Floats, list[str]]:
-        """The parameters with their intervals.
+        """Parameters with their confidence intervals.
 
         Parameters
         ----------
         best : the estimate.
-        jacobian : (r, p) derivatives of the residuals there, zero of those in ``without``.
-        scale : factor on the covariance; nan where it is unknown.
+        jacobian : (r, p) derivatives of the residuals at the estimate; zero for those in ``without``.
+        scale : factor on the covariance; nan if it is unknown.
         coverage : probability of the intervals.
-        without : numbers of parameters of which the measurements cannot say anything, and need no warning.
+        without : indices of parameters that the measurements cannot determine and that need no warning.
 
         Returns
         -------
-        the parameters, their (p, p) covariance, and warnings about those that are not determined.
+        the parameters, their (p, p) covariance, and warnings about undetermined parameters.
         """
         covariance = inverse_information(jacobian) * scale
         z, estimates = NormalDist().inv_cdf(0.5 + coverage / 2), []
@@ -343,19 +342,19 @@ class Fit:
     def profiles(
         self, best: LeastSquares, covariance: Floats, scale: float, points: int
     ) -> tuple[ProfileLikelihood, ...]:
-        r"""How far :math:`\chi^2` is above its minimum over each parameter, the others fitted again.
+        r"""Profile likelihoods: :math:`\chi^2` above its minimum over each parameter, with the others fitted again.
 
         Parameters
         ----------
         best : the estimate.
-        covariance : (p, p) of it.
-        scale : factor in the covariance, by which :math:`\chi^2` is divided.
-        points : number of values of each parameter; those for which the model predicts nothing are left out.
+        covariance : (p, p) covariance of the estimate.
+        scale : factor in the covariance; :math:`\chi^2` is divided by it.
+        points : number of values per parameter; values without a prediction are left out.
 
         Returns
         -------
         tuple of ProfileLikelihood
-            Of the parameters whose standard deviation, in x, lies between 0 and 1; none where it is asked to stop.
+            For parameters whose standard deviation in x lies between 0 and 1; empty after an interruption.
         """
         profiles = []
         for i, number in enumerate(self.numbers):
@@ -380,17 +379,17 @@ class Fit:
 
 
 def at_bounds(scenario: Scenario, parameters: Sequence[ParameterEstimate]) -> tuple[Outcome, ...]:
-    """What is not reliable of a fit that ended on bounds: values beyond them may fit better, and intervals do not hold.
+    """Outcome of a fit that ended on bounds: better values may lie beyond them, and the intervals are not valid.
 
     Parameters
     ----------
-    scenario : that the parameters are numbers of.
+    scenario : scenario with the parameters.
     parameters : the estimates.
 
     Returns
     -------
     tuple of Outcome
-        One, or none where every parameter lies inside its bounds.
+        One outcome, or none if every parameter lies inside its bounds.
     """
     ended = [
         f"{p.parameter} ended on its bound, {p.value:g} {unit_of(scenario, p.parameter)}".removesuffix(" 1")
@@ -408,11 +407,11 @@ def at_bounds(scenario: Scenario, parameters: Sequence[ParameterEstimate]) -> tu
     )  # fmt: skip
 
 
-UNLIKELY = 1e-3  # probability of chi squared that noise as given hardly explains
+UNLIKELY = 1e-3  # probability of chi squared, below which the stated noise is taken as too small
 
 
 def widening(misfit: float, freedom: int) -> float:
-    """Factor on a covariance: chi^2 per degree of freedom where noise as given hardly explains it, else 1."""
+    """Factor on a covariance: chi squared per degree of freedom if the stated noise hardly explains it, else 1."""
     from scipy.special import gammaincc
 
     unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < UNLIKELY
@@ -423,10 +422,10 @@ NO_INFLUENCE = 1e-14  # ratio of eigenvalues below which a combination of parame
 
 
 def inverse_information(jacobian: Floats) -> Floats:
-    """(p, p) inverse of ``jacobian.T @ jacobian``, nan for parameters that the residuals do not determine.
+    """(p, p) inverse of ``jacobian.T @ jacobian``; nan for parameters that the residuals do not determine.
 
-    These are parameters without influence, and those of a combination without influence. If a derivative is not known
-    (nan), no variance is.
+    These are parameters without influence, and members of a combination without influence. With an unknown (nan)
+    derivative all variances are nan.
     """
     if not jacobian.size or not np.all(np.isfinite(jacobian)):
         return np.full((jacobian.shape[1],) * 2, np.nan)
@@ -442,16 +441,16 @@ def inverse_information(jacobian: Floats) -> Floats:
 
 
 def _confounding_warnings(sought: Sequence[FitParameter], jacobian: Floats, covariance: Floats) -> list[str]:
-    """Warnings about parameters that the measurements cannot distinguish.
+    """Warn about parameters that the measurements cannot distinguish.
 
     Parameters
     ----------
-    sought : p of them.
-    jacobian, covariance : (r, p) of the residuals; (p, p).
+    sought : the p parameters.
+    jacobian, covariance : (r, p) derivatives of the residuals; (p, p).
 
     Returns
     -------
-    One sentence a group.
+    One sentence for each group.
     """
     names = [number.parameter for number in sought]
     without_prior = {number.parameter for number in sought if np.isnan(number.prior)}
@@ -492,7 +491,7 @@ def _confounding_warnings(sought: Sequence[FitParameter], jacobian: Floats, cova
 
 
 def correlation_of(covariance: Floats) -> Floats:
-    """(p, p) correlation; nan where it is unknown."""
+    """(p, p) correlation matrix; nan where it is unknown."""
     with np.errstate(all="ignore"):
         deviation = np.sqrt(np.diag(covariance))
         return np.asarray(covariance / np.outer(deviation, deviation))

@@ -1,4 +1,4 @@
-"""Maxwell branches of a pad from measurements of the pad itself."""
+"""Fit of a spring and Maxwell branches to measurements of a pad."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ AT = ("identify_stiffness", "pad", "data")
 
 
 def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Findings:
-    """Fit branches to what was measured.
+    """Fit a spring and Maxwell branches to measurements of a pad.
 
     Parameters
     ----------
-    scenario : whose folder the file is relative to.
-    pad : with height and area, where a modulus was measured.
-    data : what was measured, or its file.
+    scenario : scenario; the path of the data file is relative to its folder.
+    pad : section of the pad; needs height and area if a modulus was measured.
+    data : measured values, or their file.
     coverage : probability of the intervals.
 
     Returns
@@ -43,7 +43,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Fin
     Raises
     ------
     ScenarioError
-        If the file cannot be used, or a dynamic test has a ramp.
+        If the file cannot be used, or a ramp is given with a dynamic test.
     """
     kind, rows = _measured(scenario, pad, data)
     dynamic, ramp = kind == "dynamic", data.ramp or 0.0
@@ -94,7 +94,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Fin
 
 
 def _yaml(fit: BranchFit) -> str:
-    """Keys of a snubber that has a spring and branches."""
+    """YAML keys of a snubber with the fitted spring and branches."""
     branches = ", ".join(
         f"{{stiffness: {each.stiffness:.5g} N/m, relaxation_time: {each.relaxation_time:.4g} s}}"
         for each in fit.branches
@@ -103,34 +103,34 @@ def _yaml(fit: BranchFit) -> str:
 
 
 POINTS_OF_CURVE = 200
-MOST_MISFIT = 0.05  # of a fit without a warning
-WORTH_BRANCHES = 1.1  # misfit over that of any number of branches, above which more of them are worth trying
+MOST_MISFIT = 0.05  # misfit above which a fit gives a warning
+WORTH_BRANCHES = 1.1  # ratio of the misfit to that with any number of branches, above which more branches are suggested
 
 
 def _warnings(fit: BranchFit) -> Iterator[str]:
-    """What makes a fit of branches doubtful, and what to do."""
+    """Warn if the fitted branches do not reproduce the measurements."""
     if fit.misfit > MOST_MISFIT:
         more = fit.misfit > WORTH_BRANCHES * fit.least_misfit
         remedy = "allow more branches" if more else "no branches fit these measurements"
         yield f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}"
 
 
-STEP_OF_LOGARITHM = 1e-5  # for differences
+STEP_OF_LOGARITHM = 1e-5  # of finite differences
 
 
 def _intervals(numbers: Floats, relative: Callable[[Floats], Complexes], coverage: float) -> Floats:
-    """Confidence intervals from the scatter that a fit leaves, by Student's distribution, to first order in logarithms.
+    """First-order confidence intervals of logarithms from the residual scatter, by Student's t distribution.
 
     Parameters
     ----------
     numbers : (p,) the estimates.
-    relative : what numbers give, over what was measured, (r,); relaxation curves have no imaginary parts.
+    relative : function from numbers to predicted over measured values, (r,); real for relaxation curves.
     coverage : probability of the intervals.
 
     Returns
     -------
     (p, 2) array
-        nan where no measurement is left to tell the scatter, and of numbers that are zero or not determined.
+        nan if there are no more measurements than numbers, and for numbers that are zero or not determined.
     """
     from scipy.special import stdtrit
 
@@ -170,14 +170,14 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
 
 
 def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Floats]:
-    """The kind, dynamic or relaxation, and (p, 3) or (p, 2) rows in SI units.
+    """Read the kind of test, dynamic or relaxation, and its rows in SI units, (p, 3) or (p, 2).
 
-    ``per_modulus`` is the stiffness for a unit of modulus, area over height, m; None where it is unknown.
+    ``per_modulus`` is stiffness over modulus, m (area over height); None if it is unknown.
 
     Raises
     ------
     InputFileError
-        If the file cannot be read, or is neither.
+        If the file cannot be read, or is neither kind of test.
     """
     table = read_file(file, data.decimal)
     columns = by_dimension(table, _DIMENSIONS, data.columns)
@@ -186,7 +186,7 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
             columns.setdefault("loss", np.asarray(column.y, dtype=float))
     if "modulus" in columns and "stiffness" not in columns:
         if per_modulus is None:
-            raise InputFileError("gives a modulus", "add height and area of the pad, which make it a stiffness")
+            raise InputFileError("gives a modulus", "add height and area of the pad, from which the stiffness follows")
         columns["stiffness"] = columns["modulus"] * per_modulus
     for kind, needed in (("dynamic", ("frequency", "stiffness", "loss")), ("relaxation", ("time", "stiffness"))):
         if all(name in columns for name in needed):
@@ -197,7 +197,7 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
                 raise InputFileError(f"cannot be used: {row}", "correct the table")
             return kind, rows
     raise InputFileError(
-        "is not a test of a pad",
+        "is not a dynamic or relaxation test of a pad",
         "it needs columns frequency (Hz), storage (kN/m), loss factor, or time (s), stiffness (kN/m), with units in "
         "the headings",
     )

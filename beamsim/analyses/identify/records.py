@@ -1,18 +1,18 @@
-r"""Measurements that a model predicts: what every test gives a fit, transients, peaks and jumps of slow sweeps.
+r"""Tests that a model predicts and a fit compares: transients, and peaks and jumps of slow sweeps.
 
 A transient is compared sample by sample with the exact motion of a run,
 
 .. math:: \chi^2 = \sum_i \frac{(m_i - g\,x(t_i + \tau;\theta) - b)^2}{\sigma^2},
 
-where the delay :math:`\tau`, unless it is known, and the zero b of the record are those that fit best with each
-:math:`\theta` (variable projection). Unless the noise is stated, it is at most what the median of the squared sixth
-differences of the record says, of which white noise has :math:`924\,\sigma^2` in the mean, and what the fit leaves
-where that is less.
+where the delay :math:`\tau` (unless it is known) and the offset b of the record are those that fit best for each
+:math:`\theta` (variable projection). If the noise is not stated, it is the smaller of two estimates: the residual of
+the fit, and the median of the squared sixth differences of the record, whose mean for white noise is
+:math:`924\,\sigma^2`.
 
-A slow sweep follows the branch of periodic motions up to a fold, jumps to the motion at the same frequency that the
-branch comes to next, and so on. Peaks are the largest ones on what it follows. Folds and maxima are located on the
-branch, so that they are as smooth in the parameters as the motions are. Near known ones they are located without a
-new branch.
+A slow sweep follows the branch of periodic motions up to a fold and jumps to the motion at the same frequency that
+comes next on the branch, and so on. Each predicted peak is the largest on the parts that the sweep follows. Folds and
+maxima are located on the branch, so that they are smooth functions of the parameters. Close to those of a neighbouring
+model they are located without tracing the branch again.
 """
 
 from __future__ import annotations
@@ -64,15 +64,15 @@ from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
-MOST_EVENTS = 20_000  # of a transient, in a fit
-SOUGHT_SHARE = 0.1  # of the compared duration, by which a motion may begin sooner or later than stated
+MOST_EVENTS = 20_000  # of a transient in a fit
+SOUGHT_SHARE = 0.1  # of the compared duration: how much earlier or later than stated a motion may begin
 FEWEST = 20  # samples of a transient
-SLACK = 1.2  # factor on the square of the noise, within which the scatter of a few hundred samples has it
+SLACK = 1.2  # factor on the noise variance that covers its scatter over a few hundred samples
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """The motion of the model in a test."""
+    """Predicted motion of a test."""
 
     system: StructuralSystem
     motion: Trajectory
@@ -85,59 +85,59 @@ class Prediction:
 
 
 class TestComparison(NamedTuple):
-    """A prediction compared with a measurement of r values."""
+    """Prediction compared with a measurement of r values."""
 
     values: Any  # predicted, in the time of the measurement and with its gain
     delay: float  # s, measured(t) = predicted(t + delay)
-    residuals: Floats  # (r,) weighted differences
-    by_delay: Floats  # (r,) their derivatives by the delay, 1/s
+    residuals: Floats  # (r,) differences over the standard deviation
+    by_delay: Floats  # (r,) derivatives by the delay, 1/s
 
 
 class Misfit(NamedTuple):
-    """Share of a test in the misfit, and the interval of its delay."""
+    """Contribution of a test to the misfit, and the confidence interval of its delay."""
 
     misfit: float
-    without: float  # the misfit of a fit to the other tests alone
+    without: float  # misfit of a fit to the other tests alone
     delay: tuple[float, float] = (nan, nan)  # s, ends of the interval
 
 
 @dataclass(frozen=True)
 class Test:
-    """What kinds of tests have in common: a measurement, ready to be compared."""
+    """What all kinds of tests share: a measurement with its name, probe and quantity."""
 
-    __test__ = False  # not a test case, whatever its name
+    __test__ = False  # keep pytest from collecting this class
 
-    number: int  # in the list of the scenario
+    number: int  # index in the list of the scenario
     name: str
     probe: str
     quantity: str
     noise_known: bool
     free_phase: bool  # whether the delay is fitted
-    treatment: str  # of the record, in words
+    treatment: str  # what was done to the record, in words
 
     @property
     def lost(self) -> int:
-        """Number of measured values that say nothing of the parameters."""
+        """Number of degrees of freedom that are spent on delay and offset instead of parameters."""
         return int(self.free_phase)
 
     def fit_warnings(self, prediction: Prediction) -> list[str]:
-        """A warning where the motion says nothing of the snubbers."""
+        """Warn if the motion does not reach the snubbers."""
         if prediction.touching or not prediction.system.snubbers:
             return []
         return [
-            f"{self.name}: contact is never made and lost; the motion is linear and contains little information about "
+            f"{self.name}: no contact opens or closes; the motion is linear and contains little information about "
             "the snubber"
         ]
 
     def fitted_test(
         self, kind: str, part: Misfit, delay: float, rows: Mapping[str, Mapping[str, Any]], **more: Any
     ) -> FittedTest:
-        """This test with what a fit finds of it.
+        """Collect measured and predicted values of this test.
 
         Parameters
         ----------
         kind, rows, more : see `FittedTest`.
-        part : its part of the misfit.
+        part : contribution of this test to the misfit.
         delay : s, see `TestComparison`.
 
         Returns
@@ -151,7 +151,7 @@ class Test:
 
 
 class FittedTest(NamedTuple):
-    """Measured and predicted values of a test: the variables of `TESTS`."""
+    """Measured and predicted values of a test; the variables of `TESTS`."""
 
     name: str
     kind: str
@@ -163,7 +163,7 @@ class FittedTest(NamedTuple):
     delay_interval: tuple[float, float]
     misfit: float
     misfit_without: float
-    rows: Mapping[str, Mapping[str, Any]]  # columns by name, by dimension: harmonic, sample, peak or point
+    rows: Mapping[str, Mapping[str, Any]]  # columns by dimension (harmonic, sample, peak or point) and name
     frequency_hz: float | None = None
     noise: float | None = None
     level: float | None = None
@@ -171,7 +171,7 @@ class FittedTest(NamedTuple):
 
 
 def tests_dataset(tests: Sequence[FittedTest]) -> Dataset:
-    """The labelled dataset of tests."""
+    """Build the labelled dataset of tests."""
     values: dict[str, Any] = {"end": ENDS, "delay_interval": np.array([each.delay_interval for each in tests])}
     for dim in ("harmonic", "sample", "peak", "point"):
         owners = [number for number, each in enumerate(tests) if dim in each.rows]
@@ -183,29 +183,29 @@ def tests_dataset(tests: Sequence[FittedTest]) -> Dataset:
     return TESTS.table(tests, [{"unit": each.unit} for each in tests], **values)
 
 
-LEAST_SCATTER = 1e-6  # of a record without noise, over its range
+LEAST_SCATTER = 1e-6  # noise of a record without noise, relative to its range
 
 
 @dataclass(frozen=True)
 class Transient(Test):
-    """A record of a motion that begins at t = 0."""
+    """Record of a motion that begins at t = 0."""
 
-    record: MeasuredSignal  # of n samples, over s since the stated begin
-    preparation: RecordPreparation  # of the record, and of the motion that is compared with it
+    record: MeasuredSignal  # n samples over the time since the stated beginning
+    preparation: RecordPreparation  # filter of the record, applied to the predicted motion too
     sigma: float
-    stated: bool  # whether the noise is
+    stated: bool  # True if the scenario states the noise
     duration: float  # s, of the run
-    reach: float  # s, how much sooner or later it may begin
+    reach: float  # s, how much earlier or later the motion may begin
 
     @classmethod
     def of(cls, number: int, test: TransientTest, signal: MeasuredSignal, probe: str) -> Transient:
-        """A record cut to what is compared.
+        """Cut a record to the part that is compared.
 
         Parameters
         ----------
-        number : of the test in the list of the scenario.
-        test, signal : its section of the scenario, and the record in SI units, unfiltered.
-        probe : where it was measured.
+        number : index of the test in the list of the scenario.
+        test, signal : the section of the test, and its record in SI units, unfiltered.
+        probe : name of the probe where it was measured.
 
         Returns
         -------
@@ -214,18 +214,18 @@ class Transient(Test):
         Raises
         ------
         InputFileError
-            If there is no record over time, too little of it, or a filter does not suit it.
+            If the signal is a spectrum, is too short or constant, or its filter does not suit it.
         """
         if signal.of_frequency:
             raise InputFileError("is a spectrum", "give the record over time")
         time = signal.x - signal.x[0] - test.begin
         part = (time >= 0.0) & (time <= (test.duration or np.inf))
         if part.sum() < FEWEST:
-            message = f"has {part.sum()} samples from begin = {test.begin:g} s on, of {FEWEST} at least"
-            raise InputFileError(message, "give begin since the first sample, and a longer duration")
+            message = f"has {part.sum()} samples after begin = {test.begin:g} s; at least {FEWEST} are needed"
+            raise InputFileError(message, "check begin, which counts from the first sample, or give a longer duration")
         free, duration = test.phase == "free", float(time[part][-1])
         reach = SOUGHT_SHARE * duration if free else 0.0
-        part &= time <= duration - reach  # the run lasts as long as the record, which may have begun sooner
+        part &= time <= duration - reach  # the run is as long as the record, which may have begun earlier
         preparation = RecordPreparation(remove=test.remove, high_pass=test.high_pass)
         values = np.asarray(signal.y, dtype=float)
         prepared = condition(record := replace(signal, x=time[part], y=values[part]), preparation)
@@ -244,20 +244,20 @@ class Transient(Test):
 
     @property
     def time(self) -> Floats:
-        """(n,) s, since the stated begin."""
+        """(n,) time since the stated beginning, s."""
         return self.record.x
 
     @cached_property
     def measured(self) -> Floats:
-        """(n,) of the record, filtered."""
+        """(n,) filtered record."""
         return self.prepare(np.asarray(self.record.y, dtype=float))
 
     def prepare(self, values: Floats) -> Floats:
-        """Values (n,) through the filter of the record: a linear operation, the same on measurement and motion."""
+        """Filter values (n,) as the record is filtered; the same linear operation for measurement and motion."""
         return np.asarray(condition(replace(self.record, y=values), self.preparation).y)
 
     def first(self, share: float) -> Self:
-        """The first part of the record, not shorter than its filter."""
+        """Copy with the beginning of the record, at least as long as the filter needs."""
         least = FEWEST
         if self.preparation.high_pass is not None:
             interval = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
@@ -268,7 +268,13 @@ class Transient(Test):
         return replace(self, record=record, duration=self.duration - cut)
 
     def with_fit_noise(self, misfit: float, parameters: int) -> Self:
-        """With the noise that a fit of so many parameters leaves, where the record alone does not tell it as well."""
+        """Copy with the noise re-estimated from the fit residual, where the noise is not stated.
+
+        Parameters
+        ----------
+        misfit : sum of squared weighted residuals of this test.
+        parameters : number of fitted parameters.
+        """
         left = misfit / max(self.size - self.lost - parameters, 1)
         return self if self.stated or left > SLACK else replace(self, sigma=self.sigma * max(left, 1e-24) ** 0.5)
 
@@ -279,25 +285,25 @@ class Transient(Test):
 
     @property
     def lost(self) -> int:
-        """The delay, and the zero of the record."""
+        """Two: the delay and the offset of the record."""
         return super().lost + 1
 
     def case(self, scenario: Scenario) -> Scenario:
-        """The scenario under the excitation and from the start of this test."""
+        """The scenario with the excitation and the start of this test."""
         test, run = of_kind(TransientTest, fit_of(scenario).tests[self.number]), scenario.run
         start = test.start or ("static_equilibrium" if run is None else run.start)
         excitation = scenario.excitation if test.excitation is None else test.excitation
         case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
-        return case.with_source(scenario.source)  # without text, where keys would be those of other sections
+        return case.with_source(scenario.source)  # without the text, whose lines belong to other sections
 
     def predict(self, case: Scenario, near: Prediction | None, shared: SharedBuilds) -> Prediction:
-        """The exact motion.
+        """Compute the exact motion.
 
         Parameters
         ----------
-        case : with values of the parameters.
-        near : the prediction for neighbouring values, which does not help.
-        shared : what was built before.
+        case : scenario with the values of the parameters.
+        near : prediction for neighbouring values; not used for transients.
+        shared : cache of built systems.
 
         Returns
         -------
@@ -306,7 +312,7 @@ class Transient(Test):
         Raises
         ------
         UnpredictableError
-            Where it has too many events.
+            If the motion has too many events.
         """
         test, at = fit_of(case).tests[self.number], f"identify_stiffness.nonlinear.tests[{self.number}]"
         with ExitStack() as places:
@@ -322,17 +328,17 @@ class Transient(Test):
         return Prediction(system, motion, motion.event_time.size > 0)
 
     def compare(self, prediction: Prediction, gain: float, near: TestComparison | None) -> TestComparison:
-        """Compare a prediction with the measurement, at the delay that fits best.
+        """Compare a prediction with the measurement at the best-fitting delay.
 
         Parameters
         ----------
-        prediction : of this test.
-        gain : of the channel.
-        near : the comparison for neighbouring values, near whose delay that is; else it is anywhere within reach.
+        prediction : prediction of this test.
+        gain : gain of the channel.
+        near : comparison for neighbouring parameters, near whose delay the search begins; None: over the whole range.
 
         Returns
         -------
-        Compared
+        TestComparison
         """
         delay, motion = 0.0 if near is None else near.delay, prediction.motion
         channels = prediction.system.channels.of_keys(("probes", self.quantity))
@@ -378,7 +384,13 @@ class Transient(Test):
         return TestComparison(shown + zero, delay, residuals(predicted), by_delay)
 
     def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
-        """Its part of the misfit, and the comparison with the scenario's and with the estimated values."""
+        """Collect its contribution to the misfit, and the comparisons before and after the fit.
+
+        Parameters
+        ----------
+        part : contribution of this test to the misfit.
+        before, found : comparison at the scenario's values, and at the estimate.
+        """
         samples = {
             "time": self.time, "measured": self.measured, "before": before.values, "predicted": found.values,
         }  # fmt: skip
@@ -386,42 +398,42 @@ class Transient(Test):
 
 
 def fit_of(scenario: Scenario) -> NonlinearFit:
-    """The section with the tests, where there is one."""
+    """The section of the nonlinear fit, which must exist."""
     return not_none(not_none(scenario.identify_stiffness).nonlinear)
 
 
 _EXACT = Settings(iterations=15)
-_NEAR = 2e-2  # of a known feature, likewise, within which one of a neighbouring model is looked for
-_APART = 1e-3  # between the motions that give a peak as a parabola, in the scale of a branch
+_NEAR = 2e-2  # search distance around a feature of a neighbouring model, in the scale of a branch
+_APART = 1e-3  # distance of the motions that define a peak as a parabola, in the scale of a branch
 
 
 class Feature(NamedTuple):
-    """A point of a branch that a sweep shows."""
+    """Special point of a branch that a sweep shows."""
 
     kind: str  # jump, landing (after a jump), top, or start
     point: BranchPoint
 
 
-FURTHEST = 20  # way in one go, in distances `_APART`
+FURTHEST = 20  # steps of `_APART` in one go
 
 
 @dataclass
 class _Curve:
-    """The branch of a model, its features and the peaks that are measured on it."""
+    """Branch of periodic motions of a model, with the features and peaks that a sweep shows."""
 
     orbits: ForcedOrbits
     measurement: Measurement
-    channels: tuple[int, ...]  # of each peak, among those that are measured
+    channels: tuple[int, ...]  # channel of each peak, among the measured ones
     test: SweepTest
 
     @property
     def way(self) -> float:
-        """1 where the frequency rises, else -1."""
+        """1 if the frequency rises, else -1."""
         return 1.0 if self.test.direction == "up" else -1.0
 
     @cached_property
     def points(self) -> tuple[BranchPoint, ...]:
-        """The branch between both frequencies of a sweep, in its direction."""
+        """Branch between the two end frequencies of a sweep, in its direction."""
         low, high = 2 * np.pi * self.test.from_, 2 * np.pi * self.test.to
         found = trace_range(Tracer(self.orbits, (0.5 * low, 2.0 * high)), low, high, Budget(4000, np.inf))
         pieces = [piece for branch in found for piece in cut(branch, low, high)]
@@ -432,11 +444,11 @@ class _Curve:
         return points if (points[-1].parameter - points[0].parameter) * self.way > 0 else points[::-1]
 
     def heights(self, point: BranchPoint) -> Floats:
-        """Heights of the measured peaks."""
+        """Values of the measured peaks at a point."""
         return self.measurement.of_flow_map(*self.orbits.cycle(point)).peak[list(self.channels)]
 
     def moved(self, point: BranchPoint, distance: float) -> BranchPoint:
-        """The motion so far along the tangent of a point."""
+        """Motion at a distance along the tangent of a point."""
         t, guess = point.tangent, point.u + distance * point.scale * point.tangent
         found = correct(self.orbits, Predictor(guess, t, point.scale, t), _EXACT)
         if found is None:
@@ -444,11 +456,11 @@ class _Curve:
         return found
 
     def fold(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
-        """The fold between two points."""
+        """Locate the fold between two points."""
         return BranchStep(self.orbits, a, b, _EXACT).locate(lambda p: float(p.tangent[-1]))
 
     def top(self, point: BranchPoint, peak: int) -> BranchPoint | None:
-        """The largest peak near a point, by parabolas through three of them; None where there is none."""
+        """Locate the largest peak near a point by parabolas through three motions; None if there is none."""
         for _ in range(_EXACT.iterations):
             sides = [self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0)]
             slope, bend = sides[1] - sides[0], sides[0] + sides[1] - 2.0 * self.heights(point)[peak]
@@ -461,14 +473,14 @@ class _Curve:
         return None
 
     def landing(self, near: BranchPoint, frequency: float) -> BranchPoint:
-        """The motion at the frequency of a jump after it."""
+        """Motion right after a jump, at the frequency of the jump."""
         point = solve_at(self.orbits, near.u, _EXACT, frequency)
         if point is None:
             raise UnpredictableError("the motion after a jump was not found")
         return point
 
     def matching_feature(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature:
-        """The feature that corresponds to one of a neighbouring model."""
+        """Locate the feature that corresponds to a feature of a neighbouring model."""
         if known.kind == "jump" and jump is not None:
             return jump
         centre = correct_across(self.orbits, known.point.u, _EXACT) if known.kind in ("jump", "top") else None
@@ -487,7 +499,7 @@ class _Curve:
 
     @cached_property
     def followed(self) -> tuple[list[list[Feature]], Feature | None]:
-        """The parts of the branch that a sweep follows, with their ends, and its first jump."""
+        """Parts of the branch that a sweep follows, each with its ends as features, and the first jump."""
         parts, part, first = list[list[Feature]](), list[Feature](), None
         way, rest = self.way, iter(pairwise(self.points))
         for a, b in rest:
@@ -499,7 +511,7 @@ class _Curve:
                 raise UnpredictableError("a fold of the branch was not located")
             parts, part = [*parts, [*part, Feature("jump", fold)]], []
             first = first or parts[-1][-1]
-            for c, d in rest:  # to where the branch passes the frequency of the fold again
+            for c, d in rest:  # up to where the branch passes the frequency of the fold again
                 if (c.parameter - fold.parameter) * way <= 0 < (d.parameter - fold.parameter) * way:
                     part.append(Feature("landing", self.landing(c, fold.parameter)))
                     break
@@ -508,7 +520,7 @@ class _Curve:
         return [*parts, [*part, Feature("start", self.points[-1])]], first
 
     def highest(self) -> tuple[Feature, ...]:
-        """Where each peak is largest on what a sweep follows."""
+        """Features where each peak is largest, on the parts that a sweep follows."""
         places = [(part, k) for part in self.followed[0] for k in range(len(part))]
         heights = np.array([self.heights(part[k].point) for part, k in places])
         return tuple(self._highest(places[at], peak) for peak, at in enumerate(np.argmax(heights, axis=0)))
@@ -522,33 +534,33 @@ class _Curve:
 
 
 def _determinant(point: BranchPoint) -> float:
-    """A number with the sign of that of the derivative by the state, which changes at folds alone."""
+    """Number that changes its sign only at folds: the sign of the determinant of the derivative by the state."""
     return point.orientation * float(point.tangent[-1])
 
 
 def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[SweepTest]:
-    """The rows of a test's file, or the test itself where it has none.
+    """Tests from the rows of a test's file, or the test itself if it has no file.
 
     Parameters
     ----------
     test : of the scenario.
-    folder : where the path of the file begins.
-    probes : names that headings of peaks may begin with.
+    folder : folder that the path of the file is relative to.
+    probes : names of probes that headings of peaks may begin with.
 
     Returns
     -------
     list of SweepTest
-        With the names of the file, or numbered ones; what the file does not say is as in the test.
+        With names from the file, or numbered; settings missing from the file are taken from ``test``.
 
     Raises
     ------
     InputFileError
-        If the file cannot be read, or a row is no test: with its line.
+        If the file cannot be read, or a row is not a valid test; the message gives the line.
     """
     if test.file is None:
         return [test]
     path = folder / test.file
-    ending_of(path)  # of a file that exists
+    ending_of(path)  # reading fails early if the file does not exist
     with reading(path, "a table of sweeps"):
         table = read_named_columns(path, test.decimal, texts=("name", "direction"))
     columns = [(*split_heading(heading), heading) for heading in table.headings]
@@ -561,7 +573,7 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
             if not unit and name not in ("name", "direction"):
                 raise InputFileError(f"states no unit in its heading {written}", "write for example jump (Hz)")
             if probe not in ("", *probes):
-                raise InputFileError(f"has no probe in its heading {written}", f"probes are {', '.join(probes)}")
+                raise InputFileError(f"names no probe in its heading {written}", f"probes are {', '.join(probes)}")
             value = f"{cell} {unit}".rstrip()
             of_test = not probe and key in ("name", "level", "direction", "from", "to", "rate", "jump", "scatter")
             if cell:
@@ -577,34 +589,34 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
 
 @dataclass(frozen=True)
 class SweepPrediction(Prediction):
-    """What a slow sweep shows: the motion is that of its largest peak."""
+    """Prediction of a slow sweep; ``motion`` is the one of its largest peak."""
 
     curve: _Curve
     jump: Feature | None
-    tops: tuple[Feature, ...]  # of each measured peak
-    numbers: Floats  # (r,) predicted, with a gain of 1
-    bandwidth: float  # Hz, of the decay at the largest peak
+    tops: tuple[Feature, ...]  # one for each measured peak
+    numbers: Floats  # (r,) predicted values, with a gain of 1
+    bandwidth: float  # Hz, half-power bandwidth from the decay at the largest peak
 
 
 @dataclass(frozen=True)
 class SweptPeaks(Test):
-    """Measured peaks and the jump of a slow sweep at one level and in one direction."""
+    """Measured peaks and jump of a slow sweep at one level in one direction."""
 
-    what: tuple[str, ...]  # each number is: a jump, or frequency or height of a peak
-    measured: Floats  # (r,) Hz, and units of the peaks
+    what: tuple[str, ...]  # of each value: "jump", "frequency of ..." or "peak of ..."
+    measured: Floats  # (r,) Hz, or units of the peaks
     sigma: Floats  # (r,)
     test: SweepTest
     places: tuple[tuple[str, str], ...]  # probe and quantity of each peak
 
     @classmethod
     def of(cls, number: int, test: SweepTest, probe: str) -> SweptPeaks:
-        """A row of a table.
+        """Create the test from a row of a table.
 
         Parameters
         ----------
-        number : of the test in the list of the scenario.
-        test : section of the scenario.
-        probe : where peaks are that name no probe.
+        number : index of the test in the list of the scenario.
+        test : section of the test.
+        probe : probe of peaks that name none.
         """
         rows = [] if test.jump is None else [("jump", test.jump, test.scatter)]
         places = []
@@ -642,7 +654,7 @@ class SweptPeaks(Test):
         return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
     def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
-        """Jump and peaks; see `Transient.predict`."""
+        """Compute jump and peaks; see `Transient.predict`."""
         test, curve = self.test, self._curve(case, shared)
         try:
             found = None if near is None else self._matching_features(curve, near)
@@ -660,7 +672,7 @@ class SweptPeaks(Test):
         return SweepPrediction(system, motion, touching, curve, jump, tops, np.array(numbers), bandwidth)
 
     def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
-        """The branch of a case and what is measured along it."""
+        """Branch of a case, with the channels that are measured along it."""
         system, harmonic = build_system(case, shared, with_stations=False), of_kind(Harmonic, case.excitation)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
@@ -682,14 +694,14 @@ class SweptPeaks(Test):
         return None
 
     def _features_of_branch(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
-        """Jump and peaks on the whole branch."""
+        """Jump and peaks from the complete branch."""
         _, jump = curve.followed
         if self.test.jump is not None and jump is None:
             raise UnpredictableError(f"{self.name}: the model does not jump")
         return jump, curve.highest()
 
     def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
-        """Compare predicted numbers with the table; see `Transient.compare`."""
+        """Compare predicted values with the table; see `Transient.compare`."""
         heights = np.array([what.startswith("peak") for what in self.what])
         numbers = prediction.numbers * np.where(heights, gain, 1.0)
         residuals = (numbers - self.measured) / self.sigma
@@ -713,38 +725,41 @@ class SweptPeaks(Test):
         )
 
     def _unstable(self, prediction: SweepPrediction) -> float | None:
-        """Hz, the first motion that is followed and not stable, up to the last one that is compared."""
+        """Frequency of the first unstable motion on the part that a sweep follows, Hz; None if there is none."""
         curve, jump = prediction.curve, prediction.jump
         ends = [*(prediction.tops if self.test.peaks else ()), *([jump] if jump and self.test.jump else [])]
         last = max(curve.way * end.point.parameter for end in ends)
         inner = [f for part in curve.followed[0] for f in part if f.kind == "start"]
-        inner += [top for top in prediction.tops if top.kind == "top"]  # at folds and landings round-off decides
+        inner += [top for top in prediction.tops if top.kind == "top"]  # at folds round-off decides on stability
         lost = [curve.way * f.point.parameter for f in inner if not curve.orbits.orbit(f.point).stable]
         first = min(lost, default=np.inf)
         return curve.way * first / (2 * np.pi) if first <= last else None
 
     def fit_warnings(self, prediction: Any) -> list[str]:
-        """Also warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
-        stable, or the sweep is too fast (0.1 times the square of the bandwidth, in Hz, by integrated ones)."""
+        """Warn if a real sweep would not show the prediction.
+
+        Reasons: a peak directly after a jump, an unstable motion, or a sweep rate above 0.1 times the squared bandwidth
+        (limit found by integrated sweeps).
+        """
         warnings, most = [], 0.1 * prediction.bandwidth**2
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
         if self.test.rate is not None and self.test.rate.unit == "oct/s":
             hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
         if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
             warnings.append(
-                "its peak is the one right after the jump, which overshoots however slow the sweep is; give the "
+                "its peak comes directly after the jump, where the motion overshoots at any sweep rate; give the "
                 "amplitude to which it settles there, or leave peaks out"
             )
         if (lost := self._unstable(prediction)) is not None:
             warnings.append(
-                f"the motion at {lost:.4g} Hz is not stable: the sweep leaves it otherwise than at a fold, and what "
-                "follows is not the peak or jump of motions with its period; narrow from and to, or fit the time "
+                f"the motion at {lost:.4g} Hz is not stable: the sweep leaves the branch before a fold, and what "
+                "follows has another period; narrow from and to, or fit the time "
                 "history of the sweep as a transient"
             )
         elif hertz > most:
             warnings.append(
                 f"{hertz:.3g} Hz/s is fast for a bandwidth of {prediction.bandwidth:.3g} Hz: above {most:.3g} Hz/s "
-                "peaks and jumps are late and not those of steady vibrations; fit the time history of the sweep as a "
+                "peaks and jumps lag behind those of steady vibrations; fit the time history of the sweep as a "
                 "transient"
             )
         return [*super().fit_warnings(prediction), *(f"{self.name}: {each}" for each in warnings)]

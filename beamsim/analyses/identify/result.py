@@ -1,4 +1,4 @@
-"""Result of the identification, and what its parts hand to it."""
+"""Result of the identification, and the findings from which it is assembled."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class ComparedModes(NamedTuple):
 
         Parameters
         ----------
-        predicted_hz : (m,) from the first mode on, rigid-body modes among them.
-        measured_hz : from the first mode that is no rigid-body mode.
+        predicted_hz : (m,) frequencies from the first mode on, with rigid-body modes.
+        measured_hz : frequencies from the first mode that is not a rigid-body mode.
         rigid : number of rigid-body modes.
 
         Returns
@@ -66,10 +66,10 @@ class ProfileLikelihood(NamedTuple):
 
 @dataclass(frozen=True)
 class Findings:
-    """What one kind of measurements gives the result."""
+    """Contribution of one kind of measurements to the result."""
 
     datasets: Sequence[Dataset]
-    summary: Mapping[str, Any]  # what does not repeat a variable of them
+    summary: Mapping[str, Any]  # entries that are not variables of the datasets
     warnings: Sequence[str] = ()
     profiles: Sequence[ProfileLikelihood] = ()
     modes: Mapping[str, ComparedModes] = field(default_factory=dict)  # by model
@@ -155,7 +155,7 @@ class IdentificationResult(Result):
     )  # fmt: skip
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if entry.name in ("updated", "estimated") and place:
             return unit_of(self.scenario, place[0])
         return super().unit_of(entry, place, keys, record)

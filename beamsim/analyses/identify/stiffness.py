@@ -35,37 +35,37 @@ from beamsim.system.force_tables import curves_of
 from beamsim.typing import Floats, not_none
 
 _HZ = 2 * np.pi
-_NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
+_NARROWEST = 1e-3  # the curves extend by this factor on either side of the identified stiffness
 POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
-AT_END = 1.01  # ratio to the end of a range within which a stiffness ended there
+AT_END = 1.01  # ratio to the end of a range within which a stiffness counts as at that end
 Interval = tuple[float, float]
 _UNKNOWN = (np.nan, np.nan)
 _PATH = "identify_stiffness.measured_with"
-_WIDEST = 1e9  # search range: this factor on either side of one over the compliance of the structure
+_WIDEST = 1e9  # search range: this factor on either side of the inverse compliance of the structure
 
 
 @dataclass(frozen=True)
 class FittedModes:
-    """Chosen modes with their measured frequencies, of a structure with a spring at the snubber."""
+    """Modes with measured frequencies, for a structure with a spring at the snubber."""
 
     point: SpringPoint  # modes without the spring
     mode: tuple[int, ...]  # numbers from 1, including rigid-body modes
     omega: Floats  # (m,) measured, rad/s
-    sigma: Floats  # (m,) relative standard deviations; all zero when unknown
+    sigma: Floats  # (m,) relative standard deviations; all zero if unknown
     unconstrained: int = 0  # rigid-body modes with the snubber closed, below the first measured frequency
 
     @property
     def weight(self) -> Floats:
-        """(m,) one over the absolute standard deviation, s/rad (equal relative weights when unknown)."""
+        """(m,) inverse of the absolute standard deviation, s/rad (equal relative weights if it is unknown)."""
         sigma = self.sigma if self.sigma.all() else np.ones(self.omega.size)
         return np.asarray(1.0 / (sigma * self.omega))
 
     def predicted_frequencies(self, stiffness: float | Floats) -> Floats:
-        """(..., m) frequencies of these modes, rad/s, with springs of such stiffnesses."""
+        """(..., m) frequencies of these modes, rad/s, with springs of the given stiffnesses, N/m."""
         return np.asarray(self.point.frequencies(stiffness, max(self.mode))[..., np.array(self.mode) - 1])
 
     def misfit(self, stiffness: float | Floats) -> Floats:
-        """(...) weighted sum of squares, chi^2, at some stiffnesses, N/m."""
+        """(...) weighted sum of squares, chi squared, for the given stiffnesses, N/m."""
         return np.asarray(np.sum(((self.predicted_frequencies(stiffness) - self.omega) * self.weight) ** 2, axis=-1))
 
     def slope(self, stiffness: float) -> Floats:
@@ -73,7 +73,7 @@ class FittedModes:
         return np.asarray(self.point.slope(self.predicted_frequencies(stiffness)) * self.weight)
 
     def stiffness_at(self, number: int, omega: Floats) -> Floats:
-        """Stiffnesses, N/m, with which one of the modes, from 0, has angular frequencies of any shape.
+        """Stiffnesses, N/m, that give one mode (index from 0) the angular frequencies ``omega`` of any shape.
 
         0 below the range of the mode, infinite above it.
         """
@@ -84,18 +84,20 @@ class FittedModes:
 
     @cached_property
     def individual(self) -> Floats:
-        """(m,) stiffness from each mode alone, N/m; see `reached`."""
+        """(m,) stiffness from each mode alone, N/m; see `stiffness_at`."""
         return np.array([float(self.stiffness_at(number, omega)) for number, omega in enumerate(self.omega)])
 
     @cached_property
     def range(self) -> Interval:
-        """Stiffnesses, N/m, beyond which a spring is as good as none, or as a rigid stop."""
+        """Stiffness range, N/m: below it a spring has no effect, above it it acts as a rigid stop."""
         unit = 1.0 / float(np.sum(self.point.shape**2 / np.maximum(self.point.omega, self.omega[0]) ** 2))
         return unit / _WIDEST, unit * _WIDEST
 
     def intervals(self, coverage: float) -> Floats:
-        """(m, 2) confidence intervals of the stiffness from each mode alone, N/m: those of its frequency; 0 or infinite
-        beyond its range, nan where no uncertainty is known."""
+        """(m, 2) confidence intervals of the stiffness from each mode alone, N/m.
+
+        They follow from the interval of the frequency; 0 or infinite beyond its range, nan if no uncertainty is known.
+        """
         ends = NormalDist().inv_cdf(0.5 + coverage / 2) * np.array([-1.0, 1.0])
         both = [
             self.stiffness_at(k, w * (1.0 + s * ends))
@@ -105,17 +107,17 @@ class FittedModes:
 
 
 def fit_stiffness(modes: FittedModes) -> float:
-    """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
+    """Stiffness, N/m, with the best fit to the measured frequencies; 0 or infinite if no stiffness reaches them."""
     low, high = float(modes.individual.min()), float(modes.individual.max())
     return low if low == high else _fit_between(modes, low, high)
 
 
-BRACKET_MARGIN = 1e-6  # relative: keeps a minimum at a bound (other modes have a node at the spring) in the bracket
+BRACKET_MARGIN = 1e-6  # relative; keeps a minimum at a bound (other modes have a node at the spring) inside the bracket
 
 
 def _fit_between(modes: FittedModes, low: float, high: float) -> float:
-    """Fit of several modes that give stiffnesses between two values, N/m."""
-    # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
+    """Fit several modes that alone give stiffnesses between ``low`` and ``high``, N/m."""
+    # a mode out of reach gives no bound: search as far as the compliance of the structure matters
     lowest, highest = modes.range
     low, high = max(low * (1 - BRACKET_MARGIN), lowest), min(high * (1 + BRACKET_MARGIN), highest)
     if low >= high:
@@ -137,7 +139,7 @@ def _fit_between(modes: FittedModes, low: float, high: float) -> float:
 
 
 def _check_reach(modes: FittedModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
-    """Refuse frequencies that no stiffness reaches; with several modes, only warn if one is within reach.
+    """Refuse frequencies that no stiffness reaches; with several modes, only warn if at least one is reachable.
 
     Raises
     ------
@@ -163,7 +165,7 @@ def _check_reach(modes: FittedModes, without_hz: tuple[float, ...] = ()) -> tupl
 def _out_of_reach(
     point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], *, fixed: bool
 ) -> tuple[str, str]:
-    """What is wrong with the frequency of a mode, which may be fixed whatever the stiffness, and its remedy."""
+    """Message and remedy for a frequency out of reach (``fixed``: independent of the stiffness)."""
     low, high = point.reach(mode)
     if fixed:
         return (
@@ -184,12 +186,12 @@ def _out_of_reach(
 
 
 def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> str:
-    """The most likely mistake behind a frequency out of reach."""
+    """Remedy for the most likely mistake behind a frequency out of reach."""
     low, high = point.reach(mode)
     if mode <= len(without_hz) and omega <= low < _HZ * without_hz[mode - 1] < high:
         return "were measured_with and measured_without swapped?"
     hints = []
-    number = point.mode_number(omega)  # which could have this frequency
+    number = point.mode_number(omega)  # mode that could have this frequency
     other = number not in (0, mode) and number <= point.omega.size
     if other and point.reach(number)[0] < omega < point.reach(number)[1]:
         hints.append(f"it fits mode {number}: list the frequencies starting with the first mode")
@@ -212,14 +214,14 @@ STEP_OF_STIFFNESS = 1.01  # thesis, algorithm 1
 
 
 def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tuple[float, Outcome, int]:
-    """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
+    """Algorithm 1 of the thesis: increase k by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
 
     Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance. The frequency
     never decreases with k, so the loop then stops with that outcome instead of running forever.
 
     Parameters
     ----------
-    modes : of which the first one is fitted.
+    modes : the modes; the first one is fitted.
     tolerance : relative difference in frequency at which the loop ends.
     most_solutions : largest number of eigenvalue solutions.
 
@@ -252,18 +254,18 @@ def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tu
 
 
 def spread_of(modes: FittedModes, stiffness: float, coverage: float) -> tuple[float, Interval, Interval]:
-    """First-order standard deviation and interval, and the interval that is not symmetric.
+    """First-order standard deviation and interval, and the asymmetric interval.
 
     Parameters
     ----------
-    modes : the fitted ones.
+    modes : the fitted modes.
     stiffness : the identified value, N/m.
     coverage : probability of the intervals.
 
     Returns
     -------
     float, two pairs of floats
-        N/m; nan where the measurement has no uncertainties.
+        N/m; nan if the measurement has no uncertainties.
     """
     if not modes.sigma.all():
         return np.nan, _UNKNOWN, _UNKNOWN
@@ -277,7 +279,7 @@ def spread_of(modes: FittedModes, stiffness: float, coverage: float) -> tuple[fl
 
 
 def _profile_interval(modes: FittedModes, stiffness: float, relative: float, z: float) -> Interval:
-    """Where chi^2 stays within z^2 of its minimum."""
+    """Interval in which chi squared stays within z^2 of its minimum."""
     from scipy.optimize import brentq
 
     least = float(modes.misfit(stiffness))
@@ -300,7 +302,7 @@ def _profile_interval(modes: FittedModes, stiffness: float, relative: float, z: 
 def monte_carlo(
     modes: FittedModes, stiffness: float, relative: float, samples: int, coverage: float, generator: np.random.Generator
 ) -> tuple[float, Interval, float]:
-    """Standard deviation and interval of k for normally distributed frequencies, and the share of unreachable samples.
+    """Standard deviation, interval and share of unreachable samples for normally distributed frequencies.
 
     Every sample is identified separately: in closed form from one mode; from several by the smallest misfit in a table
     and a parabola through its three lowest points. Samples that no stiffness explains count as 0 or infinity in the
@@ -308,17 +310,17 @@ def monte_carlo(
 
     Parameters
     ----------
-    modes : the fitted ones with their standard deviations.
+    modes : the fitted modes with their standard deviations.
     stiffness : the identified value, N/m.
-    relative : its standard deviation to first order, over the value.
+    relative : its first-order standard deviation over the value.
     samples : number of samples.
     coverage : probability of the interval.
-    generator : of the random numbers.
+    generator : source of the random numbers.
 
     Returns
     -------
     float, pair of floats, float
-        Standard deviation, N/m, nan of fewer than two usable samples; interval, N/m; share, from 0 to 1.
+        Standard deviation, N/m, nan for fewer than two usable samples; interval, N/m; share from 0 to 1.
     """
     omega = modes.omega * (1 + modes.sigma * generator.standard_normal((samples, modes.omega.size)))
     k = (
@@ -342,7 +344,7 @@ def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega
     width = min(HALF_WIDTH * relative, 20.0)
     x = np.log(stiffness) + np.linspace(-width, width, STIFFNESSES)
     table = modes.predicted_frequencies(np.exp(x))
-    # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
+    # chi squared up to a constant per sample: (t, m) products instead of a (samples, t, m) array.
     w2 = modes.weight**2
     value = np.sum(table**2 * w2, axis=1)[None, :] - 2 * (omega * w2) @ table.T
     best = np.argmin(value, axis=1)
@@ -356,17 +358,17 @@ def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega
 
 
 def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) -> list[ProfileLikelihood]:
-    """chi^2 above its minimum against the stiffness.
+    """Chi squared above its minimum as a function of the stiffness.
 
     Parameters
     ----------
-    modes : the fitted ones.
+    modes : the fitted modes.
     stiffness, deviation : the identified value and its standard deviation, N/m.
 
     Returns
     -------
     list of ProfileLikelihood
-        One; none without uncertainties, and of a stiffness that is 0 or infinite.
+        One profile; empty without uncertainties, and for a stiffness that is 0 or infinite.
     """
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
         return []
@@ -376,35 +378,35 @@ def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) ->
 
 
 class Sensitivity(NamedTuple):
-    """How the identified stiffness depends on one number of the structure."""
+    """Dependence of the identified stiffness on one number of the structure."""
 
     parameter: str
     unit: str
     value: float
     relative: float  # d ln k / d ln p
-    uncertainty: float  # relative standard deviation of the parameter; nan where it is not known
+    uncertainty: float  # relative standard deviation of the parameter; nan if it is not known
 
     @property
     def contribution(self) -> float:
-        """Relative standard deviation of k that comes from this parameter; nan where it is not known."""
+        """Relative standard deviation of k due to this parameter; nan if it is not known."""
         return abs(self.relative) * self.uncertainty
 
 
 def sensitivities(
     scenario: Scenario, modes: FittedModes, snubber: str, stiffness: float, known: dict[str, float]
 ) -> list[Sensitivity]:
-    """d ln k / d ln p at fixed frequencies for every number of the structure.
+    """Logarithmic derivatives d ln k / d ln p at fixed frequencies for every number of the structure.
 
     One mode: exact for the finite-element model. Several: to first order in the misfit. A path with ``[*]`` is a common
     factor.
 
     Parameters
     ----------
-    scenario : with the snubber.
-    modes : the fitted ones.
-    snubber : its name.
+    scenario : scenario with the snubber.
+    modes : the fitted modes.
+    snubber : name of the snubber.
     stiffness : the identified value, N/m.
-    known : relative standard deviations by path.
+    known : relative standard deviations of parameters, by path.
 
     Returns
     -------
@@ -444,19 +446,19 @@ def sensitivities(
 def permanent_contact(
     scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: Dataset | None
 ) -> tuple[Findings, dict[Path, object]]:
-    """Findings from frequencies with permanent contact.
+    """Identify the stiffness from frequencies with permanent contact.
 
     Parameters
     ----------
-    scenario : after the update of its structure.
-    section : what was measured.
-    point : modes at the snubber.
-    count : how many are in the tables.
-    update : of the structure, whose parameters are uncertain.
+    scenario : scenario after the update of its structure.
+    section : section with the measured frequencies.
+    point : modes at the snubber, contacts open.
+    count : number of modes in the tables.
+    update : dataset of the update, for the uncertainties of its parameters; None without one.
 
     Returns
     -------
-    Findings, and by path the values of the scenario with the stiffness, or the scale of the table.
+    Findings, and by path the values of the scenario to replace: the stiffness, or the scale of the table.
     """
     snubber = section.snubber
     located = scenario.located_snubber(snubber)
@@ -496,7 +498,7 @@ def permanent_contact(
 
 
 def _measured_modes(section: IdentifyStiffness, point: SpringPoint) -> FittedModes:
-    """The modes that are fitted; rigid-body modes with the snubber closed are below the first measured one."""
+    """Modes to fit; rigid-body modes with the snubber closed are below the first measured one."""
     rigid = int(np.sum(point.omega == 0))
     unconstrained = int(np.sum(point.frequencies(np.inf, rigid) == 0)) if rigid else 0
     return FittedModes(
@@ -509,7 +511,7 @@ def _measured_modes(section: IdentifyStiffness, point: SpringPoint) -> FittedMod
 
 
 def _relative_deviations(update: Dataset | None) -> dict[str, float]:
-    """Relative standard deviations of the parameters of an update that have one, by path."""
+    """Relative standard deviations of the updated parameters, by path, where they are known."""
     if update is None or not update.labels("parameter"):
         return {}
     relative = (update["standard_deviation"].values / update["value"].values).tolist()
@@ -518,7 +520,7 @@ def _relative_deviations(update: Dataset | None) -> dict[str, float]:
 
 
 def _pad_modulus(pad: Pad | None, stiffness: float, interval: Interval) -> dict[str, Any]:
-    """E_r = k h / b, Pa (thesis, section 1.3.3), and its interval; nan of a pad without dimensions."""
+    """Young's modulus E_r = k h / b, Pa (thesis, section 1.3.3), and its interval; nan for a pad without dimensions."""
     modulus = np.nan
     if pad is not None and pad.height is not None and pad.area is not None:
         modulus = stiffness * pad.height / pad.area
@@ -528,7 +530,7 @@ def _pad_modulus(pad: Pad | None, stiffness: float, interval: Interval) -> dict[
 
 
 def _widen(measured: FittedModes) -> tuple[FittedModes, list[str]]:
-    """Several modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
+    """Increase the uncertainties until they explain the contradiction between modes; warn if they grow."""
     freedom = len(measured.mode) - 1
     largest = float(measured.misfit(fit_stiffness(measured)))
     wider = widening(largest, freedom)
@@ -542,9 +544,9 @@ def _widen(measured: FittedModes) -> tuple[FittedModes, list[str]]:
 
 
 def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcome, str, dict[str, Any]]:
-    """How the search ended, what the uncertainty is from, and the variables of `STIFFNESS`."""
+    """Outcome of the search, source of the uncertainty, and the variables of `STIFFNESS`."""
     point, single = measured.point, measured.individual
-    outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
+    outcome, solutions = COMPLETE, 1  # the eigenvalue problem without the snubber
     if section.method == "thesis":
         k, outcome, solutions = thesis_loop(measured, section.tolerance, section.most_solutions)
     else:
@@ -558,7 +560,7 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
         scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
         weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
         source = "scatter" if scatter > 0 else ""
-    if not outcome.trusted:  # there is no interval about the end of a range
+    if not outcome.trusted:  # no confidence interval at the end of the range
         source = ""
         weighted = replace(measured, sigma=np.zeros(measured.omega.size))
     first_order, first_order_interval, interval = spread_of(weighted, k, section.coverage)
@@ -591,7 +593,7 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> tuple[Outcom
 
 
 def _at_end_of_range(modes: FittedModes, stiffness: float) -> Outcome:
-    """Not reliable where modes contradict each other so much that no spring, or a rigid stop, fits them best."""
+    """Outcome if contradicting modes are fitted best by no spring or by a rigid stop."""
     low, high = modes.range
     if low * AT_END < stiffness < high / AT_END:
         return COMPLETE
@@ -606,7 +608,7 @@ def _at_end_of_range(modes: FittedModes, stiffness: float) -> Outcome:
 
 
 def _total(deviation: float, stiffness: float, sensitive: list[Sensitivity], update: Dataset | None) -> float:
-    """Standard deviation including the contributions of all parameters with known uncertainty.
+    """Standard deviation with the contributions of all parameters of known uncertainty.
 
     Parameters fitted together are correlated; the others are treated as independent.
     """
@@ -622,7 +624,7 @@ def _total(deviation: float, stiffness: float, sensitive: list[Sensitivity], upd
 
 
 def _curves(point: SpringPoint, count: int, stiffness: float) -> Dataset:
-    """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
+    """Frequency as a function of stiffness around the identified value, in closed form."""
     k = stiffness if 0 < stiffness < np.inf else 1.0
     share = 1 / (1 + np.exp(-np.linspace(-14, 14, 240)))
     modes, values, frequencies = range(1, min(count, point.omega.size) + 1), [], []
@@ -653,7 +655,7 @@ def _fit_warnings(modes: ComparedModes, fitted: tuple[int, ...], interval: Inter
 
 
 def _bound_warning(limit: str, side: str) -> str:
-    """A warning where a frequency that no finite stiffness gives is within the uncertainty of the measured one."""
+    """Warn that the uncertainty of the frequency includes one that no finite stiffness gives."""
     return (
         f"the uncertainty of the frequency extends to {limit}: the stiffness has no {side} bound; use a mode whose "
         "frequency depends more on the snubber"
@@ -661,12 +663,12 @@ def _bound_warning(limit: str, side: str) -> str:
 
 
 def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float, int]:
-    """A snubber's table, its force at static equilibrium, N, and the segment there, from 1.
+    """Force-deflection table of a snubber, its force at static equilibrium, N, and its segment there, from 1.
 
     Raises
     ------
     ScenarioError
-        Where the snubber is open at rest: its slope there is not that of a permanent contact.
+        If the snubber is open at rest: its slope there is not that of a permanent contact.
     """
     index = [item.name for _, _, item, _ in scenario.located_snubbers].index(snubber)
     curve = not_none(curves_of(scenario)[index])
@@ -674,7 +676,7 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
     if not force > 0.0:
         raise ScenarioError.at(
             "identify_stiffness.measured_with",
-            f"gives the slope of the table of {snubber} where it rests, and the snubber is open at rest",
+            f"gives the slope of the table of {snubber} where it rests, but the snubber is open at rest",
             f"give {path_text(scenario.located_snubber(snubber).path)} the preload of the test, or measure "
             "vibrations (nonlinear)",
         )
@@ -686,7 +688,7 @@ def _table_slope(
 ) -> tuple[dict[str, Any], dict[Path, object], list[str]]:
     """Compare the slope of a table at rest with the identified stiffness.
 
-    Returns the numbers, by its path a table with that slope, and warnings.
+    Returns the values of the summary, the replacement table by path, and warnings.
     """
     slope = float(curve.slopes[segment - 1])
     deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
@@ -695,7 +697,7 @@ def _table_slope(
     if at_a_bend:
         warnings.append(
             f"{snubber} rests at a bend of its table, {1e3 * deflection:.4g} mm: its slope is that of the segment "
-            "below, and a vibration is on both"
+            "below, but a vibration uses both"
         )
     path, _, item, _ = scenario.located_snubber(snubber)
     table = not_none(item.table)
@@ -718,20 +720,20 @@ def _table_slope(
     return values, found, warnings
 
 
-MORE_MODES = 60  # of a large model, beyond those requested; a static vector represents the others
+MORE_MODES = 60  # modes of a large model beyond those requested; a static vector represents the others
 
 
 def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
-    """Modes of the bodies that a snubber acts on, every contact open: all of the finite-element model's.
+    """Modes of the bodies that a snubber acts on, with every contact open.
 
     A model with more degrees of freedom than `DENSE_LIMIT` gives `requested` + 60 modes and the static vector of the
-    snubber, which carries the static compliance of the rest.
+    snubber, which represents the static compliance of the other modes. Smaller models give all modes.
 
     Parameters
     ----------
-    scenario : with the snubber.
-    name : of the snubber.
-    requested : number of modes that are needed.
+    scenario : scenario with the snubber.
+    name : name of the snubber.
+    requested : number of modes needed.
 
     Returns
     -------

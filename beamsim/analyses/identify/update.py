@@ -29,23 +29,23 @@ from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.typing import Floats
 
-NEARLY_AS_WELL = 4.0  # variances that a misfit exceeds the best one by: two standard deviations
+NEARLY_AS_WELL = 4.0  # increase of chi squared up to which a support is nearly as good: two standard deviations
 POINTS_OF_PROFILE = 13  # of the misfit along each parameter
 
 
 def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
-    """Natural frequencies, every contact open, of the bodies that a snubber acts on.
+    """Natural frequencies of the bodies that a snubber acts on, with every contact open.
 
     Parameters
     ----------
-    scenario : with the snubber.
-    snubber : its name.
-    count : number of modes, without rigid-body modes.
+    scenario : scenario with the snubber.
+    snubber : name of the snubber.
+    count : number of modes besides rigid-body modes.
 
     Returns
     -------
     (m,) array
-        Hz: zeros of the rigid-body modes, then ``count`` others, or all there are.
+        Hz: zero for each rigid-body mode, then ``count`` others, or as many as there are.
     """
     model = assemble(scenario, scenario.located_snubber(snubber).bodies)
     count += model.rigid.shape[1]
@@ -53,7 +53,7 @@ def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
 
 
 def too_few_modes(key: str, measured: int, modes: int) -> Problem:
-    """More frequencies were measured than the model has modes."""
+    """Problem for more measured frequencies than the model has modes."""
     return Problem(
         f"identify_stiffness.{key}",
         f"has {measured} frequencies, but the model has only {modes} modes",
@@ -62,21 +62,21 @@ def too_few_modes(key: str, measured: int, modes: int) -> Problem:
 
 
 def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findings, Scenario]:
-    """Fit the parameters of ``section.update`` to ``section.measured_without``.
+    """Fit the parameters of ``section.update`` to the frequencies ``section.measured_without``.
 
     Parameters
     ----------
-    scenario : with the values where the search begins.
-    section : what was measured, and what is sought.
+    scenario : scenario with the initial values.
+    section : section with the measured frequencies and the parameters to fit.
 
     Returns
     -------
-    Findings, with the modes before the update, and the scenario with the parameters found.
+    Findings with the modes before the update, and the scenario with the fitted parameters.
 
     Raises
     ------
     ScenarioError
-        If no combination of supports has a case with as many modes as were measured.
+        If no combination of supports is valid and has as many modes as were measured.
     """
     numbers, words = sought_numbers(scenario, section.update)
     start = np.zeros(len(numbers))
@@ -113,12 +113,12 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
 def _fits_of_words(
     scenario: Scenario, section: IdentifyStiffness, numbers: list[FitParameter], words: Sequence[Path]
 ) -> tuple[list[tuple[str, Scenario, Fit, LeastSquares]], dict[str, Problem]]:
-    """The fits with every combination of words, kinds of supports, the best one first, and why others have none.
+    """Fits for every combination of supports, the best one first, and the problems of invalid combinations.
 
     Parameters
     ----------
-    scenario, section : as of `update_model`.
-    numbers, words : that are sought.
+    scenario, section : as in `update_model`.
+    numbers, words : numeric parameters, and paths of the supports.
     """
     tried, refused = [], dict[str, Problem]()
     for choice in product(*(choices_at(scenario, place) for place in words)):
@@ -127,7 +127,7 @@ def _fits_of_words(
             case = with_values(scenario, dict(zip(words, choice, strict=True))).recheck()
             fit = _fit(case, section, numbers)
             tried.append((text, case, fit, fit.minimise(np.zeros(len(numbers)))))
-        except ScenarioError as error:  # a support that holds the snubber's point, for example
+        except ScenarioError as error:  # a support at the point of the snubber, for example
             refused[text] = error.problems[0]
         except UnpredictableError:
             measured = len(section.measured_without)

@@ -85,7 +85,7 @@ from beamsim.system.force_tables import curves_of
 from beamsim.system.reduced_model import SharedBuilds
 from beamsim.typing import Complexes, Floats, not_none, of_kind
 
-HIGHEST_PASS = 0.2  # of a steady test's frequency: a high-pass filter takes up to 0.07 % of the first harmonic
+HIGHEST_PASS = 0.2  # of a steady test's frequency: a high-pass filter there changes the first harmonic by up to 0.07 %
 
 
 def fit_nonlinear(
@@ -98,21 +98,21 @@ def fit_nonlinear(
 
     Parameters
     ----------
-    scenario : with the initial values.
-    section : what is sought.
+    scenario : scenario with the initial values of the parameters.
+    section : section with the tests and the parameters to estimate.
     signals : one for each test.
-    progress : called with the share of the starts that is done.
+    progress : called with the completed fraction of the starts.
 
     Returns
     -------
     Findings
-        From the start with the lowest misfit; where it is asked to stop, the best so far, without intervals.
+        The fit with the lowest misfit of all starts. After an interruption, the best fit so far, without intervals.
 
     Raises
     ------
     ScenarioError
-        If a signal cannot be used, there are more unknowns than measured numbers, a segment without slope is sought,
-        or there is no steady vibration with the initial values of the scenario.
+        If a signal cannot be used, there are more unknowns than measured values, a segment without slope is to be
+        estimated, or no steady vibration exists at the initial values of the scenario.
     """
     begin = processor_time()
     nonlinear = not_none(section.nonlinear)
@@ -129,7 +129,7 @@ def fit_nonlinear(
 
 
 def _clipping_outcome(names: Sequence[str], outcome: Outcome) -> Outcome:
-    """The outcome of a fit, not reliable where records that it uses are clipped, given by name."""
+    """Mark the outcome of a fit as not reliable if it uses clipped records (named in ``names``)."""
     if not names:
         return outcome
     what = f"{first_of(names, MOST_LISTED)} is clipped at the end of the sensor's range"
@@ -140,24 +140,24 @@ def _clipping_outcome(names: Sequence[str], outcome: Outcome) -> Outcome:
 
 @dataclass(frozen=True)
 class _FitFromStarts:
-    """Where the search for the least misfit ended."""
+    """Result of a search from several starting points."""
 
     fit: Fit
     best: LeastSquares
-    before: list[TestComparison]  # with the scenario's values
-    misfit_before: float  # with these
-    tried: int  # starts
-    agreeing: int  # of them that ended in the lowest misfit
+    before: list[TestComparison]  # at the scenario's values
+    misfit_before: float  # at the scenario's values
+    tried: int  # number of starting points
+    agreeing: int  # starting points that ended at the lowest misfit
     warnings: list[str]
 
 
 def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _FitFromStarts:
-    """The least misfit of all starts, and what noise it tells: `vibrations.tests` have it afterwards.
+    """Minimise the misfit from every start; `vibrations.tests` then have the noise estimated from the best fit.
 
     Parameters
     ----------
-    vibrations : with the tests and the parameters.
-    settings : of the fit, with its number of starts.
+    vibrations : the tests and parameters.
+    settings : settings of the fit, with the number of starts.
     progress : see `fit_nonlinear`.
 
     Returns
@@ -171,7 +171,7 @@ def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Pr
     solutions, tried = _from_starts(fits, settings, progress)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
-    if len(fits) > 1 and not stop_requested():  # the noise of transients is what is left, but for a wrong model
+    if len(fits) > 1 and not stop_requested():  # estimate the noise of transients from the fit residual
         vibrations.tests = _with_fit_noise(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
@@ -179,18 +179,20 @@ def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Pr
         best = fit.minimise(best.x)
     warnings = []
     if agreeing == 1 < len(solutions):
-        warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
+        warnings.append(
+            "only one start reached the lowest misfit; the others ended elsewhere: improve the initial values"
+        )
     return _FitFromStarts(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
 def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, begin: float) -> Findings:
-    """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
+    """Compute confidence intervals at the estimate, and the contribution of each test to the misfit.
 
     Parameters
     ----------
-    vibrations : with the tests as the search left them.
-    search : where it ended; parameters of which the tests say nothing get the scenario's values again.
-    section : with the probability of the intervals.
+    vibrations : tests and parameters as `_search_starts` left them.
+    search : result of the search; parameters that no test determines get the scenario's values back.
+    section : section with the probability of the intervals.
     begin : processor time before the search, s.
 
     Returns
@@ -245,17 +247,17 @@ def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: Identif
     return Findings([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
-OTHER_SIGN = 0.25  # of the misfit of a record, of the same with the other sign, which is then asked about
-FAR_FROM_NOISE = 10.0  # times the misfit that noise explains, above which the sign of a record is asked about
+OTHER_SIGN = 0.25  # misfit with the opposite sign over that with the present one, below which the sign is doubtful
+FAR_FROM_NOISE = 10.0  # times the misfit that noise explains, above which the sign of a record is checked
 
 
 def _undetermined(parameters: Sequence[ParameterEstimate], unknown: Collection[int]) -> list[Outcome]:
-    """What is not reliable where the tests say nothing of a parameter: its value is that of the scenario, or anything.
+    """Outcome for parameters that the tests do not determine: their values are not reliable.
 
     Parameters
     ----------
     parameters : the estimates.
-    unknown : numbers of those that are segments no test reaches, of which a warning says that.
+    unknown : indices of parameters that are table segments no test reaches; these have their own warning.
     """
     names = [p.parameter for k, p in enumerate(parameters) if np.isnan(p.standard_deviation) and k not in unknown]
     if not names:
@@ -270,18 +272,18 @@ def _undetermined(parameters: Sequence[ParameterEstimate], unknown: Collection[i
 
 
 def _of_other_sign(names: Sequence[str]) -> list[Outcome]:
-    """What is not reliable where tests with the other sign are nearer to the motion of the scenario's values."""
+    """Outcome for tests whose record, with the opposite sign, is much closer to the initial prediction."""
     if not names:
         return []
-    what = f"{first_of(names, MOST_LISTED)} with the other sign is nearer by far to the motion of the values before"
-    remedy = "write factor: -1 in the test if its sensor counts in the other direction"
+    what = f"{first_of(names, MOST_LISTED)} agrees much better with the initial prediction if its sign is reversed"
+    remedy = "write factor: -1 in the test if its sensor has the opposite polarity"
     return [Outcome.of(OutcomeKind.UNTRUSTED, "other_sign", what, remedy=remedy, tests=tuple(names))]
 
 
 def _outcome(
     interrupted: str, best: LeastSquares, without_derivative: Sequence[str], doubtful: Sequence[Outcome]
 ) -> Outcome:  # fmt: skip
-    """How the fit ended: where it was interrupted, what is doubtful, and the parameters without a derivative."""
+    """Outcome of a fit: interrupted, evaluation limit, unreliable parameters, or parameters without a derivative."""
     if interrupted:
         return interruption(interrupted)
     outcomes = list(doubtful)
@@ -304,16 +306,16 @@ def _outcome(
     return first_with_others(outcomes)
 
 
-NO_LINE = 1e-6  # amplitude over the fundamental of a line that a motion does not have
+NO_LINE = 1e-6  # amplitude, relative to the fundamental, below which a motion is taken to have no component
 
 
 @dataclass(frozen=True)
 class _Steady(Test):
-    """A measured steady vibration, of which harmonics are compared."""
+    """Measured steady vibration, compared by its harmonics."""
 
     probe_index: int
     frequency_hz: float
-    multiple: int  # periods of the excitation in one of the motion, whose harmonics are compared
+    multiple: int  # excitation periods in one period of the motion
     harmonics: Harmonics
     sigma: Floats  # (h,)
 
@@ -334,15 +336,15 @@ class _Steady(Test):
         return scenario.model_copy(update={"excitation": excitation, "run": None})
 
     def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
-        """The steady vibration; see `Transient.predict`."""
+        """Compute the steady vibration; see `Transient.predict`."""
         guess = None if near is None else near.start
         return steady_vibration(case, guess, multiple=self.multiple, shared=shared)
 
     def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
-        """Harmonics in the time of the measurement; see `Transient.compare`."""
+        """Compare harmonics, shifted to the time of the measurement; see `Transient.compare`."""
         predicted = gain * prediction.harmonics(self.probe_index, self.quantity, self.harmonics.order.size)
         phase = self._phase(predicted)
-        if near is not None:  # without a jump by a turn
+        if near is not None:  # avoid a jump by a full turn
             phase += 2 * np.pi * round((near.delay * self.omega - phase) / (2 * np.pi))
         predicted = predicted * np.exp(1j * self.harmonics.order * phase)
         turned = 1j * self.omega * self.harmonics.order * predicted / self.sigma
@@ -350,20 +352,22 @@ class _Steady(Test):
         return TestComparison(predicted, phase / self.omega, self._residuals(predicted), by_delay)
 
     def fit_warnings(self, prediction: Any) -> list[str]:
-        """A warning where the predicted motion is another than the recorded one, or says nothing of the snubbers."""
+        """Warn if the predicted period differs from that of the record, or the motion does not reach the snubbers."""
         size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.multiple))
         repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > NO_LINE * size[-1])).tolist())
         if repeats == self.multiple:
             return super().fit_warnings(prediction)
         return [
             f"{self.name}: the record repeats after {count_text(self.multiple, 'period')} of the excitation, and the "
-            f"predicted motion after {repeats}: several are possible, or the numbers are far off; begin nearer to the "
-            "truth (gap, stiffness), or leave it out"
+            f"predicted motion after {repeats}: several motions exist, or the initial values are far off; start nearer "
+            "to the truth (gap, stiffness), or leave it out"
         ]
 
     def _phase(self, predicted: Complexes) -> float:
-        """Phase of the measurement, rad of the motion's own period: a whole number of those of the excitation where its
-        phase is known."""
+        """Phase lag of the measurement, rad of the motion's own period.
+
+        If the measured phase is known, the lag is a whole number of excitation periods.
+        """
         if self.free_phase:
             return best_phase(self.harmonics, predicted, self.sigma)
         turns = 2.0 * np.pi / self.multiple * np.arange(self.multiple)
@@ -371,7 +375,7 @@ class _Steady(Test):
         return float(turns[np.argmin([np.sum(self._residuals(each) ** 2) for each in turned])])
 
     def _residuals(self, predicted: Complexes) -> Floats:
-        """Weighted differences of harmonics in the time of the measurement."""
+        """Weighted differences of the harmonics, in the time of the measurement."""
         if not self.harmonics.has_phase:
             return np.asarray((np.abs(predicted) - np.abs(self.harmonics.value)) / self.sigma)
         difference = (predicted - self.harmonics.value) / self.sigma
@@ -480,7 +484,7 @@ MODES_UP_TO = 3.0  # times the highest harmonic used: modes of a fit without `re
 
 
 def _prepare(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
-    """The scenario with the modes that steady tests need, and files that tests find whatever they are."""
+    """Give the scenario enough modes for the steady tests, and absolute paths to files of its tests."""
     reduction, steady = scenario.reduction, [test for test in tests if isinstance(test, _Steady)]
     if steady and reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
         highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in steady)
@@ -491,24 +495,24 @@ def _prepare(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
 
 @dataclass
 class _Vibrations:
-    """The motion in every test, for any values of the parameters."""
+    """Predicted motions of all tests as a function of the parameters."""
 
     tests: list[AnyTest]
     scenario: Scenario
     numbers: list[FitParameter]
-    responses: list[int] = field(default_factory=lambda: [0])  # so many, also those of first parts
+    responses: list[int] = field(default_factory=lambda: [0])  # number computed, shortened transients included
     last: list[Prediction] = field(default_factory=list)
     guesses: list[tuple[Prediction, TestComparison]] = field(default_factory=list)
     compared: list[TestComparison] = field(default_factory=list)
     shared: SharedBuilds = field(default_factory=SharedBuilds)
 
     def start(self) -> None:
-        """Find the first vibrations, and the size of gaps, which may be zero, from them.
+        """Compute the motions at the initial values; they also give the scale of gaps, which may be zero.
 
         Raises
         ------
         ScenarioError
-            If a test has none.
+            If a test has no predicted motion.
         """
         try:
             self.residuals(np.zeros(len(self.numbers)))
@@ -524,14 +528,17 @@ class _Vibrations:
                         for number in self.numbers]  # fmt: skip
 
     def of_first_parts(self) -> list[Fit]:
-        """Fits to the first parts of transients, each from the end of the one before: over a long record the misfit has
-        many minima, since small errors of frequencies and times add up. None where there are no transients."""
+        """Fits to the beginnings of the transients, in the order of their length; empty without transients.
+
+        Over a long record the misfit has many minima, because small errors of the frequencies accumulate. Each fit
+        therefore starts from the estimate of a shorter part.
+        """
         shares = FIRST_PARTS if any(isinstance(test, Transient) for test in self.tests) else ()
         parts = [[t.first(share) if isinstance(t, Transient) else t for t in self.tests] for share in shares]
         return [Fit(self.numbers, replace(self, tests=tests, guesses=[]).residuals) for tests in parts]
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
-        """Those of all tests; raises `UnpredictableError` where one has no prediction."""
+        """Residuals of all tests, (r,). Raises `UnpredictableError` if the model has no motion for a test."""
         scenario = with_parameters(self.scenario, self.numbers, x)
         predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
         for t, test in enumerate(self.tests):
@@ -539,19 +546,19 @@ class _Vibrations:
             try:
                 predictions.append(test.predict(test.case(scenario), near, self.shared))
             except UnpredictableError:
-                if stop_requested():  # and a branch that ends for that is none that fails
+                if stop_requested():  # the branch of a sweep may have ended because of the interruption
                     raise Interrupted from None
                 raise
             check_stop()
             self.responses[0] += 1
             compared.append(test.compare(predictions[t], gains[test.number], before if differencing else None))
         self.last, self.compared = predictions, compared
-        if not differencing:  # both sides of a difference start from one motion: Newton's residual error cancels
+        if not differencing:  # differences start from one motion, so that the residual error of Newton's method cancels
             self.guesses = list(zip(predictions, compared, strict=True))
         return np.concatenate([each.residuals for each in compared])
 
     def nearer_with_other_sign(self) -> list[str]:
-        """Names of transients that, with the other sign, are nearer by far to the motion of the scenario's values."""
+        """Names of transients that agree much better with the initial prediction if their sign is reversed."""
         self.residuals(np.zeros(len(self.numbers)))
         gains = [test.gain for test in fit_of(self.scenario).tests]
         return [
@@ -563,8 +570,18 @@ class _Vibrations:
         ]
 
     def jacobian(self, x: Floats, count: int) -> tuple[Floats, Floats, bool]:
-        """Derivatives (r, p) of the ``count`` residuals, those of the priors at the end, and (t, p) of the delays; the
-        last comparison is that at x, as before. Whether they are known: where it is asked to stop all are nan."""
+        """Derivatives of the residuals and of the fitted delays by the parameters.
+
+        Parameters
+        ----------
+        x : (p,) parameters; the last comparison must be the one at ``x``.
+        count : number r of residuals of the tests.
+
+        Returns
+        -------
+        (r, p) derivatives of the residuals, with the rows of the priors at the end; (t, p) derivatives of the delays
+        of t tests; False after an interruption, when all derivatives are nan.
+        """
 
         def both(at: Floats, differencing: bool) -> Floats:
             return np.concatenate([self.residuals(at, differencing), [each.delay for each in self.compared]])
@@ -583,8 +600,7 @@ class _Vibrations:
         return np.delete(jacobian, delays, axis=0), jacobian[delays], True
 
     def take_out_phases(self, jacobian: Floats) -> None:
-        """Take out of derivatives what delays that are fitted take up to first order, so that they are those of the
-        parameters."""
+        """Project the derivatives, in place, onto the complement of the fitted delays (variable projection)."""
         for test, rows, compared in zip(self.tests, _rows(self.tests), self.compared, strict=True):
             if test.free_phase:
                 by_delay = compared.by_delay / np.linalg.norm(compared.by_delay)
@@ -593,18 +609,18 @@ class _Vibrations:
     def with_delays(
         self, parts: Sequence[Misfit], by_parameter: Floats, covariance: Floats, scale: float, coverage: float
     ) -> list[Misfit]:
-        """What tests have of the misfit with the intervals of the delays that are fitted.
+        """Add confidence intervals of the fitted delays to the misfits of the tests.
 
         Parameters
         ----------
-        parts : of the tests.
+        parts : misfits of the tests.
         by_parameter : (t, p) derivatives of the delays.
-        covariance, scale : (p, p) of the parameters, and the factor in it.
+        covariance, scale : (p, p) covariance of the parameters, and the factor that it contains.
         coverage : probability of the intervals.
         """
         z, found = NormalDist().inv_cdf(0.5 + coverage / 2), []
         for test, part, compared, slope in zip(self.tests, parts, self.compared, by_parameter, strict=True):
-            known = slope != 0.0  # others keep their values
+            known = slope != 0.0  # the delays of other tests are fixed
             of_parameters = slope[known] @ covariance[np.ix_(known, known)] @ slope[known]
             if test.free_phase:
                 wide = z * np.sqrt(scale / np.sum(compared.by_delay**2) + of_parameters)
@@ -619,15 +635,15 @@ def _rows(tests: Sequence[AnyTest]) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-ROUGHLY = 1e-3  # tolerance of a fit from which the next one starts
+ROUGHLY = 1e-3  # tolerance of a fit that only provides the starting point of the next one
 
 
 def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[LeastSquares], int]:
-    """The minima found by the last fit, each from where those before it end, and the number of starts tried."""
+    """Minima of the last fit, each started from the minima of the fits before it, and the number of starts tried."""
     generator = np.random.default_rng(settings.seed)
     solutions: list[LeastSquares] = []
     for tried in range(1, settings.starts + 1):
-        start = np.zeros(len(fits[-1].numbers))  # the values of the scenario
+        start = np.zeros(len(fits[-1].numbers))  # the scenario's values
         if tried > 1:
             start += settings.spread * generator.standard_normal(start.size)
         try:
@@ -649,7 +665,7 @@ def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress
 
 
 def _with_fit_noise(tests: Sequence[AnyTest], residuals: Floats, parameters: int) -> list[AnyTest]:
-    """The tests with the noise that the best fit tells, see `Transient.with_fit_noise`."""
+    """Copies of the tests with the noise re-estimated from the residual of the best fit."""
     parts = zip(tests, _rows(tests), strict=True)
     return [
         test.with_fit_noise(float(np.sum(residuals[rows] ** 2)), parameters) if isinstance(test, Transient) else test
@@ -658,17 +674,17 @@ def _with_fit_noise(tests: Sequence[AnyTest], residuals: Floats, parameters: int
 
 
 def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedom: int) -> list[Misfit]:
-    """Share of each test in the misfit.
+    """Contribution of each test to the misfit.
 
-    Without the rows i of a linear problem the sum of squares is less by ``r_i (1 - H_ii)^-1 r_i``, with the projection
+    Without the rows i of a linear problem the sum of squares decreases by ``r_i (1 - H_ii)^-1 r_i``, with the matrix
     ``H = J (J' J)^-1 J'`` (R. D. Cook, S. Weisberg, Residuals and influence in regression, 1982).
 
     Parameters
     ----------
-    tests : of which the residuals are, in this order.
-    residuals : (r,) at the estimate, with those of the priors at the end.
-    jacobian : (r, p) their derivatives.
-    freedom : degrees of freedom of the fit; a test without which none remain cannot be judged by the others.
+    tests : the tests, in the order of the residuals.
+    residuals : (r,) residuals at the estimate, with those of the priors at the end.
+    jacobian : (r, p) derivatives of the residuals.
+    freedom : degrees of freedom of the fit; nan results for a test without which none remain.
     """
     left, size, _ = np.linalg.svd(np.nan_to_num(jacobian), full_matrices=False)
     left = left[:, size > 1e-9 * size.max()]
@@ -685,7 +701,7 @@ def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedo
 
 
 def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, freedom: int) -> tuple[float, list[str]]:
-    """Factor on the covariance: chi^2 per degree of freedom if the noise is unknown or too small for the misfit."""
+    """Factor on the covariance: chi squared per degree of freedom, if the noise is unknown or too small; warnings."""
     known = all(test.noise_known for test in tests)
     wider = widening(misfit, freedom)
     if freedom <= 0 or (known and wider == 1.0):
@@ -708,7 +724,7 @@ def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, f
 
 
 def _yield_warnings(scenario: Scenario, numbers: Sequence[FitParameter]) -> list[str]:
-    """Warnings about gaps of snubbers that yield."""
+    """Warn that the gap of a snubber that yields cannot be separated from its residual crush."""
     sought = {place[:-1] for number in numbers for place in number.places if place[-1] in ("gap", "preload")}
     return [
         f"{located.item.name} yields: a steady vibration repeats with any residual crush, so that gap and crush "
@@ -720,21 +736,21 @@ def _yield_warnings(scenario: Scenario, numbers: Sequence[FitParameter]) -> list
 
 
 ROUND_OFF = 1e-9  # relative, of penetrations
-FIRST_PARTS = (0.1, 0.3)  # of transients, to which parameters are fitted first
+FIRST_PARTS = (0.1, 0.3)  # shares of transients to which parameters are fitted first
 
 
 @dataclass(frozen=True)
 class SteadyVibration(Prediction):
-    """A periodic response with the period of its excitation, or several of these: the motion is one period."""
+    """Periodic response; ``motion`` is one period, which may contain several periods of the excitation."""
 
     start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
-        """The first harmonics of a quantity of a probe.
+        """First harmonics of a quantity of a probe.
 
         Parameters
         ----------
-        probe : number of the probe, from 0.
+        probe : index of the probe, from 0.
         quantity : displacement, velocity, absolute_displacement or absolute_acceleration.
         count : number of harmonics.
 
@@ -756,14 +772,14 @@ class SteadyVibration(Prediction):
 def steady_vibration(
     scenario: Scenario, guess: Floats | None = None, *, multiple: int = 1, shared: SharedBuilds | None = None
 ) -> SteadyVibration:
-    """The periodic response, by Newton's method on the exact flow with its exact monodromy matrix.
+    """Compute the periodic response by Newton's method on the exact flow with its exact monodromy matrix.
 
     Parameters
     ----------
-    scenario : with a harmonic excitation, without cubic springs.
-    guess : state at t = 0 of a neighbouring response.
-    multiple : periods of the excitation in one of the response.
-    shared : keeps what was built for scenarios with the same structure.
+    scenario : scenario with a harmonic excitation and without cubic springs.
+    guess : (N,) state at t = 0 of a neighbouring response.
+    multiple : excitation periods in one period of the response.
+    shared : cache of systems built for scenarios with the same structure.
 
     Returns
     -------
@@ -772,7 +788,7 @@ def steady_vibration(
     Raises
     ------
     UnpredictableError
-        Where neither Newton's method nor a transient of 300 periods ends in such a motion.
+        If neither Newton's method nor a transient of 300 periods reaches such a motion.
     """
     system = build_system(scenario, shared, with_stations=False)
     if system.cubic is not None:
@@ -799,18 +815,18 @@ def steady_vibration(
 
 
 def _unreached_parameters(scenario: Scenario, numbers: Sequence[FitParameter], penetration: Floats) -> dict[int, str]:
-    """Numbers of the parameters that are segments of a table which no test reaches, and why.
+    """Parameters that are table segments which no test reaches, as index and explanation.
 
     Parameters
     ----------
-    scenario : of which the parameters are numbers.
-    numbers : the parameters.
-    penetration : (tests, snubbers) the largest penetration of each, m.
+    scenario : scenario with the parameters.
+    numbers : the p parameters.
+    penetration : (tests, snubbers) largest penetrations, m.
 
     Raises
     ------
     ScenarioError
-        For a segment without slope, which no factor changes.
+        For a segment without slope, which a factor cannot change.
     """
     remarks = {}
     for index, number in enumerate(numbers):
@@ -827,7 +843,7 @@ def _unreached_parameters(scenario: Scenario, numbers: Sequence[FitParameter], p
                 "leave it out, or give the table a small slope there",
             )
         begin, largest = float(curve.deflection[segment]), max(float(penetration[:, contacts].max()), 0.0)
-        if largest <= begin * (1.0 + ROUND_OFF):  # a motion that ends at the beginning is in no later segment
+        if largest <= begin * (1.0 + ROUND_OFF):  # it only just reaches the segment
             remarks[index] = (
                 f"{number.parameter}: no test reaches segment {segment + 1}, which begins at {1e3 * begin:.4g} mm "
                 f"(largest penetration {1e3 * largest:.4g} mm): it keeps its value; add a test at a higher level, or "

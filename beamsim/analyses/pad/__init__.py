@@ -1,4 +1,4 @@
-"""``beamsim pad``: numbers of a pad from its measured force-deflection curves.
+"""``beamsim pad``: stiffness and damping of a pad from its material or measured force-deflection curves.
 
 Never here: pictures.
 Begin with `analysis`.

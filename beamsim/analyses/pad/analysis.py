@@ -9,10 +9,10 @@ stiffness in compression is (A. N. Gent, P. B. Lindley, The compression of bonde
 with the shape factor S, loaded area over the area that is free to bulge, of soft unfilled rubber. It holds for strains
 of up to about 10 % and compact blocks (circular or square). Lubricated faces: S = 0.
 
-A measured loop from zero to the deflection X and back is a cycle of the amplitude X/2 about its middle. With the work
+A measured loop from zero to the deflection X and back is a cycle of amplitude X/2 about its middle. With the work
 :math:`W_+` done and :math:`W_-` returned, the spring of the same energy has the stiffness
 :math:`k = (W_+ + W_-)/X^2`, and the loop the loss factor :math:`\eta = 4 (W_+ - W_-) / (\pi (W_+ + W_-))`. Loops
-that were recorded over time give Maxwell branches in parallel with a softer curve, both fitted together.
+recorded over time give Maxwell branches in parallel with a softer curve, both fitted together.
 """
 
 from __future__ import annotations
@@ -37,42 +37,42 @@ from beamsim.typing import Floats, not_none
 
 @dataclass(frozen=True, kw_only=True)
 class PadNumbers:
-    """The numbers of a snubber, in SI units; None where they are not known."""
+    """Properties of a snubber in SI units; None if they are not known."""
 
-    stiffness: float  # N/m; of a curve that of the same energy at its largest deflection
+    stiffness: float  # N/m; for a curve, the spring with the same energy at the largest deflection
     dashpot: float  # N s/m; zero without a loss factor or its frequency
     points: tuple[tuple[float, float], ...] | None = None  # m, N of a curve of several segments
-    misfit: float | None = None  # N, of the curve; of branches that of the pad, driven as it was measured
+    misfit: float | None = None  # N, of the fitted curve; with branches, of the pad driven as measured
     maxwell: tuple[MaxwellBranch, ...] = ()
-    dynamic: tuple[tuple[float, float, float], ...] = ()  # Hz, N/m, loss factor: curve and branches, about the loop's
-    loss_factor: float | None = None  # as given, or of the measured loop
-    free_travel: float = 0.0  # m, at the beginning of the curve, without a force
-    remarks: tuple[str, ...] = ()  # what is doubtful about the curve
-    outcome: Outcome = COMPLETE  # not reliable where the fit of branches ended at its bounds
+    dynamic: tuple[tuple[float, float, float], ...] = ()  # Hz, N/m, loss factor of curve and branches
+    loss_factor: float | None = None  # from the input, or of the measured loop
+    free_travel: float = 0.0  # m, deflection without force at the beginning of the curve
+    remarks: tuple[str, ...] = ()  # warnings about the curve
+    outcome: Outcome = COMPLETE  # not reliable if the fit of branches ended at its bounds
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownPad:
-    """Given data of a pad, in SI units: its material and size, or a measured curve."""
+    """Known data of a pad in SI units: material and size, or a measured curve."""
 
     modulus: float | None = None  # Pa, Young's modulus of the material
     shape_factor: float = 0.0  # see the module's equations
     area: float | None = None  # m^2
     height: float | None = None  # m
     curve: Path | None = None  # file of measured forces over deflections
-    segments: int = 5  # of the line that is fitted to it
+    segments: int = 5  # of the fitted piecewise linear curve
     loss_factor: float | None = None
     frequency: float | None = None  # Hz, at which the dashpot has the loss factor
-    columns: Sequence[str] = ()  # headings that are meant in the file, where several have the same dimension
-    decimal: DecimalMark | None = None  # decimal mark of its numbers, by default what they themselves show
+    columns: Sequence[str] = ()  # headings of the columns to read, if several have the same dimension
+    decimal: DecimalMark | None = None  # decimal mark of the numbers; found from the file by default
 
 
 def pad(data: KnownPad) -> PadNumbers:
-    """The snubber that has what is known.
+    """Compute the snubber properties of a pad.
 
     Parameters
     ----------
-    data : of the pad.
+    data : material and size, or a measured curve.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def pad(data: KnownPad) -> PadNumbers:
     Raises
     ------
     ScenarioError
-        Where too little or too much is known.
+        If the data are not enough, or contradict each other.
     """
     _check(data)
     points, misfit, loss_factor, free, remarks = None, None, data.loss_factor, 0.0, tuple[str, ...]()
@@ -107,7 +107,7 @@ def pad(data: KnownPad) -> PadNumbers:
 
 
 def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
-    """Curve and branches that fit a record of loops together; the curve bends where that through their middle does."""
+    """Fit curve and branches together to a record of loops; the curve has the breakpoints of ``middle``."""
     fit = fit_loop(*record, middle.deflection[:-1])
     force = np.concatenate([[0.0], np.cumsum(fit.springs * np.diff(middle.deflection))])
     curve = ForceCurve(middle.deflection, force)
@@ -129,7 +129,7 @@ def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) ->
 
 
 def _check(data: KnownPad) -> None:
-    """One source of the stiffness, and what it and the loss factor need.
+    """Refuse missing or conflicting data.
 
     Raises
     ------
@@ -152,26 +152,28 @@ def _check(data: KnownPad) -> None:
 
 
 def option(name: str) -> str:
-    """How the command calls a number."""
+    """Command-line option of a field."""
     return "--" + name.replace("_", "-")
 
 
 class Record(NamedTuple):
-    """Loops over time."""
+    """Measured loops over time."""
 
     time: Floats  # (t,) s, increasing
     deflection: Floats  # m
     force: Floats  # N
 
 
-ROUND_OFF = 1e-12  # misfit of a curve over its largest force
+ROUND_OFF = 1e-12  # misfit of a curve relative to its largest force, which counts as zero
 
 
 def _measured(
     file: Path, segments: int, columns: Sequence[str], decimal: DecimalMark | None
 ) -> tuple[FittedForces, float | None, Record | None]:
-    """Fitted curve, the loss factor of the loop where the pad is unloaded too, and the record where loops
-    were measured over time.
+    """Read a measured curve.
+
+    Returns the fitted curve, the loss factor of the loop if unloading was measured too, and the record if loops were
+    measured over time.
 
     Raises
     ------
