@@ -1,10 +1,10 @@
-r"""``beamsim compare-modes``: which computed mode is which measured one.
+r"""``beamsim compare-modes``: pairs of measured and computed modes.
 
 Shapes m and p at the same places are compared by the modal assurance criterion
 :math:`|m^H p|^2 / (m^H m\; p^T p)` (R. J. Allemang, D. L. Brown, A correlation coefficient for modal vector analysis,
-IMAC 1982), which is 1 for shapes that differ by a factor alone. Modes are paired so that the sum of the criterion is
-largest; of shapes that are alike at the places, the nearer frequency decides. Measured shapes are read from CSV, or UFF
-dataset 55.
+IMAC 1982), which is 1 for shapes that differ only by a factor. Modes are paired so that the sum of the criterion is
+largest; for shapes that are similar at the places, the closer frequency decides. Measured shapes are read from CSV, or
+UFF dataset 55.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ COMPARED_MODES = Layout(
         "difference": Variable(_MEASURED, "1", "computed over measured frequency less 1; NaN where no mode fits"),
     },
 )  # fmt: skip
-UNPAIRED = 0.2  # largest MAC of a pair that is none
+UNPAIRED = 0.2  # MAC below which modes are not paired
 
 
 MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predicted_hz", "difference", "mac"), Number))
@@ -86,36 +86,36 @@ class ModeComparison(Result):
 
 @dataclass(frozen=True)
 class ShapesAtPlaces:
-    """Natural frequencies, and the motion of some places in each mode, in any unit."""
+    """Natural frequencies and mode shapes at p places, in any unit."""
 
     places: tuple[AtPlace, ...]  # p of them
     frequency_hz: Floats  # (m,)
     shapes: Complexes  # (p, m)
-    source: str = "the measurement"  # file
-    labels: tuple[str, ...] = ()  # where each place is written, for messages
+    source: str = "the measurement"  # name of the file
+    labels: tuple[str, ...] = ()  # where each place is defined, for messages
 
 
 def compare_modes(
     scenario: Source, measured: ShapesAtPlaces | Path | str, *, contacts: Literal["open", "closed"] = "open"
 ) -> ModeComparison:
-    """Compare measured mode shapes with those of the structure.
+    """Pair measured mode shapes with computed ones.
 
     Parameters
     ----------
-    scenario : with the structure, or what `beamsim.load_scenario` reads.
-    measured : shapes at two places or more, with their frequencies; or the file that `read_shapes` reads them from.
-    contacts : whether the snubbers are open or all closed in the computed modes.
+    scenario : scenario with the structure, or anything that `beamsim.load_scenario` reads.
+    measured : shapes at two or more places with their frequencies, or a file for `read_shapes`.
+    contacts : state of the snubbers in the computed modes: all open or all closed.
 
     Returns
     -------
     ModeComparison
-        With a warning for each measured mode that has no partner, and where the places do not tell modes apart.
+        Warns about measured modes without a partner, and about modes that the places cannot distinguish.
 
     Raises
     ------
     ScenarioError
-        If a place is not on the structure, there are less than two places, a shape is zero or not finite, or a
-        frequency is not above zero.
+        If a place is not on the structure, there are fewer than two places, a shape is zero or not finite, or a
+        frequency is not positive.
     """
     scenario = scenario_of(scenario)
     begin = perf_counter()
@@ -159,7 +159,7 @@ def compare_modes(
 
 def _check(measured: ShapesAtPlaces) -> None:
     if len(measured.places) < 2:
-        raise _record_error(measured.source, f"has {len(measured.places)} place", "shapes need two places at least")
+        raise _record_error(measured.source, f"has {len(measured.places)} place", "give at least two places")
     norms = np.linalg.norm(measured.shapes, axis=0)
     if not np.all(np.isfinite(norms)) or np.any(norms == 0.0):
         k = int(np.flatnonzero(~(norms > 0.0) | ~np.isfinite(norms))[0])
@@ -167,11 +167,11 @@ def _check(measured: ShapesAtPlaces) -> None:
             measured.source, f"has no motion in the mode at {measured.frequency_hz[k]:g} Hz", "leave the mode out"
         )
     if np.any(measured.frequency_hz <= 0.0):
-        raise _record_error(measured.source, "has a frequency that is not above zero", "give natural frequencies in Hz")
+        raise _record_error(measured.source, "has a frequency that is not positive", "give natural frequencies in Hz")
 
 
 def _computed_modes(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
-    """(n,) Hz and (p, n) shapes of computed modes at the places."""
+    """(n,) frequencies, Hz, and (p, n) shapes of computed modes at the places."""
     # 1.5: times the highest measured frequency, up to which computed modes are compared
     # 4: more than were measured
     highest, least = 1.5 * float(measured.frequency_hz.max()), measured.frequency_hz.size + 4
@@ -202,11 +202,11 @@ def _computed_modes(scenario: Scenario, measured: ShapesAtPlaces, *, closed: boo
     return frequencies[order][:most], shapes[:, order[:most]]
 
 
-FREQUENCY_WEIGHT = 0.01  # of the difference of log frequencies against the MAC, in the pairing of modes
+FREQUENCY_WEIGHT = 0.01  # weight of a difference of log frequencies relative to the MAC, for the pairing
 
 
 def _pair(mac: Floats, measured: Floats, computed: Floats) -> Ints:
-    """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
+    """(m,) number from 1 of the computed mode paired with each measured one; 0 if none fits."""
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
@@ -217,17 +217,17 @@ def _pair(mac: Floats, measured: Floats, computed: Floats) -> Ints:
     return paired
 
 
-INDISTINCT = 0.9  # MAC of two computed shapes that the places cannot tell apart
+INDISTINCT = 0.9  # MAC of two computed shapes above which the places cannot distinguish them
 
 
-MOST_WARNINGS = 4  # about shapes that cannot be distinguished; more become one
+MOST_WARNINGS = 4  # about shapes that cannot be distinguished; more are combined into one
 
 
 def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
     for k in np.flatnonzero(paired == 0):
-        yield f"no computed mode fits the one measured at {measured.frequency_hz[k]:g} Hz"
+        yield f"no computed mode fits the measured mode at {measured.frequency_hz[k]:g} Hz"
     count = auto.shape[0]
-    groups: dict[tuple[int, ...], list[int]] = {}  # by what looks like a mode, itself included, the paired ones
+    groups: dict[tuple[int, ...], list[int]] = {}  # by the modes that look like a paired one, itself included
     for number in paired[paired > 0] - 1:
         alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > INDISTINCT)
         if len(alike) > 1:
@@ -235,8 +235,8 @@ def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAt
     if len(groups) > MOST_WARNINGS:
         doubtful = sum(map(len, groups.values()))
         yield (
-            f"{len(measured.places)} measured places do not tell {doubtful} of {np.count_nonzero(paired)} paired modes "
-            "from others: measure at more places"
+            f"{len(measured.places)} measured places cannot distinguish {doubtful} of {np.count_nonzero(paired)} "
+            "paired modes from others: measure at more places"
         )
         return
     for alike, numbers in groups.items():
@@ -251,13 +251,13 @@ _LAYOUT = "give columns position (and y), mass, or node and direction, then a co
 
 
 def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None = None) -> ShapesAtPlaces:
-    """The mode shapes of a file; nodes of a UFF file are placed by their coordinates where bodies have no nodes.
+    """Read mode shapes from a file; nodes of a UFF file are placed by coordinates if the bodies have no nodes.
 
     Parameters
     ----------
-    path : of the file.
-    scenario : with the bodies that it names, or what `beamsim.load_scenario` reads.
-    decimal : decimal mark of a text file, where the user states it.
+    path : path of the file.
+    scenario : scenario with the bodies, or anything that `beamsim.load_scenario` reads.
+    decimal : decimal mark of a text file, if the user states it.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None 
     Raises
     ------
     ScenarioError
-        If the file is missing or empty, or a value in it is wrong: with its line and column.
+        If the file is missing or empty, or a value is wrong; the message gives line and column.
     """
     path, scenario = Path(path), scenario_of(scenario)
     try:
@@ -290,7 +290,7 @@ def _read_csv(path: Path, decimal: DecimalMark | None) -> ShapesAtPlaces:
     of_place = {name.lower(): k for k, (name, _) in enumerate(named) if name.lower() in _PLACE}
     modes = [k for k in range(len(heading)) if k not in of_place.values()]
     if not of_place or not modes:
-        raise _record_error(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
+        raise _record_error(path, f"line {first}: has no column of a {'mode' if of_place else 'place'}", _LAYOUT)
     frequencies = [_frequency(path, first, k, heading[k]) for k in modes]
     places, labels, shapes = [], [], []
     for number, row in table.rows:
@@ -356,7 +356,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         name = owners.get(node) if len(bodies) > 1 else next(iter(bodies))
         if name is None:
             raise _record_error(
-                path, f"says of no body that node {node} is on it, and there are several",
+                path, f"does not assign node {node} to a body, and there are several bodies",
                 f"give each a trace line (dataset 82) named {', '.join(bodies)}, or use CSV with a column body",
             )  # fmt: skip
         body = bodies[name]
@@ -380,7 +380,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         if not moving:
             raise _record_error(path, "has shapes without any motion", "export them again")
         raise _record_error(
-            path, f"has shapes that move in {' and '.join(moving)} alone, and bodies of this case deflect in z",
+            path, f"has shapes with motion only in {' and '.join(moving)}, but the bodies of this case deflect in z",
             "turn the axes of the measurement so that z is the direction of the deflection, or use CSV",
         )  # fmt: skip
     return ShapesAtPlaces(tuple(places), frequencies, np.array(rows), str(path), tuple(labels))
@@ -391,7 +391,7 @@ _MODES = (2, 3, 7)
 
 
 def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
-    """The data sets 55 with displacements, velocities or accelerations of a mode."""
+    """Data sets 55 with displacements, velocities or accelerations of a mode."""
     of_modes = [each for each in sets if each.number == 55 and each.fields.get("analysis_type") in _MODES]
     # 2, 3: vectors of three and of six components; 2 to 7, 9, 10: of stresses, strains, forces and energies
     moving = [
@@ -402,7 +402,7 @@ def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
     if of_modes and not moving:
         first = of_modes[0]
         raise _record_error(
-            path, f"has modes of stresses, strains or forces alone ({first.place})", "export displacements"
+            path, f"has only modes of stresses, strains or forces ({first.place})", "export displacements"
         )
     if not moving:
         raise _record_error(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
@@ -410,9 +410,9 @@ def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
 
 
 def _motion(path: Path, modes: Sequence[DataSet], direction: str, count: int) -> Complexes:
-    """(count, m) motion of the nodes in one direction, m or rad up to a factor of each mode.
+    """(count, m) motion of the nodes in one direction, m or rad up to a factor for each mode.
 
-    A component below 1e-6 of the motion of all modes is round-off.
+    Components below 1e-6 of the motion of all modes count as round-off.
     """
     columns = []
     for mode in modes:
@@ -426,7 +426,7 @@ def _motion(path: Path, modes: Sequence[DataSet], direction: str, count: int) ->
 
 
 def _coordinates(sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
-    """x and y of the nodes, m, by data sets 15 and 2411 in the units that precede each."""
+    """x and y of the nodes, m, from data sets 15 and 2411 in the units that precede each."""
     found = {}
     for each in sets:
         if each.number in (15, 2411):
@@ -437,7 +437,7 @@ def _coordinates(sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
 
 
 def _owners(sets: Sequence[DataSet], scenario: Scenario) -> dict[int, str]:
-    """Body of each node that is on a trace line with the name of one."""
+    """Body of each node on a trace line that has the name of a body."""
     lines = {str(each.fields["id"]).strip(): each.fields["nodes"] for each in sets if each.number == 82}
     return {
         int(node): name for name, numbers in lines.items() if name in scenario.all_bodies for node in numbers if node
@@ -445,7 +445,7 @@ def _owners(sets: Sequence[DataSet], scenario: Scenario) -> dict[int, str]:
 
 
 def _point_of(body: Body, coordinates: tuple[float, float]) -> dict[str, Any]:
-    """The keys of a place: both coordinates, m, on a plate, x along a beam, which numbers the masses of a chain."""
+    """Keys of a place: x and y, m, on a plate; x along a beam; the number of a mass in a chain."""
     usual = body.default_probe()[1] if body.has_default_probe else None
     if usual is not None and usual.mass is not None:
         return {"mass": round(coordinates[0])}

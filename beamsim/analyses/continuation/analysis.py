@@ -1,6 +1,6 @@
-"""``beamsim sweep`` of kind continuation: curves of periodic motions against a parameter, stable and unstable.
+"""``beamsim sweep`` of kind continuation: curves of periodic motions over a parameter, stable and unstable.
 
-Swept and stepped sines are overlaid on them: computed with them, or taken from stored sweeps.
+Swept and stepped sines can be overlaid: computed in the same run, or taken from stored sweeps.
 """
 
 from __future__ import annotations
@@ -61,33 +61,33 @@ from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance,
 from beamsim.typing import Floats, not_none, of_kind
 
 NO_STABLE_MOTION = "no_stable_motion"
-SHARE_OF_BRANCHES = 0.8  # of the progress, where a sweep is overlaid
+SHARE_OF_BRANCHES = 0.8  # of the progress, if a sweep is overlaid
 
 WITHOUT_CERTIFICATE = (
-    "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
+    "cubic springs have no closed-form motion: contact times are found from sign changes of sums of harmonics, without "
     "certificate"
 )
 
 
 def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationResult:
-    """Follow the periodic motions of a scenario through its parameter, at all its levels.
+    """Trace the periodic motions of a scenario over its parameter, at all its levels.
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
-    progress : called with the fraction that is done, which never falls.
+    scenario : scenario with a ``sweep`` section of kind continuation and a harmonic excitation.
+    progress : called with the completed fraction, which never decreases.
 
     Returns
     -------
     ContinuationResult
-        The branches of all levels that were followed, and the curves of their folds where these are asked for.
+        Traced branches of all levels, and curves of their folds if requested.
 
     Raises
     ------
     ScenarioError
-        Where the scenario asks for none, or no periodic motion is found at all.
+        If the scenario requests no continuation, or no periodic motion is found at all.
     KeyboardInterrupt
-        Where it was time to stop before any was found.
+        If interrupted before any motion was found.
     """
     begin, processor = clock.perf_counter(), processor_time()
     model = response_model(scenario)
@@ -130,7 +130,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
 
 
 def _with_missing(outcome: Outcome, missing: Sequence[str]) -> Outcome:
-    """The outcome of what was interrupted, with what is missing."""
+    """Add the missing parts to the outcome of an interrupted computation."""
     parts = outcome.sub_outcomes if outcome.code == COMPLETE.code else (outcome,)
     return interruption(f"before {', '.join(missing)}" if missing else "", *parts)
 
@@ -138,12 +138,12 @@ def _with_missing(outcome: Outcome, missing: Sequence[str]) -> Outcome:
 def _follow_levels(
     model: ResponseModel, report: Progress
 ) -> tuple[list[MeasuredBranch], list[FollowedFolds], list[Outcome], Sequence[float]]:
-    """Branches and folds of one level after the other, remarks on them, and the levels that are left.
+    """Trace branches and folds level by level; also returns remarks and the levels that were not computed.
 
     Raises
     ------
     KeyboardInterrupt
-        Where it was time to stop before any was found.
+        If interrupted before any motion was found.
     """
     settings = model.settings
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
@@ -171,7 +171,7 @@ def _follow_levels(
 
 
 def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
-    """Warnings about a scenario, its system and the motions."""
+    """Warnings about the scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
     by_balance = isinstance(model.settings.method, HarmonicBalance)
     uncertified = by_balance and system.cubic is not None and system.dynamics.contacts.count
@@ -184,7 +184,7 @@ def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
 
 
 def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) -> Outcome:
-    """How it ended, by the first remark on what is incomplete, and how sure the motions are."""
+    """Outcome: the first remark about something incomplete, then the reliability of the motions."""
     remarks, settings = list(remarks), model.settings
     if isinstance(settings.method, HarmonicBalance):
         remarks += _doubt(points, settings.method)
@@ -194,7 +194,7 @@ def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) 
 
 
 def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
-    """The branches of one level, those of the excitation's own period first; none where it was time to end."""
+    """Branches of one level, those with the excitation's own period first; empty after an interruption."""
     f, settings = model.followed, model.settings
     first, last = f.to_unknown(f.first), f.to_unknown(f.last)
     reach, wide_reach = reaches_of(first, last, beyond=f.moved is None)
@@ -205,9 +205,9 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
         raise model.scenario.located(
             ScenarioError.at(
                 at,
-                f"= {f.first:g} {f.unit} has no periodic motion that a transient comes to, nor has any other value "
+                f"= {f.first:g} {f.unit} leads to no periodic motion in a transient, nor does any other value "
                 "that was tried",
-                "begin elsewhere, or sweep with kind: stepped to see what the motions are",
+                "start at another value, or look at the motions with a sweep of kind: stepped",
             )
         )
     if settings.side_branches != "none":
@@ -221,7 +221,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     pieces: list[OrbitBranch] = []
     for branch in branches:
         for piece in cut(branch, min(first, last), max(first, last)):
-            # a branch that comes back into the range along another one ends there after a few points
+            # a branch that re-enters the range along another one ends there after a few points
             alike = [other for other in pieces if other.problem.multiple == piece.problem.multiple]
             if len(piece.points) > 4 or not all(coincides(point, alike) for point in piece.points):
                 pieces.append(piece)
@@ -229,7 +229,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
 
 
 def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> list[Outcome]:
-    """What was not reached and why, and where no stable motion was found."""
+    """Remarks on ranges that were not reached, with the reason, and on ranges without a stable motion."""
     f = model.followed
     first, last = f.to_unknown(f.first), f.to_unknown(f.last)
     within = "" if level is None else Where(level, model.scenario.level_unit, "level")
@@ -263,7 +263,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
 
 
 def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
-    """Outcomes for what was not followed or sought because of the method or a setting."""
+    """Outcomes for branches and motions that the method or a setting excludes."""
     settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
     reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
@@ -274,12 +274,12 @@ def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterat
             bifurcations=bifurcations,
         )  # fmt: skip
     if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic is not None:
-        sentence = "coexisting motions were not sought: harmonic balance seeks none with cubic springs"
+        sentence = "coexisting motions were not searched: harmonic balance cannot do so with cubic springs"
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 
 
 def _doubt(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
-    """A word on neglected harmonics where they are worth more than allowed."""
+    """Yield an outcome if the truncation error exceeds `largest_error`."""
     error, parameter = points["neglected_harmonics"].values, points["parameter"]
     worst = int(np.argmax(error))
     if error[worst] > method.largest_error:
@@ -350,7 +350,7 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
 
 
 def _branch_summary(result: ContinuationResult, branch: Dataset) -> dict[str, Any]:
-    """A branch, for the summary."""
+    """Summary of a branch."""
     off = result.off_centre(branch)
     return {
         "level": branch["level"].item(),
@@ -375,22 +375,22 @@ def _highest(branches: Sequence[Dataset]) -> list[tuple[Dataset, str, Floats, in
 
 
 def swept_overlay(scenario: Scenario, progress: Progress = None) -> list[OverlayCurve] | None:
-    """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
+    """Swept sine that a continuation's ``overlay`` requests, at the same levels.
 
     Parameters
     ----------
-    scenario : with an ``overlay`` in its continuation.
-    progress : called with the share of the sweep that is done.
+    scenario : scenario with an ``overlay`` in its continuation.
+    progress : called with the completed fraction of the sweep.
 
     Returns
     -------
     dict | None
-        The curves by name; None where the sweep is interrupted.
+        Curves by name; None if the sweep is interrupted.
 
     Raises
     ------
     ScenarioError
-        Where the structure or the rate cannot be swept, or the sweep ends early.
+        If the structure or the rate does not allow a sweep, or the sweep ends early.
     """
     settings = of_kind(Continuation, scenario.sweep)
     asked = not_none(settings.overlay)
@@ -408,29 +408,29 @@ def swept_overlay(scenario: Scenario, progress: Progress = None) -> list[Overlay
 
 
 def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
-    """The response with the curves of a stored sweep overlaid.
+    """Add the curves of a stored sweep to a response.
 
     Parameters
     ----------
-    result : in frequency.
-    stored : the sweep.
-    source : what it is called, such as the name of its file.
+    result : response in frequency.
+    stored : result of the sweep.
+    source : name of the sweep, such as its file name.
 
     Returns
     -------
     ContinuationResult
-        With the new curves in addition to those that were overlaid before.
+        Result with the new curves in addition to earlier ones.
 
     Raises
     ------
     ScenarioError
-        Where the two have nothing in common to draw.
+        If the two have no probe or parameter in common.
     """
     if result.parameter != "frequency":
         raise ScenarioError.at(
             "--overlay",
-            f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
-            "leave it out, or follow the frequency",
+            f"overlays a sweep on a curve in frequency, but this one is in {result.parameter}",
+            "leave it out, or continue in the frequency",
         )
     probes = set(result["points"].labels("probe"))
     overlay = dict(result.overlay)
@@ -450,7 +450,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
 
 
 def _overlay_summary(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
-    """The curves over the branches, for the summary; None without any."""
+    """Summary of the overlay curves; None without curves."""
     return {
         name: {
             "direction": curve.direction, "level": curve.level, "source": curve.source,

@@ -1,7 +1,7 @@
-"""Folds of a response followed in a second parameter: the border of the region with several motions.
+"""Fold curves of a response in a second parameter: the border of the region with several motions.
 
-Unknowns are the state, the frequency and the second parameter. At a fold there comes, to the shooting equations
-:math:`R = 0`, :math:`g = 0` from the bordered system
+The unknowns are the state, the frequency and the second parameter. A fold satisfies the shooting equations
+:math:`R = 0` and the scalar equation :math:`g = 0` of the bordered system
 
 .. math:: \\begin{pmatrix} M - I & b \\\\ c^T & 0 \\end{pmatrix} \\begin{pmatrix} v \\\\ g \\end{pmatrix} =
           \\begin{pmatrix} 0 \\\\ 1 \\end{pmatrix},
@@ -36,33 +36,35 @@ from beamsim.typing import Floats, not_none
 
 SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
 SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
-CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
-SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
+CORNER = 1e-5  # relative frequency distance within which a fold coincides with a grazing
+SAME = 1e-6  # relative distance within which a fold lies on a known curve
 AT_EDGE = 1e-9  # relative distance from an end of the range within which a curve begins there
 TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
-BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
+BEYOND = 3.0  # ratio by which the frequency may leave its original range
 
 
 @dataclass(frozen=True)
 class FollowedFolds:
-    """A curve of np folds, or of grazings, in frequency and a second parameter."""
+    """Curve of np folds, or of grazings, in frequency and a second parameter."""
 
     level: float  # of the excitation; NaN if it is the second parameter
-    branch: int  # number of the branch with the fold
+    branch: int  # index of the branch with the fold
     start_hz: float  # of that fold
     touching: str  # contact that grazes along the whole curve; empty for a fold
     outcome: Outcome
     frequency_hz: Floats  # (np,)
-    parameter: Floats  # (np,) the second one, SI
+    parameter: Floats  # (np,) second parameter, SI
     residual: Floats  # (np,)
     states: Floats  # (np, N)
-    peak: Floats  # (np, probes) m, largest displacements of a period
+    peak: Floats  # (np, probes) largest displacements in a period, m
 
 
 @dataclass
 class TwoParameterCurve:
-    """What curves in the frequency and a second parameter share; the unknowns are the shooting problem's (state,
-    omega) and the second parameter."""
+    """Base of curves in frequency and a second parameter.
+
+    The unknowns are those of the shooting problem (state, omega) and the second parameter.
+    """
 
     orbits: ForcedOrbits  # in frequency
     second: SecondParameter
@@ -72,7 +74,7 @@ class TwoParameterCurve:
         self._along.level = self.orbits.level
 
     def flow_at(self, u: Floats) -> tuple[PeriodicFlow, tuple[Parameter, Parameter]]:
-        """The flow with both parameters set, and these."""
+        """Flow at both parameters, and the parameters as perturbations."""
         self._along.omega = float(u[-2])
         if self._along.omega <= 0:
             raise ArithmeticError("the frequency became negative")
@@ -80,38 +82,38 @@ class TwoParameterCurve:
         return flow, (Frequency(), parameter)
 
     def shoot(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
-        """The shooting residual (N,) with its Jacobian (N, N + 2), and the motion."""
+        """Shooting residual (N,), its Jacobian (N, N + 2), and the flow map."""
         flow, parameters = self.flow_at(u)
         return self._along.shoot(flow, u[:-2], parameters)
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Curves in two parameters are followed as if they had no corners."""
+        """True always: curves in two parameters are continued without a test for corners."""
         return True
 
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, FlowMap]:
-        """The flow at a point, and its motion over a period."""
+        """Flow at a point, and its motion over a period."""
         return self.flow_at(point.u)[0], point.data
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
-        """Scales of the shooting problem; the additional equation has scale 1."""
+        """Scales of the unknowns and of the equations; the additional equation has scale 1."""
         scale, residual = self.orbits.scale(u[:-1])
         return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
 
 
-STEP_ALONG = 1e-6  # of a difference, against the unknowns' scale
+STEP_ALONG = 1e-6  # of a finite difference, relative to the scale of the unknowns
 
 
 @dataclass
 class FoldCurve(TwoParameterCurve):
-    """Folds as a continuation problem."""
+    """Continuation problem of a curve of folds."""
 
     border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
-        """The shooting residual and g, with their Jacobian.
+        """Shooting residual and g, with their Jacobian.
 
-        Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
-        the one direction v: a central difference of two passages, whatever the size of the model.
+        Since second derivatives are symmetric, the row of g follows from the change of the first derivatives along the
+        direction v: a central difference of two motions, for a model of any size.
         """
         R, A, flow_map = self.shoot(u)
         scale = self.scale(u)[0]
@@ -133,21 +135,21 @@ class FoldCurve(TwoParameterCurve):
 
 @dataclass
 class GrazingCurve(TwoParameterCurve):
-    """Motions that just touch a stop, as a continuation problem.
+    """Continuation problem of a curve of motions that just touch a stop.
 
-    Where a stiff stop turns a response curve back, the fold lies on top of the grazing: the curve has a corner, or
-    nearly, and no smooth fold to follow. The border of the region with several motions is then the curve of grazings:
-    to the shooting equations comes that the penetration's extreme is zero. Its derivative is that of the penetration
-    at a fixed time, since the rate is zero at an extreme.
+    If a stiff stop turns a response curve back, the fold nearly coincides with the grazing: the curve has a corner, and
+    there is no smooth fold to continue. The border of the region with several motions is then the curve of grazings,
+    where the extreme of the penetration is zero. The derivative of the extreme is that of the penetration at a fixed
+    time, since the rate is zero at an extreme.
     """
 
     contact: int = 0
-    top: bool = True  # the penetration just reaches the border from below (else from above)
-    share: float = 0.0  # when in the period, near which the extreme is looked for
+    top: bool = True  # True if the penetration reaches the border from below
+    share: float = 0.0  # position in the period near which the extreme is searched
     level: float = 0.0  # m, penetration at the border
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
-        """The shooting residual and the penetration's extreme, with their Jacobian."""
+        """Shooting residual and the extreme of the penetration, with their Jacobian."""
         R, A, flow_map = self.shoot(u)
         flow, parameters = self.flow_at(u)
         guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive next to the border
@@ -161,7 +163,7 @@ class GrazingCurve(TwoParameterCurve):
         return np.append(R, height / guard[0]), np.vstack([A, np.append(by_start, by_parameters)]), flow_map
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
-        """As a curve of folds; the extreme against the motion."""
+        """As for a curve of folds; the extreme is scaled by the motion."""
         scale, residual = super().scale(u)
         residual[-1] = scale[0]
         return scale, residual
@@ -170,19 +172,19 @@ class GrazingCurve(TwoParameterCurve):
 def start_of_curve(
     orbits: ForcedOrbits, at: SpecialPoint, second: SecondParameter, value: float, forward: float = 1.0
 ) -> tuple[FoldCurve | GrazingCurve, BranchPoint] | None:
-    """The curve of folds, or of grazings, through one that was located, from its value of the second parameter on.
+    """Curve of folds, or of grazings, through a located point, starting at its value of the second parameter.
 
     Parameters
     ----------
-    orbits : shooting in frequency.
-    at : a fold on a branch of it; a grazing, or a nonsmooth fold, for a curve of grazings.
+    orbits : shooting problem in frequency.
+    at : fold on a branch of the problem; for a curve of grazings a grazing or nonsmooth fold.
     second : the second parameter.
-    value : of the second parameter on that branch.
-    forward : whether the curve begins to larger values (> 0) or smaller ones.
+    value : value of the second parameter on that branch.
+    forward : 1 to continue to larger values, -1 to smaller ones.
 
     Returns
     -------
-    The problem and its first point; None where Newton's method does not converge.
+    The problem and its first point; None if Newton's method does not converge.
     """
     curve: FoldCurve | GrazingCurve
     if at.kind == "fold":
@@ -198,28 +200,28 @@ def start_of_curve(
 
 
 class _Corner(NamedTuple):
-    """Where a curve of folds begins."""
+    """Start of a curve of folds."""
 
     orbits: ForcedOrbits
     fold: SpecialPoint
     touching: SpecialPoint | None  # the grazing on which the fold lies
-    branch: int  # number of the branch of both
+    branch: int  # index of the branch of both
 
 
 def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FollowedFolds]:
-    """One curve for every fold of the branches of the excitation's own period, each fold on one curve only.
+    """Continue every fold of the branches with the period of the excitation, each curve once.
 
     Parameters
     ----------
-    model : with the second parameter.
+    model : response model with the second parameter.
     traced : branches in frequency, with their special points.
-    level : of the excitation on these branches.
-    budget : points and time that may be spent.
+    level : level of the excitation on these branches.
+    budget : limits of points and time.
 
     Returns
     -------
     list
-        In the order of the branches; a curve has no points where its fold is too close to a corner.
+        In the order of the branches; a curve has no points if its fold is too close to a corner.
     """
     curves: list[FollowedFolds] = []
     for index, branch in enumerate(traced):
@@ -236,7 +238,7 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
 
 
 def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
-    """The grazing on which a fold lies: a stiff stop turns the curve back where it is first touched."""
+    """Grazing that coincides with a fold, where a stiff stop turns the curve back; None if there is none."""
     for other in branch.special:
         if other.kind == "grazing" and abs(other.parameter - fold.parameter) <= CORNER * fold.parameter:
             off = np.linalg.norm(((other.point.u - fold.point.u) / fold.point.scale)[:-1])
@@ -246,7 +248,7 @@ def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
 
 
 def _value_in_scenario(model: ResponseModel, level: float) -> float:
-    """The scenario's own value of the second parameter."""
+    """Value of the second parameter in the scenario."""
     second = not_none(model.second)
     if second.kind == "level":
         return level
@@ -258,7 +260,7 @@ def _value_in_scenario(model: ResponseModel, level: float) -> float:
 
 
 def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> bool:
-    """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
+    """True if a curve passes a frequency at the scenario's value of the second parameter."""
     p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
     for i in crossing:
@@ -271,10 +273,10 @@ def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> boo
 
 
 def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FollowedFolds:
-    """The curve through a fold or grazing, with the largest displacements of its motions."""
+    """Curve through a fold or grazing, with the largest displacements of its motions."""
     second, fold, touching = not_none(model.second), corner.fold, corner.touching
     halves = _halves(model, corner, _value_in_scenario(model, level), budget)
-    # what was followed comes first, so that its points are kept
+    # the traced points come first, so that they are stored
     followed = join_directions(*sorted(halves, key=lambda half: not half.points))
     displacements = model.system.channels.of_keys(DISPLACEMENT)
     measurement = Measurement(
@@ -327,12 +329,12 @@ def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budge
 
 
 def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict[str, Dataset]:
-    """The datasets of curves of folds and of their points, by name; none without any.
+    """Datasets of fold curves and their points, by name; empty without curves.
 
     Parameters
     ----------
-    model : with the second parameter.
-    curves : in order.
+    model : response model with the second parameter.
+    curves : the curves.
     """
     if not curves:
         return {}

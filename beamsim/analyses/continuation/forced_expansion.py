@@ -1,8 +1,8 @@
-"""Forced multiple scales for a scenario's response curve: steady motions near a mode, stability, observed orders.
+"""Forced multiple scales for a response curve: steady motions near a mode, stability, observed orders.
 
-With springs, damping and force all small, the motion is the mode's with an amplitude and a phase that change slowly
-(:mod:`beamsim.orbits.expansions.forced`). How far that is from the case at hand is seen by comparing both while
-everything small is made smaller by a common factor, at the same detuning against this factor.
+With small springs, damping and force, the motion is that of the mode with slowly varying amplitude and phase
+(:mod:`beamsim.orbits.expansions.forced`). The error for a given case is found by comparing both while everything small
+is multiplied by a decreasing common factor, with the detuning proportional to the factor.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import TINY, Bools, Complexes, Floats
 
-HALVINGS = 24  # of the factor, at most
-WANTED = 7  # factors at which the exact motion is found
+HALVINGS = 24  # largest number of halvings of the factor
+WANTED = 7  # factors at which the exact motion must be found
 CURVE_POINTS = 61
 CURVE_HARMONICS = 48
-SAMPLES = 256  # of a period
-NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
-FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
+SAMPLES = 256  # in a period
+NEAR_TIP = 0.8  # share of the largest amplitude at which orders are observed
+FARTHEST = 0.5  # largest distance from the expansion, relative to the motion, of an exact motion that belongs to it
 
 
 class _Expansion(NamedTuple):
@@ -52,10 +52,10 @@ class _Expansion(NamedTuple):
     linear_frequency_hz: float
     frequency_hz: Floats  # (np,) at a factor of one
     stable: Bools  # (np,)
-    leading: list[Floats]  # by probe (np,) m, largest deflections of a period
+    leading: list[Floats]  # by probe, (np,) largest deflection in a period, m
     first: list[Floats]
     backbone_hz: Floats  # (np,)
-    factor: Floats  # (E,) falling
+    factor: Floats  # (E,) decreasing
     factor_frequency_hz: Floats  # (E,)
     difference: Floats  # (E, 2)
     orders: Floats  # (E, 2)
@@ -63,7 +63,7 @@ class _Expansion(NamedTuple):
 
 
 def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
-    """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
+    """Add the expansion near the mode to a response curve; see `compare_forced_expansion`."""
     datasets = compare_forced_expansion(result.scenario)
     levels = datasets["multiple_scales"]
     motions = rows_by_owner(levels, datasets["multiple_scales_points"], "comparison")
@@ -74,7 +74,7 @@ def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
 
 
 def _summary(motions: Dataset, differences: Dataset) -> dict[str, Any]:
-    """Summary of one level; an order is that between the two smallest factors."""
+    """Summary of one level; orders are those between the two smallest factors."""
     orders = [of[np.isfinite(of)] for of in differences["orders"].values.T]
     near = differences["difference"].values[:, 0] < np.inf  # False where no exact motion was found
     return {
@@ -90,21 +90,21 @@ def _summary(motions: Dataset, differences: Dataset) -> dict[str, Any]:
 
 
 def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
-    """Expand the response that ``sweep: {kind: continuation}`` follows, at all its levels.
+    """Expand the response of ``sweep: {kind: continuation}`` by multiple scales, at all its levels.
 
     Returns
     -------
-    The datasets of the levels, of their motions and of their differences from exact ones, by name.
+    Datasets of the levels, their motions and the differences from exact ones, by name.
 
     Raises
     ------
     ScenarioError
-        Where the loads are not those of one harmonic force, or the nonlinearity is no one-sided spring.
+        If the load is not a single harmonic force, or the nonlinearity is not a one-sided spring.
     """
     excitation, settings = scenario.excitation, scenario.sweep
     if isinstance(excitation, Forces):
         raise ScenarioError.at(
-            "excitation", "lists several forces, and multiple scales is written for one", "leave --compare out"
+            "excitation", "lists several forces, but multiple scales needs a single one", "leave --compare out"
         )
     if not isinstance(excitation, Harmonic) or not isinstance(settings, Continuation):
         raise ScenarioError.at(
@@ -114,8 +114,8 @@ def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
     if not isinstance(path, FrequencyPath):
         raise ScenarioError.at(
             "sweep.continue_in.kind",
-            f"= {path.kind}, and multiple scales goes along the frequency",
-            "leave --compare out, or follow the frequency",
+            f"= {path.kind}, but multiple scales needs the frequency",
+            "leave --compare out, or continue in the frequency",
         )
     system = build_system(scenario.model_copy(update={"run": None}))
     _refuse(system)
@@ -130,7 +130,7 @@ def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
 
 
 def _datasets(found: list[_Expansion], probes: list[str], level_unit: str) -> dict[str, Dataset]:
-    """Datasets of the results at each level."""
+    """Build the datasets of the results of all levels."""
 
     def joined(name: str) -> Any:
         return np.concatenate([getattr(each, name) for each in found])
@@ -164,19 +164,19 @@ def _refuse(system: StructuralSystem) -> None:
     contacts = system.dynamics.contacts
     why = ""
     if system.cubic is not None:
-        why = "is written for one-sided springs, and this structure has a cubic one"
+        why = "needs one-sided springs, but this structure has a cubic one"
     elif contacts.count == 0:
-        why = "has no one-sided spring to work on"
+        why = "needs a one-sided spring"
     elif system.forcing.base_displacement is not None and np.any(contacts.base_influence):
-        why = "is written for forces, and the base also pushes through a snubber on the ground"
+        why = "needs forces, but the base also pushes through a snubber on the ground"
     elif not contacts.one_sided:
-        why = "is written for the law of Kelvin and Voigt, and a snubber's dashpot never pulls here"
+        why = "needs Kelvin-Voigt snubbers, but the dashpot of a snubber never pulls here"
     if why:
         raise ScenarioError.at("sweep", f"--compare multiple_scales {why}", "leave --compare out")
 
 
 def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: float) -> int:
-    """The mode (from 0) nearest the range; of several within, the one that would move most at its resonance."""
+    """Index of the mode nearest the frequency range; of several inside, the one with the largest resonance peak."""
     omega = np.sqrt(system.dynamics.stiffness[: system.kept_modes])
     best, score = -1, (np.inf, 0.0)
     for j in np.flatnonzero(omega > 0):
@@ -187,12 +187,12 @@ def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: fl
         if (away, -moved) < score and force > 0:
             best, score = int(j), (away, -moved)
     if best < 0:
-        raise ScenarioError.at("excitation.applied_to", ": the force works on no vibration mode", "apply it elsewhere")
+        raise ScenarioError.at("excitation.applied_to", ": the force excites no vibration mode", "apply it elsewhere")
     return best
 
 
 def _curve(r: ResonantForcing, tip: float, low: float, high: float) -> list[SteadyMotion]:
-    """Steady motions at a factor of one, from one end of the range through the tip to the other (rad/s)."""
+    """Steady motions at a factor of one, from one end of the range through the peak to the other (rad/s)."""
     force = abs(complex(r.load[r.mode])) / (2 * r.omega)
     smallest = 0.2 * force / max(abs(low - r.omega), abs(high - r.omega), 1e-9 * r.omega)
     near_tip = tip * np.sin(np.linspace(np.arcsin(min(smallest / tip, 0.5)), 0.5 * np.pi, CURVE_POINTS))
@@ -207,7 +207,7 @@ def _curve(r: ResonantForcing, tip: float, low: float, high: float) -> list[Stea
 
 
 def _tip(r: ResonantForcing) -> float:
-    """Largest amplitude: there the decay takes all that the force gives; far beyond the gaps without damping."""
+    """Largest amplitude, where damping takes all the power of the force; far beyond the gaps without damping."""
     from scipy.optimize import brentq
 
     force = abs(complex(r.load[r.mode])) / (2 * r.omega)
@@ -223,7 +223,7 @@ def _tip(r: ResonantForcing) -> float:
 
 
 def _peaks(coefficients: list[Complexes], system: StructuralSystem) -> list[Floats]:
-    """(np,) largest deflections of a period at each probe, of motions given by their harmonics (H + 1, n)."""
+    """(np,) largest deflections in a period at each probe, for motions given by harmonics (H + 1, n)."""
     phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients[0].shape[0])))
     motions = [(wave @ each).real for each in coefficients]
@@ -242,14 +242,14 @@ def _compare(
     if not motions:
         raise ScenarioError.at(
             "sweep",
-            f"holds no steady motion of mode {mode + 1} ({omega / (2 * np.pi):.6g} Hz) by multiple scales",
+            f"contains no steady motion of mode {mode + 1} ({omega / (2 * np.pi):.6g} Hz) by multiple scales",
             "sweep about that frequency",
         )
     leading = [coarse.response(m, 1.0, 0) for m in motions]
     first = [coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0) for m in motions]
     amplitude = NEAR_TIP * tip
     reference = resonant.motion(amplitude, resonant.detunings(amplitude)[0])
-    # halved from one on until enough factors are small enough for the exact motion to be near
+    # halve the factor from one until enough factors are small enough for an exact motion nearby
     rows: list[tuple[float, float, float, bool]] = []
     for half in 0.5 ** np.arange(HALVINGS):
         positive = resonant.omega + half * reference.sigma > 0
@@ -279,7 +279,7 @@ def _compare(
 def _difference(
     system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion, factor: float
 ) -> tuple[float, float, bool] | None:
-    """Differences of both orders at one factor; None if no exact motion is near."""
+    """Differences of both orders at one factor; None if there is no exact motion nearby."""
     none, n = np.zeros(1), system.dynamics.size
     omega = resonant.omega + factor * motion.sigma
     load = np.array(factor * resonant.load[None, :], dtype=np.complex128)

@@ -1,4 +1,4 @@
-"""The sweeps that are drawn over branches of periodic motions: their curves, with the peaks of every cycle."""
+"""Curves of sweeps that are drawn over branches of periodic motions, with the peaks of every cycle."""
 
 from __future__ import annotations
 
@@ -47,27 +47,27 @@ OVERLAY_CYCLES = Layout(
 
 
 class OverlayCurve(NamedTuple):
-    """A curve of a swept or stepped sine that is drawn over branches."""
+    """Curve of a swept or stepped sine that is drawn over branches."""
 
     curve: str  # its name
     kind: str  # swept_sine or stepped
     direction: str
     level_index: int
     level: float
-    source: str  # file it comes from; empty where it was computed with the branches
+    source: str  # source file; empty if it was computed with the branches
     title: str  # of its scenario
     frequency_hz: Floats  # (C,) Hz, of its cycles
-    peaks: Mapping[tuple[str, str], tuple[str, Floats]]  # by quantity and place the unit, and (C,) the peaks
+    peaks: Mapping[tuple[str, str], tuple[str, Floats]]  # by quantity and place: unit and (C,) peaks
 
 
 def overlaid(curve: SweepCurve, name: str, source: str, title: str) -> OverlayCurve:
-    """A curve of a sweep, as it is drawn over branches.
+    """Convert a curve of a sweep to an overlay curve.
 
     Parameters
     ----------
-    curve : of the sweep.
-    name : that distinguishes it from other curves.
-    source, title : of the sweep.
+    curve : curve of the sweep.
+    name : unique name of the curve.
+    source, title : source file and title of the sweep.
     """
     peaks = {}
     for quantity in _FOLLOWED:
@@ -79,12 +79,12 @@ def overlaid(curve: SweepCurve, name: str, source: str, title: str) -> OverlayCu
 
 
 def overlay_datasets(curves: Sequence[OverlayCurve], level_unit: str) -> dict[str, Dataset]:
-    """The datasets of curves that are drawn over branches; none without any.
+    """Datasets of overlay curves; empty without curves.
 
     Raises
     ------
     ScenarioError
-        If a snubber or an output has another unit in one sweep than in another.
+        If a snubber or an output has different units in two sweeps.
     """
     if not curves:
         return {}
@@ -119,7 +119,7 @@ def overlay_datasets(curves: Sequence[OverlayCurve], level_unit: str) -> dict[st
 
 
 def overlay_in(datasets: Mapping[str, Dataset]) -> dict[str, OverlayCurve]:
-    """The curves that are drawn over the branches of a result, by name."""
+    """Overlay curves of a result, by name."""
     if "overlay" not in datasets:
         return {}
     described, cycles = datasets["overlay"], datasets["overlay_cycles"]

@@ -1,4 +1,4 @@
-"""The result of a continuation of forced periodic motions."""
+"""Result of a continuation of forced periodic motions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from beamsim.summaries import (
 from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
-NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
+NARROW = 1e-3  # relative to the extent of all branches; narrower ranges are omitted
 
 
 _COMPARISON, _POINT, _FACTOR, _PROBE = ("comparison",), ("point",), ("number",), ("probe",)
@@ -155,17 +155,17 @@ _SUMMARY = (
 
 
 class CoexistenceRange(NamedTuple):
-    """Where several motions are stable."""
+    """Range of the parameter with several stable motions."""
 
     level: float
     low: float
     high: float
-    at: float  # between them
-    peaks: tuple[float, ...]  # m, of each motion there, the largest displacement of the first probe
+    at: float  # parameter inside the range
+    peaks: tuple[float, ...]  # m, largest displacement of the first probe in each motion there
 
 
 class _Piece(NamedTuple):
-    """Stable motions of a branch between folds, by increasing parameter."""
+    """Part of a branch with stable motions between folds, by increasing parameter."""
 
     parameter: Floats
     peak: Floats
@@ -189,7 +189,7 @@ def _pieces(branch: Dataset) -> Iterator[_Piece]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContinuationResult(Result):
-    """Everything `beamsim sweep` of kind continuation computes."""
+    """Result of ``beamsim sweep`` of kind continuation."""
 
     KIND = "continuation"
     SUMMARY = _SUMMARY
@@ -208,28 +208,28 @@ class ContinuationResult(Result):
 
     @cached_property
     def overlay(self) -> dict[str, OverlayCurve]:
-        """The curves of sweeps that are drawn over the branches, by name."""
+        """Curves of sweeps that are drawn over the branches, by name."""
         return overlay_in(self.datasets)
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
-        """The points of each branch, with its row of `branches` as variables without dimensions."""
+        """Points of each branch, with its row of `branches` as variables without dimensions."""
         return rows_by_owner(self["branches"], self["points"], "branch")
 
     @cached_property
     def fold_curves(self) -> tuple[Dataset, ...]:
-        """The points of each curve of folds, likewise."""
+        """Points of each curve of folds, with its row in the same form."""
         known = "fold_curves" in self.datasets
         return rows_by_owner(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
 
     @property
     def parameter(self) -> str:
-        """What is followed: frequency, level, gap, stiffness or position."""
+        """Continuation parameter: frequency, level, gap, stiffness or position."""
         return str(self["branches"]["followed"].item())
 
     @property
     def unit(self) -> str:
-        """Its unit."""
+        """Unit of the continuation parameter."""
         return self["points"]["parameter"].unit
 
     @property
@@ -239,11 +239,11 @@ class ContinuationResult(Result):
 
     @property
     def second_unit(self) -> str:
-        """Unit of what folds are followed in; empty without folds."""
+        """Unit of the second parameter of fold curves; empty without folds."""
         return self["fold_points"]["parameter"].unit if "fold_points" in self.datasets else ""
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if keys and keys[-1] in ("parameter", "band"):
             return self.unit
         if keys and keys[-1] in ("smallest_parameter", "largest_parameter"):
@@ -253,10 +253,10 @@ class ContinuationResult(Result):
         return super().unit_of(entry, place, keys, record)
 
     def off_centre(self, branch: Dataset) -> tuple[str, float] | None:
-        """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.
+        """Probe with the largest mean displacement, and the mean, m, for a branch that lost its symmetry; else None.
 
-        Motions of a symmetric structure that repeat with the other sign after half a period have no even harmonics.
-        Where a branch in contact has none anywhere, and this one has, it is one of a pair of mirror images.
+        Motions of a symmetric structure that repeat with opposite sign after half a period have no even harmonics. If a
+        branch in contact has none anywhere and this branch has, it is one of two mirror images.
         """
         touching = [b for b in self.branches if "contact_share" in b and np.any(b["contact_share"].values > 0)]
         if is_symmetric(branch) is not False or not any(is_symmetric(other) for other in touching):
@@ -266,7 +266,7 @@ class ContinuationResult(Result):
         return name, means[name]
 
     def coexisting(self) -> list[CoexistenceRange]:
-        """Where several motions of a level are stable, by level and increasing parameter."""
+        """Ranges with several stable motions at one level, by level and increasing parameter."""
         found: list[CoexistenceRange] = []
         levels = [float(branch["level"].item()) for branch in self.branches]
         for level in {repr(level): level for level in levels}.values():

@@ -128,7 +128,7 @@ def _structure(
         datasets.append(_shapes(updated, section, section.shapes_without, warnings))
     warnings += () if fitted else _structure_warnings(modes)
     if section.measured_with or section.measured_without or section.shapes_without is not None:
-        warnings += _others(scenario, section.snubber)
+        warnings += _omission_notes(scenario, section.snubber)
     return Findings(datasets, {}, warnings, modes={WITHOUT: modes})
 
 
@@ -170,7 +170,7 @@ def _summary(modes: Mapping[str, ComparedModes]) -> dict[str, list[float]]:
     return summary
 
 
-def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
+def _omission_notes(scenario: Scenario, snubber: str) -> Iterator[str]:
     """Notes on snubbers and bodies that the natural frequencies do not include."""
     others = [s.name for s in scenario.all_snubbers if s.name != snubber]
     if others:
@@ -205,12 +205,12 @@ def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[f
     return np.asarray(model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid : rigid + count])
 
 
-def _shapes(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShapes, warnings: list[str]) -> Dataset:
+def _shapes(scenario: Scenario, section: IdentifyStiffness, measured: MeasuredShapes, warnings: list[str]) -> Dataset:
     """Modal assurance of measured and predicted shapes; warns about shapes that resemble another mode more."""
     body = scenario.all_bodies[scenario.located_snubber(section.snubber).bodies[0]]
-    positions = tuple(map(body.metres, given.positions))
-    predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), positions)
-    mac = modal_assurance(np.array(given.shapes).T, predicted)
+    positions = tuple(map(body.metres, measured.positions))
+    predicted = mode_shapes(scenario, section.snubber, max(len(measured.shapes), _MIN_MODES), positions)
+    mac = modal_assurance(np.array(measured.shapes).T, predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))
         if best != i:
@@ -218,8 +218,8 @@ def _shapes(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShape
                 f"the measured shape {i + 1} resembles mode {best + 1} of the model (MAC {row[best]:.2f}) more than "
                 f"mode {i + 1} (MAC {row[i]:.2f}): check the order of the modes"
             )
-    measured, computed = (1 + np.arange(size) for size in mac.shape)
-    return SHAPES.dataset({"measured_shape": measured, "predicted_shape": computed, "mac": mac})
+    measured_numbers, computed_numbers = (1 + np.arange(size) for size in mac.shape)
+    return SHAPES.dataset({"measured_shape": measured_numbers, "predicted_shape": computed_numbers, "mac": mac})
 
 
 def _structure_warnings(modes: ComparedModes) -> list[str]:

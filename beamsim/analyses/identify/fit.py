@@ -33,8 +33,8 @@ _STEP = 1e-5  # of x, for finite differences
 _PROFILE_WIDTH = 2.5  # half-width of a profile, in standard deviations
 ON_BOUND = 1e-6  # distance of x from a bound
 WITHOUT_INFLUENCE = 1e-9  # relative to the largest derivative of a parameter
-ALIKE = 1e-6  # ratio of singular values below which only a combination of parameters is determined
-TAKES_PART = 0.2  # component of a parameter in such a combination, above which it is named
+LEAST_SINGULAR_RATIO = 1e-6  # ratio of singular values below which only a combination of parameters is determined
+LEAST_COMPONENT = 0.2  # component of a parameter in such a combination, above which it is named
 CORRELATED = 0.995  # correlation above which parameters can hardly be distinguished
 
 
@@ -83,11 +83,11 @@ class FitParameter:
         return any(place[-1] == "gap" for place in self.places)
 
 
-def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[FitParameter], list[Path]]:
+def sought_numbers(scenario: Scenario, sections: Sequence[SoughtParameter]) -> tuple[list[FitParameter], list[Path]]:
     """Locate the numeric parameters, and the paths of non-numeric ones (supports)."""
     numbers: list[FitParameter] = []
     words: list[Path] = []
-    for item in items:
+    for item in sections:
         places = find_parameters(scenario, item.parameter)
         if choices_at(scenario, places[0]):
             words += places
@@ -131,7 +131,7 @@ class ParameterEstimate(NamedTuple):
     """Estimate of a parameter, in SI units."""
 
     parameter: str
-    before: float  # value in the scenario; of the first item for [*]
+    initial_value: float  # value in the scenario; of the first item for [*]
     value: float
     standard_deviation: float  # nan if it is not known
     interval: tuple[float, float]
@@ -142,7 +142,7 @@ class ParameterEstimate(NamedTuple):
     def summary(self) -> dict[str, Any]:
         """Entries for the summary of the result."""
         return {
-            "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
+            "value": self.value, "before": self.initial_value, "standard_deviation": self.standard_deviation,
             "interval": list(self.interval),
         }  # fmt: skip
 
@@ -183,7 +183,7 @@ class LeastSquares:
     converged: bool
 
 
-UNPREDICTED = 1e6  # residual if the model has no prediction
+UNPREDICTED_RESIDUAL = 1e6  # residual if the model has no prediction
 
 
 class Fit:
@@ -196,8 +196,8 @@ class Fit:
     Returns (r,) weighted residuals, or raises `UnpredictableError`.
     """
 
-    def __init__(self, numbers: Sequence[FitParameter], measured: Callable[[Floats, bool], Floats]) -> None:
-        self.numbers, self.measured = tuple(numbers), measured
+    def __init__(self, numbers: Sequence[FitParameter], residual_function: Callable[[Floats, bool], Floats]) -> None:
+        self.numbers, self.measured = tuple(numbers), residual_function
         limits = np.array([number.limits for number in numbers]).reshape(-1, 2)
         self.lower, self.upper = limits[:, 0], limits[:, 1]
         self.evaluations = 0
@@ -278,39 +278,39 @@ class Fit:
         if not free.any():
             return LeastSquares(start, float(first @ first), True)
 
-        def whole(y: Floats) -> Floats:
+        def all_parameters(y: Floats) -> Floats:
             x = start.copy()
             x[free] = y
             return x
 
         def residuals(y: Floats) -> Floats:
             try:
-                return self.residuals(whole(y))
+                return self.residuals(all_parameters(y))
             except UnpredictableError:
-                return np.full(first.size, UNPREDICTED)
+                return np.full(first.size, UNPREDICTED_RESIDUAL)
 
         def jacobian(y: Floats) -> Floats:
-            return np.nan_to_num(self.jacobian(whole(y))[:, free])
+            return np.nan_to_num(self.jacobian(all_parameters(y))[:, free])
 
         found = least_squares(
             residuals, start[free], jac=jacobian,
             bounds=(self.lower[free], self.upper[free]), x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=tolerance,
             max_nfev=MOST_EVALUATIONS,
         )  # fmt: skip
-        return LeastSquares(whole(found.x), float(2 * found.cost), found.status != 0)
+        return LeastSquares(all_parameters(found.x), float(2 * found.cost), found.status != 0)
 
     def estimates(
-        self, best: LeastSquares, jacobian: Floats, scale: float, coverage: float, without: Collection[int] = ()
+        self, best: LeastSquares, jacobian: Floats, scale: float, coverage: float, undetermined: Collection[int] = ()
     ) -> tuple[tuple[ParameterEstimate, ...], Floats, list[str]]:
         """Parameters with their confidence intervals.
 
         Parameters
         ----------
         best : the estimate.
-        jacobian : (r, p) derivatives of the residuals at the estimate; zero for those in ``without``.
+        jacobian : (r, p) derivatives of the residuals at the estimate; zero for those in ``undetermined``.
         scale : factor on the covariance; nan if it is unknown.
         coverage : probability of the intervals.
-        without : indices of parameters that the measurements cannot determine and that need no warning.
+        undetermined : indices of parameters that the measurements cannot determine and that need no warning.
 
         Returns
         -------
@@ -325,7 +325,7 @@ class Fit:
             estimates.append(
                 ParameterEstimate(
                     parameter=number.parameter,
-                    before=number.start,
+                    initial_value=number.start,
                     value=value,
                     standard_deviation=deviation * (number.shift or value),
                     interval=(number.at(x - z * deviation)[0], number.at(x + z * deviation)[0]),
@@ -334,7 +334,7 @@ class Fit:
                     at_bound=bool(min(abs(x - low), abs(high - x)) < ON_BOUND),
                 )
             )
-        determined = [i for i in range(len(self.numbers)) if i not in without]
+        determined = [i for i in range(len(self.numbers)) if i not in undetermined]
         sought = [self.numbers[i] for i in determined]
         of_determined = covariance[np.ix_(determined, determined)]
         return tuple(estimates), covariance, _confounding_warnings(sought, jacobian[:, determined], of_determined)
@@ -407,15 +407,15 @@ def at_bounds(scenario: Scenario, parameters: Sequence[ParameterEstimate]) -> tu
     )  # fmt: skip
 
 
-UNLIKELY = 1e-3  # probability of chi squared, below which the stated noise is taken as too small
+SMALL_PROBABILITY = 1e-3  # probability of chi squared, below which the stated noise is taken as too small
 
 
-def widening(misfit: float, freedom: int) -> float:
+def widening(misfit: float, degrees_of_freedom: int) -> float:
     """Factor on a covariance: chi squared per degree of freedom if the stated noise hardly explains it, else 1."""
     from scipy.special import gammaincc
 
-    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < UNLIKELY
-    return misfit / freedom if unexplained else 1.0
+    unexplained = degrees_of_freedom > 0 and float(gammaincc(degrees_of_freedom / 2, misfit / 2)) < SMALL_PROBABILITY
+    return misfit / degrees_of_freedom if unexplained else 1.0
 
 
 NO_INFLUENCE = 1e-14  # ratio of eigenvalues below which a combination of parameters has no influence
@@ -440,24 +440,24 @@ def inverse_information(jacobian: Floats) -> Floats:
     return inverse
 
 
-def _confounding_warnings(sought: Sequence[FitParameter], jacobian: Floats, covariance: Floats) -> list[str]:
+def _confounding_warnings(parameters: Sequence[FitParameter], jacobian: Floats, covariance: Floats) -> list[str]:
     """Warn about parameters that the measurements cannot distinguish.
 
     Parameters
     ----------
-    sought : the p parameters.
+    parameters : the p parameters.
     jacobian, covariance : (r, p) derivatives of the residuals; (p, p).
 
     Returns
     -------
     One sentence for each group.
     """
-    names = [number.parameter for number in sought]
-    without_prior = {number.parameter for number in sought if np.isnan(number.prior)}
+    names = [number.parameter for number in parameters]
+    without_prior = {number.parameter for number in parameters if np.isnan(number.prior)}
     if len(names) == 0:
         return []
 
-    def apart(*together: str) -> str:
+    def remedy(*together: str) -> str:
         return "fix one of them, or give it a prior" if without_prior.intersection(together) else "fix one of them"
 
     size = np.linalg.norm(jacobian, axis=0)
@@ -472,18 +472,18 @@ def _confounding_warnings(sought: Sequence[FitParameter], jacobian: Floats, cova
         _, values, directions = np.linalg.svd(jacobian[:, usable] / size[usable], full_matrices=True)
         values = np.concatenate([values, np.zeros(len(kept) - values.size)])
         for value, direction in zip(values, directions, strict=True):
-            if value < ALIKE * values[0]:
-                together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > TAKES_PART]
+            if value < LEAST_SINGULAR_RATIO * values[0]:
+                together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > LEAST_COMPONENT]
                 warnings.append(
                     f"{' and '.join(together)} cannot be distinguished: the measurements depend only on a "
-                    f"combination of them; {apart(*together)}"
+                    f"combination of them; {remedy(*together)}"
                 )
         if not any("cannot be distinguished" in w for w in warnings):
             correlation = correlation_of(covariance)
             for i in range(len(names)):
                 warnings += [
                     f"{names[j]} and {names[i]} can hardly be distinguished: their correlation is "
-                    f"{correlation[i, j]:.4f}; measure more, {apart(names[j], names[i])}"
+                    f"{correlation[i, j]:.4f}; measure more, {remedy(names[j], names[i])}"
                     for j in range(i)
                     if abs(correlation[i, j]) > CORRELATED
                 ]

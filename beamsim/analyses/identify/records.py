@@ -65,9 +65,9 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
 MOST_EVENTS = 20_000  # of a transient in a fit
-SOUGHT_SHARE = 0.1  # of the compared duration: how much earlier or later than stated a motion may begin
-FEWEST = 20  # samples of a transient
-SLACK = 1.2  # factor on the noise variance that covers its scatter over a few hundred samples
+DELAY_SHARE = 0.1  # of the compared duration: how much earlier or later than stated a motion may begin
+FEWEST_SAMPLES = 20  # samples of a transient
+NOISE_MARGIN = 1.2  # factor on the noise variance that covers its scatter over a few hundred samples
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Prediction:
 
     system: StructuralSystem
     motion: Trajectory
-    touching: bool  # whether contact is made and lost
+    makes_contact: bool  # whether contact is made and lost
 
     def extremes(self, quantity: str) -> Extrema:
         """Extremes of a quantity of every snubber."""
@@ -97,8 +97,8 @@ class Misfit(NamedTuple):
     """Contribution of a test to the misfit, and the confidence interval of its delay."""
 
     misfit: float
-    without: float  # misfit of a fit to the other tests alone
-    delay: tuple[float, float] = (nan, nan)  # s, ends of the interval
+    misfit_without: float  # misfit of a fit to the other tests alone
+    delay_interval: tuple[float, float] = (nan, nan)  # s, ends of the interval
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,17 @@ class Test:
     probe: str
     quantity: str
     noise_known: bool
-    free_phase: bool  # whether the delay is fitted
+    fits_delay: bool  # whether the delay is fitted
     treatment: str  # what was done to the record, in words
 
     @property
-    def lost(self) -> int:
+    def uninformative_count(self) -> int:
         """Number of degrees of freedom that are spent on delay and offset instead of parameters."""
-        return int(self.free_phase)
+        return int(self.fits_delay)
 
     def fit_warnings(self, prediction: Prediction) -> list[str]:
         """Warn if the motion does not reach the snubbers."""
-        if prediction.touching or not prediction.system.snubbers:
+        if prediction.makes_contact or not prediction.system.snubbers:
             return []
         return [
             f"{self.name}: no contact opens or closes; the motion is linear and contains little information about "
@@ -130,14 +130,14 @@ class Test:
         ]
 
     def fitted_test(
-        self, kind: str, part: Misfit, delay: float, rows: Mapping[str, Mapping[str, Any]], **more: Any
+        self, kind: str, misfit: Misfit, delay: float, rows: Mapping[str, Mapping[str, Any]], **more: Any
     ) -> FittedTest:
         """Collect measured and predicted values of this test.
 
         Parameters
         ----------
         kind, rows, more : see `FittedTest`.
-        part : contribution of this test to the misfit.
+        misfit : contribution of this test to the misfit.
         delay : s, see `TestComparison`.
 
         Returns
@@ -146,7 +146,7 @@ class Test:
         """
         return FittedTest(
             self.name, kind, self.probe, self.quantity, level_unit(self.quantity.removeprefix("absolute_")),
-            self.treatment, delay, part.delay, part.misfit, part.without, rows, **more,
+            self.treatment, delay, misfit.delay_interval, misfit.misfit, misfit.misfit_without, rows, **more,
         )  # fmt: skip
 
 
@@ -183,7 +183,7 @@ def tests_dataset(tests: Sequence[FittedTest]) -> Dataset:
     return TESTS.table(tests, [{"unit": each.unit} for each in tests], **values)
 
 
-LEAST_SCATTER = 1e-6  # noise of a record without noise, relative to its range
+LEAST_NOISE = 1e-6  # noise of a record without noise, relative to its range
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ class Transient(Test):
     record: MeasuredSignal  # n samples over the time since the stated beginning
     preparation: RecordPreparation  # filter of the record, applied to the predicted motion too
     sigma: float
-    stated: bool  # True if the scenario states the noise
+    noise_stated: bool  # True if the scenario states the noise
     duration: float  # s, of the run
-    reach: float  # s, how much earlier or later the motion may begin
+    delay_range: float  # s, how much earlier or later the motion may begin
 
     @classmethod
     def of(cls, number: int, test: TransientTest, signal: MeasuredSignal, probe: str) -> Transient:
@@ -220,11 +220,11 @@ class Transient(Test):
             raise InputFileError("is a spectrum", "give the record over time")
         time = signal.x - signal.x[0] - test.begin
         part = (time >= 0.0) & (time <= (test.duration or np.inf))
-        if part.sum() < FEWEST:
-            message = f"has {part.sum()} samples after begin = {test.begin:g} s; at least {FEWEST} are needed"
+        if part.sum() < FEWEST_SAMPLES:
+            message = f"has {part.sum()} samples after begin = {test.begin:g} s; at least {FEWEST_SAMPLES} are needed"
             raise InputFileError(message, "check begin, which counts from the first sample, or give a longer duration")
         free, duration = test.phase == "free", float(time[part][-1])
-        reach = SOUGHT_SHARE * duration if free else 0.0
+        reach = DELAY_SHARE * duration if free else 0.0
         part &= time <= duration - reach  # the run is as long as the record, which may have begun earlier
         preparation = RecordPreparation(remove=test.remove, high_pass=test.high_pass)
         values = np.asarray(signal.y, dtype=float)
@@ -232,7 +232,7 @@ class Transient(Test):
         measured = prepared.y
         scatter = float(np.sqrt(np.median(np.diff(values, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
         largest = float(np.ptp(measured))
-        sigma = max(scatter, LEAST_SCATTER * largest)
+        sigma = max(scatter, LEAST_NOISE * largest)
         if test.noise is not None:
             sigma = test.noise * float(np.abs(measured).max())
         if largest == 0.0:
@@ -256,9 +256,9 @@ class Transient(Test):
         """Filter values (n,) as the record is filtered; the same linear operation for measurement and motion."""
         return np.asarray(condition(replace(self.record, y=values), self.preparation).y)
 
-    def first(self, share: float) -> Self:
+    def beginning(self, share: float) -> Self:
         """Copy with the beginning of the record, at least as long as the filter needs."""
-        least = FEWEST
+        least = FEWEST_SAMPLES
         if self.preparation.high_pass is not None:
             interval = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
             least = max(least, int(PERIODS_OF_FILTER / (self.preparation.high_pass * interval)) + 3)
@@ -275,8 +275,12 @@ class Transient(Test):
         misfit : sum of squared weighted residuals of this test.
         parameters : number of fitted parameters.
         """
-        left = misfit / max(self.size - self.lost - parameters, 1)
-        return self if self.stated or left > SLACK else replace(self, sigma=self.sigma * max(left, 1e-24) ** 0.5)
+        left = misfit / max(self.size - self.uninformative_count - parameters, 1)
+        return (
+            self
+            if self.noise_stated or left > NOISE_MARGIN
+            else replace(self, sigma=self.sigma * max(left, 1e-24) ** 0.5)
+        )
 
     @property
     def size(self) -> int:
@@ -284,9 +288,9 @@ class Transient(Test):
         return self.time.size
 
     @property
-    def lost(self) -> int:
+    def uninformative_count(self) -> int:
         """Two: the delay and the offset of the record."""
-        return super().lost + 1
+        return super().uninformative_count + 1
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario with the excitation and the start of this test."""
@@ -296,13 +300,13 @@ class Transient(Test):
         case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
         return case.with_source(scenario.source)  # without the text, whose lines belong to other sections
 
-    def predict(self, case: Scenario, near: Prediction | None, shared: SharedBuilds) -> Prediction:
+    def predict(self, case: Scenario, neighbour: Prediction | None, shared: SharedBuilds) -> Prediction:
         """Compute the exact motion.
 
         Parameters
         ----------
         case : scenario with the values of the parameters.
-        near : prediction for neighbouring values; not used for transients.
+        neighbour : prediction for neighbouring values; not used for transients.
         shared : cache of built systems.
 
         Returns
@@ -327,25 +331,25 @@ class Transient(Test):
             raise UnpredictableError(f"{self.name}: {motion.outcome.text}")
         return Prediction(system, motion, motion.event_time.size > 0)
 
-    def compare(self, prediction: Prediction, gain: float, near: TestComparison | None) -> TestComparison:
+    def compare(self, prediction: Prediction, gain: float, neighbour: TestComparison | None) -> TestComparison:
         """Compare a prediction with the measurement at the best-fitting delay.
 
         Parameters
         ----------
         prediction : prediction of this test.
         gain : gain of the channel.
-        near : comparison for neighbouring parameters, near whose delay the search begins; None: over the whole range.
+        neighbour : comparison for neighbouring parameters; the search begins at its delay. None: over the whole range.
 
         Returns
         -------
         TestComparison
         """
-        delay, motion = 0.0 if near is None else near.delay, prediction.motion
+        delay, motion = 0.0 if neighbour is None else neighbour.delay, prediction.motion
         channels = prediction.system.channels.of_keys(("probes", self.quantity))
         channels = channels.select(lambda channel: channel.name == self.probe)
 
-        def values(late: float) -> Floats:
-            times = self.time + late
+        def values(delay: float) -> Floats:
+            times = self.time + delay
             found = channel_values(motion, channels, np.clip(times, 0.0, motion.end))[:, 0]
             return gain * np.where((times < 0.0) & (self.quantity != "displacement"), 0.0, found)
 
@@ -356,8 +360,8 @@ class Transient(Test):
         interval = float(np.median(np.diff(self.time)))
         step = 1e-4 * interval
 
-        def slopes(late: float) -> Floats:
-            change = self.prepare(values(late + step) - values(late - step))
+        def slopes(delay: float) -> Floats:
+            change = self.prepare(values(delay + step) - values(delay - step))
             return np.asarray((change - change.mean()) / (2.0 * step * self.sigma))
 
         def rest(samples: Floats) -> Floats:
@@ -366,13 +370,13 @@ class Transient(Test):
         def slope(samples: Floats) -> Floats:
             return slopes(samples[0] * interval)[:, None] * interval
 
-        if self.free_phase:
+        if self.fits_delay:
             from scipy.optimize import least_squares
 
-            if near is None:
-                grid = np.arange(-self.reach, self.duration + interval, interval)
+            if neighbour is None:
+                grid = np.arange(-self.delay_range, self.duration + interval, interval)
                 known = gain * channel_values(motion, channels, np.clip(grid, 0.0, motion.end))[:, 0]
-                tried = np.linspace(-self.reach, self.reach, 401)
+                tried = np.linspace(-self.delay_range, self.delay_range, 401)
                 misfits = [np.sum(residuals(np.interp(self.time + late, grid, known)) ** 2) for late in tried]
                 delay = float(tried[np.argmin(misfits)])
             found = least_squares(rest, [delay / interval], slope, xtol=1e-9, ftol=1e-12, gtol=None)
@@ -380,21 +384,21 @@ class Transient(Test):
         predicted = values(delay)
         shown = self.prepare(predicted)
         zero = float(np.mean(self.measured - shown))
-        by_delay = slopes(delay) if self.free_phase else shown * 0.0
+        by_delay = slopes(delay) if self.fits_delay else shown * 0.0
         return TestComparison(shown + zero, delay, residuals(predicted), by_delay)
 
-    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
+    def summarise_fit(self, misfit: Misfit, initial: TestComparison, fitted: TestComparison) -> FittedTest:
         """Collect its contribution to the misfit, and the comparisons before and after the fit.
 
         Parameters
         ----------
-        part : contribution of this test to the misfit.
-        before, found : comparison at the scenario's values, and at the estimate.
+        misfit : contribution of this test to the misfit.
+        initial, fitted : comparison at the scenario's values, and at the estimate.
         """
         samples = {
-            "time": self.time, "measured": self.measured, "before": before.values, "predicted": found.values,
+            "time": self.time, "measured": self.measured, "before": initial.values, "predicted": fitted.values,
         }  # fmt: skip
-        return self.fitted_test("transient", part, found.delay, {"sample": samples}, noise=self.sigma)
+        return self.fitted_test("transient", misfit, fitted.delay, {"sample": samples}, noise=self.sigma)
 
 
 def fit_of(scenario: Scenario) -> NonlinearFit:
@@ -403,8 +407,8 @@ def fit_of(scenario: Scenario) -> NonlinearFit:
 
 
 _EXACT = Settings(iterations=15)
-_NEAR = 2e-2  # search distance around a feature of a neighbouring model, in the scale of a branch
-_APART = 1e-3  # distance of the motions that define a peak as a parabola, in the scale of a branch
+_NEIGHBOUR_DISTANCE = 2e-2  # search distance around a feature of a neighbouring model, in the scale of a branch
+_PARABOLA_STEP = 1e-3  # distance of the motions that define a peak as a parabola, in the scale of a branch
 
 
 class Feature(NamedTuple):
@@ -414,7 +418,7 @@ class Feature(NamedTuple):
     point: BranchPoint
 
 
-FURTHEST = 20  # steps of `_APART` in one go
+MOST_STEPS = 20  # steps of `_APART` in one go
 
 
 @dataclass
@@ -427,7 +431,7 @@ class _Curve:
     test: SweepTest
 
     @property
-    def way(self) -> float:
+    def direction_sign(self) -> float:
         """1 if the frequency rises, else -1."""
         return 1.0 if self.test.direction == "up" else -1.0
 
@@ -441,13 +445,13 @@ class _Curve:
         if not whole:
             raise UnpredictableError("the branch of periodic motions does not reach from one frequency to the other")
         points = tuple(whole[0].points)
-        return points if (points[-1].parameter - points[0].parameter) * self.way > 0 else points[::-1]
+        return points if (points[-1].parameter - points[0].parameter) * self.direction_sign > 0 else points[::-1]
 
     def heights(self, point: BranchPoint) -> Floats:
         """Values of the measured peaks at a point."""
         return self.measurement.of_flow_map(*self.orbits.cycle(point)).peak[list(self.channels)]
 
-    def moved(self, point: BranchPoint, distance: float) -> BranchPoint:
+    def step_along_branch(self, point: BranchPoint, distance: float) -> BranchPoint:
         """Motion at a distance along the tangent of a point."""
         t, guess = point.tangent, point.u + distance * point.scale * point.tangent
         found = correct(self.orbits, Predictor(guess, t, point.scale, t), _EXACT)
@@ -462,19 +466,19 @@ class _Curve:
     def top(self, point: BranchPoint, peak: int) -> BranchPoint | None:
         """Locate the largest peak near a point by parabolas through three motions; None if there is none."""
         for _ in range(_EXACT.iterations):
-            sides = [self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0)]
+            sides = [self.heights(self.step_along_branch(point, side * _PARABOLA_STEP))[peak] for side in (-1.0, 1.0)]
             slope, bend = sides[1] - sides[0], sides[0] + sides[1] - 2.0 * self.heights(point)[peak]
             if bend >= 0.0:
                 return None
             away = -0.5 * slope / bend
-            point = self.moved(point, _APART * float(np.clip(away, -FURTHEST, FURTHEST)))
+            point = self.step_along_branch(point, _PARABOLA_STEP * float(np.clip(away, -MOST_STEPS, MOST_STEPS)))
             if abs(away) < 1.0:
                 return point
         return None
 
-    def landing(self, near: BranchPoint, frequency: float) -> BranchPoint:
+    def landing(self, neighbour: BranchPoint, frequency: float) -> BranchPoint:
         """Motion right after a jump, at the frequency of the jump."""
-        point = solve_at(self.orbits, near.u, _EXACT, frequency)
+        point = solve_at(self.orbits, neighbour.u, _EXACT, frequency)
         if point is None:
             raise UnpredictableError("the motion after a jump was not found")
         return point
@@ -490,7 +494,7 @@ class _Curve:
         elif known.kind == "start":
             found = solve_at(self.orbits, known.point.u, _EXACT)
         elif centre is not None and known.kind == "jump":
-            found = self.fold(*(self.moved(centre, side * _NEAR) for side in (-1.0, 1.0)))
+            found = self.fold(*(self.step_along_branch(centre, side * _NEIGHBOUR_DISTANCE) for side in (-1.0, 1.0)))
         elif centre is not None:
             found = self.top(centre, peak)
         if found is None or (known.kind == "top" and _determinant(found) * _determinant(known.point) < 0):
@@ -498,10 +502,10 @@ class _Curve:
         return Feature(known.kind, found)
 
     @cached_property
-    def followed(self) -> tuple[list[list[Feature]], Feature | None]:
+    def swept_parts(self) -> tuple[list[list[Feature]], Feature | None]:
         """Parts of the branch that a sweep follows, each with its ends as features, and the first jump."""
         parts, part, first = list[list[Feature]](), list[Feature](), None
-        way, rest = self.way, iter(pairwise(self.points))
+        way, rest = self.direction_sign, iter(pairwise(self.points))
         for a, b in rest:
             part.append(Feature("start", a))
             if (b.parameter - a.parameter) * way > 0 and float(b.tangent[-1]) * float(a.tangent[-1]) > 0:
@@ -521,7 +525,7 @@ class _Curve:
 
     def highest(self) -> tuple[Feature, ...]:
         """Features where each peak is largest, on the parts that a sweep follows."""
-        places = [(part, k) for part in self.followed[0] for k in range(len(part))]
+        places = [(part, k) for part in self.swept_parts[0] for k in range(len(part))]
         heights = np.array([self.heights(part[k].point) for part, k in places])
         return tuple(self._highest(places[at], peak) for peak, at in enumerate(np.argmax(heights, axis=0)))
 
@@ -593,8 +597,8 @@ class SweepPrediction(Prediction):
 
     curve: _Curve
     jump: Feature | None
-    tops: tuple[Feature, ...]  # one for each measured peak
-    numbers: Floats  # (r,) predicted values, with a gain of 1
+    peak_features: tuple[Feature, ...]  # one for each measured peak
+    values: Floats  # (r,) predicted values, with a gain of 1
     bandwidth: float  # Hz, half-power bandwidth from the decay at the largest peak
 
 
@@ -602,11 +606,11 @@ class SweepPrediction(Prediction):
 class SweptPeaks(Test):
     """Measured peaks and jump of a slow sweep at one level in one direction."""
 
-    what: tuple[str, ...]  # of each value: "jump", "frequency of ..." or "peak of ..."
+    labels: tuple[str, ...]  # of each value: "jump", "frequency of ..." or "peak of ..."
     measured: Floats  # (r,) Hz, or units of the peaks
     sigma: Floats  # (r,)
     test: SweepTest
-    places: tuple[tuple[str, str], ...]  # probe and quantity of each peak
+    peak_channels: tuple[tuple[str, str], ...]  # probe and quantity of each peak
 
     @classmethod
     def of(cls, number: int, test: SweepTest, probe: str) -> SweptPeaks:
@@ -653,11 +657,11 @@ class SweptPeaks(Test):
         level = self.test.level if test.file else test.level
         return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
-    def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
+    def predict(self, case: Scenario, neighbour: Any, shared: SharedBuilds) -> SweepPrediction:
         """Compute jump and peaks; see `Transient.predict`."""
         test, curve = self.test, self._curve(case, shared)
         try:
-            found = None if near is None else self._matching_features(curve, near)
+            found = None if neighbour is None else self._matching_features(curve, neighbour)
             jump, tops = found or self._features_of_branch(curve)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise UnpredictableError(f"{self.name}: {error}") from error
@@ -678,42 +682,47 @@ class SweptPeaks(Test):
             raise UnpredictableError("cubic springs have no exact flow")
         omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)
         orbits = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, harmonic.level), "frequency")
-        keys = dict.fromkeys(("probes", quantity) for _, quantity in (*self.places, ("", "displacement")))
+        keys = dict.fromkeys(("probes", quantity) for _, quantity in (*self.peak_channels, ("", "displacement")))
         channels = system.channels.of_keys(*keys)
         columns = {(each.name, each.quantity): k for each, k in channels.first_columns}
         return _Curve(
-            orbits, Measurement(system, harmonic, channels, 1), tuple(columns[at] for at in self.places), self.test
+            orbits,
+            Measurement(system, harmonic, channels, 1),
+            tuple(columns[at] for at in self.peak_channels),
+            self.test,
         )
 
     @staticmethod
-    def _matching_features(curve: _Curve, near: SweepPrediction) -> tuple[Feature | None, tuple[Feature, ...]] | None:
+    def _matching_features(
+        curve: _Curve, neighbour: SweepPrediction
+    ) -> tuple[Feature | None, tuple[Feature, ...]] | None:
         """Jump and peaks that correspond to those of a neighbouring model; None if they are not found."""
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            jump = None if near.jump is None else curve.matching_feature(near.jump, None)
-            return jump, tuple(curve.matching_feature(top, jump, k) for k, top in enumerate(near.tops))
+            jump = None if neighbour.jump is None else curve.matching_feature(neighbour.jump, None)
+            return jump, tuple(curve.matching_feature(top, jump, k) for k, top in enumerate(neighbour.peak_features))
         return None
 
     def _features_of_branch(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
         """Jump and peaks from the complete branch."""
-        _, jump = curve.followed
+        _, jump = curve.swept_parts
         if self.test.jump is not None and jump is None:
             raise UnpredictableError(f"{self.name}: the model does not jump")
         return jump, curve.highest()
 
-    def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
+    def compare(self, prediction: Any, gain: float, neighbour: TestComparison | None) -> TestComparison:
         """Compare predicted values with the table; see `Transient.compare`."""
-        heights = np.array([what.startswith("peak") for what in self.what])
+        heights = np.array([what.startswith("peak") for what in self.labels])
         numbers = prediction.numbers * np.where(heights, gain, 1.0)
         residuals = (numbers - self.measured) / self.sigma
         return TestComparison(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
 
-    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
+    def summarise_fit(self, misfit: Misfit, initial: TestComparison, fitted: TestComparison) -> FittedTest:
         """See `Transient.summarise_fit`."""
-        prediction: SweepPrediction = found.values
+        prediction: SweepPrediction = fitted.values
         curve = prediction.curve
         peaks = {
-            "what": self.what, "measured": self.measured, "noise": self.sigma, "before": before.values.numbers,
-            "predicted": prediction.numbers,
+            "what": self.labels, "measured": self.measured, "noise": self.sigma, "before": initial.values.numbers,
+            "predicted": prediction.values,
         }  # fmt: skip
         branch = {
             "frequency_hz": np.array([point.parameter for point in curve.points]) / (2 * np.pi),
@@ -721,19 +730,21 @@ class SweptPeaks(Test):
         }
         rows = {"peak": peaks, "point": branch}
         return self.fitted_test(
-            "sweep", part, found.delay, rows, level=curve.orbits.level, direction=self.test.direction
+            "sweep", misfit, fitted.delay, rows, level=curve.orbits.level, direction=self.test.direction
         )
 
     def _unstable(self, prediction: SweepPrediction) -> float | None:
         """Frequency of the first unstable motion on the part that a sweep follows, Hz; None if there is none."""
         curve, jump = prediction.curve, prediction.jump
-        ends = [*(prediction.tops if self.test.peaks else ()), *([jump] if jump and self.test.jump else [])]
-        last = max(curve.way * end.point.parameter for end in ends)
-        inner = [f for part in curve.followed[0] for f in part if f.kind == "start"]
-        inner += [top for top in prediction.tops if top.kind == "top"]  # at folds round-off decides on stability
-        lost = [curve.way * f.point.parameter for f in inner if not curve.orbits.orbit(f.point).stable]
+        ends = [*(prediction.peak_features if self.test.peaks else ()), *([jump] if jump and self.test.jump else [])]
+        last = max(curve.direction_sign * end.point.parameter for end in ends)
+        inner = [f for part in curve.swept_parts[0] for f in part if f.kind == "start"]
+        inner += [
+            top for top in prediction.peak_features if top.kind == "top"
+        ]  # at folds round-off decides on stability
+        lost = [curve.direction_sign * f.point.parameter for f in inner if not curve.orbits.orbit(f.point).stable]
         first = min(lost, default=np.inf)
-        return curve.way * first / (2 * np.pi) if first <= last else None
+        return curve.direction_sign * first / (2 * np.pi) if first <= last else None
 
     def fit_warnings(self, prediction: Any) -> list[str]:
         """Warn if a real sweep would not show the prediction.

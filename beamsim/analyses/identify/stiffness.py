@@ -52,7 +52,7 @@ class FittedModes:
     mode: tuple[int, ...]  # numbers from 1, including rigid-body modes
     omega: Floats  # (m,) measured, rad/s
     sigma: Floats  # (m,) relative standard deviations; all zero if unknown
-    unconstrained: int = 0  # rigid-body modes with the snubber closed, below the first measured frequency
+    rigid_modes: int = 0  # rigid-body modes with the snubber closed, below the first measured frequency
 
     @property
     def weight(self) -> Floats:
@@ -148,7 +148,7 @@ def _check_reach(modes: FittedModes, without_hz: tuple[float, ...] = ()) -> tupl
     """
     problems: list[Problem] = []
     for mode, omega in zip(modes.mode, modes.omega.tolist(), strict=True):
-        at = f"{_PATH}[{mode - 1 - modes.unconstrained}]"
+        at = f"{_PATH}[{mode - 1 - modes.rigid_modes}]"
         if mode > modes.point.omega.size:
             message = f"is mode {mode}, but the model has only {modes.point.omega.size} modes"
             problems.append(Problem(at, message, "leave it out of fit_to"))
@@ -393,7 +393,7 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    scenario: Scenario, modes: FittedModes, snubber: str, stiffness: float, known: dict[str, float]
+    scenario: Scenario, modes: FittedModes, snubber: str, stiffness: float, relative_deviations: dict[str, float]
 ) -> list[Sensitivity]:
     """Logarithmic derivatives d ln k / d ln p at fixed frequencies for every number of the structure.
 
@@ -406,7 +406,7 @@ def sensitivities(
     modes : the fitted modes.
     snubber : name of the snubber.
     stiffness : the identified value, N/m.
-    known : relative standard deviations of parameters, by path.
+    relative_deviations : relative standard deviations of parameters, by path.
 
     Returns
     -------
@@ -426,7 +426,7 @@ def sensitivities(
     }
     rows = {path_text(place): [place] for place in relative}
     given = {}
-    for path, uncertainty in known.items():
+    for path, uncertainty in relative_deviations.items():
         places = find_parameters(scenario, path)
         name = path_text(places[0]) if len(places) == 1 else path
         rows[name], given[name] = places, uncertainty
@@ -473,7 +473,7 @@ def permanent_contact(
     known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
     sensitive = sensitivities(scenario, measured, snubber, stiffness, known | _relative_deviations(update))
     values["total_standard_deviation"] = _total(deviation, stiffness, sensitive, update)
-    modes = ComparedModes.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, measured.unconstrained)
+    modes = ComparedModes.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, measured.rigid_modes)
     warnings += _fit_warnings(modes, measured.mode, values["interval"])
     found: dict[Path, object] = {(*located.path, "stiffness"): stiffness}
     if on_table is not None:

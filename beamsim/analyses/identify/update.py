@@ -29,7 +29,7 @@ from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.typing import Floats
 
-NEARLY_AS_WELL = 4.0  # increase of chi squared up to which a support is nearly as good: two standard deviations
+INDISTINCT_MISFIT = 4.0  # increase of chi squared up to which a support is nearly as good: two standard deviations
 POINTS_OF_PROFILE = 13  # of the misfit along each parameter
 
 
@@ -80,14 +80,14 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     """
     numbers, words = sought_numbers(scenario, section.update)
     start = np.zeros(len(numbers))
-    tried, refused = _fits_of_words(scenario, section, numbers, words)
+    tried, refused = _fits_of_supports(scenario, section, numbers, words)
     _, case, fit, best = tried[0]
     freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
     # an unknown standard deviation is that of the residuals
     scale = 1.0 if known else best.misfit / freedom if freedom > 0 else np.nan
     parameters, covariance, warnings = fit.estimates(best, fit.jacobian(best.x), scale, section.coverage)
     profiles = fit.profiles(best, covariance, scale, points=POINTS_OF_PROFILE) if scale > 0.0 else ()
-    if len(tried) > 1 and tried[1][3].misfit < best.misfit + NEARLY_AS_WELL * scale:
+    if len(tried) > 1 and tried[1][3].misfit < best.misfit + INDISTINCT_MISFIT * scale:
         warnings.append(f"the supports {tried[1][0]} fit nearly as well: these frequencies do not distinguish them")
     updated = with_parameters(case, numbers, best.x)
     misfits = {text: found.misfit for text, _, _, found in tried} | dict.fromkeys(refused, np.inf) if words else {}
@@ -110,21 +110,21 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> tuple[Findin
     return Findings([dataset], summary, warnings, profiles, {BEFORE: before}, outcome), updated
 
 
-def _fits_of_words(
-    scenario: Scenario, section: IdentifyStiffness, numbers: list[FitParameter], words: Sequence[Path]
+def _fits_of_supports(
+    scenario: Scenario, section: IdentifyStiffness, numbers: list[FitParameter], supports: Sequence[Path]
 ) -> tuple[list[tuple[str, Scenario, Fit, LeastSquares]], dict[str, Problem]]:
     """Fits for every combination of supports, the best one first, and the problems of invalid combinations.
 
     Parameters
     ----------
     scenario, section : as in `update_model`.
-    numbers, words : numeric parameters, and paths of the supports.
+    numbers, supports : numeric parameters, and paths of the supports.
     """
     tried, refused = [], dict[str, Problem]()
-    for choice in product(*(choices_at(scenario, place) for place in words)):
+    for choice in product(*(choices_at(scenario, place) for place in supports)):
         text = ", ".join(choice)
         try:
-            case = with_values(scenario, dict(zip(words, choice, strict=True))).recheck()
+            case = with_values(scenario, dict(zip(supports, choice, strict=True))).recheck()
             fit = _fit(case, section, numbers)
             tried.append((text, case, fit, fit.minimise(np.zeros(len(numbers)))))
         except ScenarioError as error:  # a support at the point of the snubber, for example

@@ -85,7 +85,7 @@ from beamsim.system.force_tables import curves_of
 from beamsim.system.reduced_model import SharedBuilds
 from beamsim.typing import Complexes, Floats, not_none, of_kind
 
-HIGHEST_PASS = 0.2  # of a steady test's frequency: a high-pass filter there changes the first harmonic by up to 0.07 %
+LARGEST_HIGH_PASS = 0.2  # of a steady test's frequency: that high-pass changes the first harmonic by 0.07 %
 
 
 def fit_nonlinear(
@@ -144,10 +144,10 @@ class _FitFromStarts:
 
     fit: Fit
     best: LeastSquares
-    before: list[TestComparison]  # at the scenario's values
-    misfit_before: float  # at the scenario's values
-    tried: int  # number of starting points
-    agreeing: int  # starting points that ended at the lowest misfit
+    initial_comparisons: list[TestComparison]  # at the scenario's values
+    initial_misfit: float  # at the scenario's values
+    starts_tried: int  # number of starting points
+    starts_agreeing: int  # starting points that ended at the lowest misfit
     warnings: list[str]
 
 
@@ -166,15 +166,15 @@ def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Pr
     """
     vibrations.start()
     fit = Fit(vibrations.numbers, vibrations.residuals)
-    first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
-    fits = [*vibrations.of_first_parts(), fit]
-    solutions, tried = _from_starts(fits, settings, progress)
+    first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.comparisons
+    fits = [*vibrations.fits_of_beginnings(), fit]
+    solutions, tried = _fit_from_starts(fits, settings, progress)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
     if len(fits) > 1 and not stop_requested():  # estimate the noise of transients from the fit residual
         vibrations.tests = _with_fit_noise(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
-        first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
+        first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.comparisons
         fit.residuals(best.x)
         best = fit.minimise(best.x)
     warnings = []
@@ -185,7 +185,7 @@ def _search_starts(vibrations: _Vibrations, settings: NonlinearFit, progress: Pr
     return _FitFromStarts(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, begin: float) -> Findings:
+def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: IdentifyStiffness, start_s: float) -> Findings:
     """Compute confidence intervals at the estimate, and the contribution of each test to the misfit.
 
     Parameters
@@ -193,7 +193,7 @@ def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: Identif
     vibrations : tests and parameters as `_search_starts` left them.
     search : result of the search; parameters that no test determines get the scenario's values back.
     section : section with the probability of the intervals.
-    begin : processor time before the search, s.
+    start_s : processor time before the search, s.
 
     Returns
     -------
@@ -202,64 +202,69 @@ def _judge_fit(vibrations: _Vibrations, search: _FitFromStarts, section: Identif
     fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
     with deferred_stop():
         fit.residuals(best.x)
-    penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
+    penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.predictions])
     unknown = _unreached_parameters(vibrations.scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
     jacobian, by_delay, complete = vibrations.jacobian(best.x, fit.residuals(best.x).size)
     jacobian[:, list(unknown)] = 0.0
-    predicted = vibrations.compared
-    vibrations.take_out_phases(jacobian)
+    predicted = vibrations.comparisons
+    vibrations.project_out_delays(jacobian)
     residuals = fit.residuals(best.x)
-    freedom = residuals.size - sum(test.lost for test in tests) - (len(fit.numbers) - len(unknown))
-    parts = _parts(tests, residuals, jacobian, freedom)
-    scale, warnings = _scatter(tests, parts, best.misfit, freedom)
+    freedom = residuals.size - sum(test.uninformative_count for test in tests) - (len(fit.numbers) - len(unknown))
+    parts = _test_misfits(tests, residuals, jacobian, freedom)
+    scale, warnings = _covariance_factor(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
-    parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
+    parts = vibrations.with_delay_intervals(parts, by_delay, covariance, scale, coverage)
     with deferred_stop():
-        records = [t.summarise_fit(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
-        doubts = [text for test, last in zip(tests, vibrations.last, strict=True) for text in test.fit_warnings(last)]
+        records = [
+            t.summarise_fit(p, b, a)
+            for t, p, b, a in zip(tests, parts, search.initial_comparisons, predicted, strict=True)
+        ]
+        doubts = [
+            text for test, last in zip(tests, vibrations.predictions, strict=True) for text in test.fit_warnings(last)
+        ]
     warnings += [*remarks, *unknown.values(), *_yield_warnings(vibrations.scenario, fit.numbers), *doubts]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     settings = not_none(section.nonlinear)
     profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
-    interrupted = f"after {search.tried} of {settings.starts} starts" if stop_requested() else ""
+    interrupted = f"after {search.starts_tried} of {settings.starts} starts" if stop_requested() else ""
     more = {
-        "misfit_before": search.misfit_before, "misfit": best.misfit, "degrees_of_freedom": freedom,
-        "starts": search.tried, "starts_agreeing": search.agreeing, "responses": vibrations.responses[0],
-        "processor_time_s": processor_time() - begin, "coverage": coverage,
+        "misfit_before": search.initial_misfit, "misfit": best.misfit, "degrees_of_freedom": freedom,
+        "starts": search.starts_tried, "starts_agreeing": search.starts_agreeing, "responses": vibrations.responses[0],
+        "processor_time_s": processor_time() - start_s, "coverage": coverage,
     }  # fmt: skip
     dataset = estimates_dataset(NONLINEAR, vibrations.scenario, parameters, covariance, more)
     delays = {each.name: [each.delay_s, *each.delay_interval] for each in records}
     summary = {
         "estimated": {each.parameter: each.summary() for each in parameters},
-        "nonlinear_misfit": [search.misfit_before, best.misfit],
+        "nonlinear_misfit": [search.initial_misfit, best.misfit],
         "test_misfits": {each.name: [each.misfit, each.misfit_without] for each in records},
         "test_delays_s": {name: each for name, each in delays.items() if np.isfinite(each).all()},
-        "starts_agreeing": [search.agreeing, search.tried],
+        "starts_agreeing": [search.starts_agreeing, search.starts_tried],
     }
     doubtful = [*at_bounds(vibrations.scenario, parameters)]
     if np.all(np.isfinite(jacobian)):
-        doubtful += _undetermined(parameters, unknown)
-    if scale > FAR_FROM_NOISE:
-        doubtful += _of_other_sign(vibrations.nearer_with_other_sign())
+        doubtful += _undetermined_outcome(parameters, unknown)
+    if scale > LEAST_MISFIT_OVER_NOISE:
+        doubtful += _opposite_sign_outcome(vibrations.tests_with_better_opposite_sign())
     outcome = _outcome(interrupted, best, without if complete else (), doubtful)
     warnings += search.warnings
     return Findings([dataset, tests_dataset(records)], summary, warnings, profiles, outcome=outcome)
 
 
-OTHER_SIGN = 0.25  # misfit with the opposite sign over that with the present one, below which the sign is doubtful
-FAR_FROM_NOISE = 10.0  # times the misfit that noise explains, above which the sign of a record is checked
+LARGEST_SIGN_RATIO = 0.25  # misfit with the opposite sign over the present one, below which the sign is doubtful
+LEAST_MISFIT_OVER_NOISE = 10.0  # times the misfit that noise explains, above which the sign of a record is checked
 
 
-def _undetermined(parameters: Sequence[ParameterEstimate], unknown: Collection[int]) -> list[Outcome]:
+def _undetermined_outcome(parameters: Sequence[ParameterEstimate], unreached: Collection[int]) -> list[Outcome]:
     """Outcome for parameters that the tests do not determine: their values are not reliable.
 
     Parameters
     ----------
     parameters : the estimates.
-    unknown : indices of parameters that are table segments no test reaches; these have their own warning.
+    unreached : indices of parameters that are table segments no test reaches; these have their own warning.
     """
-    names = [p.parameter for k, p in enumerate(parameters) if np.isnan(p.standard_deviation) and k not in unknown]
+    names = [p.parameter for k, p in enumerate(parameters) if np.isnan(p.standard_deviation) and k not in unreached]
     if not names:
         return []
     return [
@@ -271,7 +276,7 @@ def _undetermined(parameters: Sequence[ParameterEstimate], unknown: Collection[i
     ]  # fmt: skip
 
 
-def _of_other_sign(names: Sequence[str]) -> list[Outcome]:
+def _opposite_sign_outcome(names: Sequence[str]) -> list[Outcome]:
     """Outcome for tests whose record, with the opposite sign, is much closer to the initial prediction."""
     if not names:
         return []
@@ -281,13 +286,13 @@ def _of_other_sign(names: Sequence[str]) -> list[Outcome]:
 
 
 def _outcome(
-    interrupted: str, best: LeastSquares, without_derivative: Sequence[str], doubtful: Sequence[Outcome]
+    interrupted: str, best_fit: LeastSquares, without_derivative: Sequence[str], doubts: Sequence[Outcome]
 ) -> Outcome:  # fmt: skip
     """Outcome of a fit: interrupted, evaluation limit, unreliable parameters, or parameters without a derivative."""
     if interrupted:
         return interruption(interrupted)
-    outcomes = list(doubtful)
-    if not best.converged:
+    outcomes = list(doubts)
+    if not best_fit.converged:
         outcomes.append(
             Outcome.of(
                 OutcomeKind.STOPPED, "fit_limit", f"the limit of {MOST_EVALUATIONS} evaluations of the fit is reached",
@@ -306,7 +311,7 @@ def _outcome(
     return first_with_others(outcomes)
 
 
-NO_LINE = 1e-6  # amplitude, relative to the fundamental, below which a motion is taken to have no component
+NEGLIGIBLE_LINE = 1e-6  # amplitude, relative to the fundamental, below which a motion is taken to have no component
 
 
 @dataclass(frozen=True)
@@ -315,7 +320,7 @@ class _Steady(Test):
 
     probe_index: int
     frequency_hz: float
-    multiple: int  # excitation periods in one period of the motion
+    excitation_periods: int  # excitation periods in one period of the motion
     harmonics: Harmonics
     sigma: Floats  # (h,)
 
@@ -327,7 +332,7 @@ class _Steady(Test):
     @property
     def omega(self) -> float:
         """Angular frequency of the first harmonic of the motion, rad/s."""
-        return 2 * np.pi * self.frequency_hz / self.multiple
+        return 2 * np.pi * self.frequency_hz / self.excitation_periods
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario under the excitation of this test."""
@@ -335,17 +340,17 @@ class _Steady(Test):
         excitation = of_kind(Harmonic, scenario.excitation).at(self.frequency_hz, level)
         return scenario.model_copy(update={"excitation": excitation, "run": None})
 
-    def predict(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
+    def predict(self, case: Scenario, neighbour: Any, shared: SharedBuilds) -> SteadyVibration:
         """Compute the steady vibration; see `Transient.predict`."""
-        guess = None if near is None else near.start
-        return steady_vibration(case, guess, multiple=self.multiple, shared=shared)
+        guess = None if neighbour is None else neighbour.start
+        return steady_vibration(case, guess, excitation_periods=self.excitation_periods, shared=shared)
 
-    def compare(self, prediction: Any, gain: float, near: TestComparison | None) -> TestComparison:
+    def compare(self, prediction: Any, gain: float, neighbour: TestComparison | None) -> TestComparison:
         """Compare harmonics, shifted to the time of the measurement; see `Transient.compare`."""
         predicted = gain * prediction.harmonics(self.probe_index, self.quantity, self.harmonics.order.size)
         phase = self._phase(predicted)
-        if near is not None:  # avoid a jump by a full turn
-            phase += 2 * np.pi * round((near.delay * self.omega - phase) / (2 * np.pi))
+        if neighbour is not None:  # avoid a jump by a full turn
+            phase += 2 * np.pi * round((neighbour.delay * self.omega - phase) / (2 * np.pi))
         predicted = predicted * np.exp(1j * self.harmonics.order * phase)
         turned = 1j * self.omega * self.harmonics.order * predicted / self.sigma
         by_delay = np.concatenate([turned.real, turned.imag]) if self.harmonics.has_phase else np.zeros(self.size)
@@ -353,14 +358,16 @@ class _Steady(Test):
 
     def fit_warnings(self, prediction: Any) -> list[str]:
         """Warn if the predicted period differs from that of the record, or the motion does not reach the snubbers."""
-        size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.multiple))
-        repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > NO_LINE * size[-1])).tolist())
-        if repeats == self.multiple:
+        size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.excitation_periods))
+        repeats = self.excitation_periods // gcd(
+            self.excitation_periods, *(1 + np.flatnonzero(size > NEGLIGIBLE_LINE * size[-1])).tolist()
+        )
+        if repeats == self.excitation_periods:
             return super().fit_warnings(prediction)
         return [
-            f"{self.name}: the record repeats after {count_text(self.multiple, 'period')} of the excitation, and the "
-            f"predicted motion after {repeats}: several motions exist, or the initial values are far off; start nearer "
-            "to the truth (gap, stiffness), or leave it out"
+            f"{self.name}: the record repeats after {count_text(self.excitation_periods, 'period')} of the excitation, "
+            f"and the predicted motion after {repeats}: several motions exist, or the initial values are far off; "
+            "start nearer to the truth (gap, stiffness), or leave it out"
         ]
 
     def _phase(self, predicted: Complexes) -> float:
@@ -368,9 +375,9 @@ class _Steady(Test):
 
         If the measured phase is known, the lag is a whole number of excitation periods.
         """
-        if self.free_phase:
+        if self.fits_delay:
             return best_phase(self.harmonics, predicted, self.sigma)
-        turns = 2.0 * np.pi / self.multiple * np.arange(self.multiple)
+        turns = 2.0 * np.pi / self.excitation_periods * np.arange(self.excitation_periods)
         turned = predicted * np.exp(1j * np.multiply.outer(turns, self.harmonics.order))
         return float(turns[np.argmin([np.sum(self._residuals(each) ** 2) for each in turned])])
 
@@ -381,24 +388,24 @@ class _Steady(Test):
         difference = (predicted - self.harmonics.value) / self.sigma
         return np.concatenate([difference.real, difference.imag])
 
-    def summarise_fit(self, part: Misfit, before: TestComparison, found: TestComparison) -> FittedTest:
+    def summarise_fit(self, misfit: Misfit, initial: TestComparison, fitted: TestComparison) -> FittedTest:
         """See `Transient.summarise_fit`."""
         turn = 2 * np.pi / self.omega
-        shift = turn * round(found.delay / turn)
-        part = part._replace(delay=(part.delay[0] - shift, part.delay[1] - shift))
-        harmonics = {"order": self.harmonics.order / self.multiple, "noise": self.sigma}
-        compared = {"measured": self.harmonics.value, "before": before.values, "predicted": found.values}
+        shift = turn * round(fitted.delay / turn)
+        misfit = misfit._replace(delay_interval=(misfit.delay_interval[0] - shift, misfit.delay_interval[1] - shift))
+        harmonics = {"order": self.harmonics.order / self.excitation_periods, "noise": self.sigma}
+        compared = {"measured": self.harmonics.value, "before": initial.values, "predicted": fitted.values}
         harmonics |= {f"{name}_real": each.real for name, each in compared.items()}
         harmonics |= {f"{name}_imag": each.imag for name, each in compared.items()}
         rows = {"harmonic": harmonics}
-        return self.fitted_test("steady", part, found.delay - shift, rows, frequency_hz=self.frequency_hz)
+        return self.fitted_test("steady", misfit, fitted.delay - shift, rows, frequency_hz=self.frequency_hz)
 
 
 AnyTest = _Steady | Transient | SweptPeaks
 
 
 def _check_count(numbers: Sequence[FitParameter], tests: Sequence[AnyTest]) -> None:
-    measured, delays = sum(test.size for test in tests), sum(test.free_phase for test in tests)
+    measured, delays = sum(test.size for test in tests), sum(test.fits_delay for test in tests)
     if sum(np.isnan(number.prior) for number in numbers) + delays > measured:
         raise ScenarioError.at(
             "identify_stiffness.nonlinear.estimate",
@@ -450,9 +457,9 @@ ASSUMED_NOISE = 0.01  # of the largest harmonic, where the noise is unknown
 def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
     excitation: Any = scenario.excitation
     frequency = excitation.frequency if test.frequency is None else test.frequency
-    if test.high_pass is not None and test.high_pass > HIGHEST_PASS * frequency:
+    if test.high_pass is not None and test.high_pass > LARGEST_HIGH_PASS * frequency:
         message = f"is high-pass filtered at {test.high_pass:g} Hz, which changes harmonics of {frequency:g} Hz"
-        raise InputFileError(message, f"use high_pass up to {HIGHEST_PASS * frequency:.3g} Hz, or remove: trend")
+        raise InputFileError(message, f"use high_pass up to {LARGEST_HIGH_PASS * frequency:.3g} Hz, or remove: trend")
     multiple = period_multiple(signal.last(test.last), frequency)
     harmonics = harmonics_of(signal, frequency / multiple, test.harmonics * multiple, test.last)
     largest = float(np.max(np.abs(harmonics.value)))
@@ -471,24 +478,24 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
         probe_index=probes.index(probe),
         quantity=test.quantity,
         frequency_hz=frequency,
-        multiple=multiple,
+        excitation_periods=multiple,
         harmonics=harmonics,
         sigma=np.maximum(sigma, 1e-12 * largest),
         noise_known=known,
-        free_phase=harmonics.has_phase and test.phase == "free",
+        fits_delay=harmonics.has_phase and test.phase == "free",
         treatment="; ".join(signal.scaling),
     )
 
 
-MODES_UP_TO = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
+MODE_RANGE_FACTOR = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
 
 
 def _prepare(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
     """Give the scenario enough modes for the steady tests, and absolute paths to files of its tests."""
     reduction, steady = scenario.reduction, [test for test in tests if isinstance(test, _Steady)]
     if steady and reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
-        highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in steady)
-        reduction = Reduction(highest_frequency=MODES_UP_TO * highest)
+        highest = max(test.frequency_hz * test.harmonics.order[-1] / test.excitation_periods for test in steady)
+        reduction = Reduction(highest_frequency=MODE_RANGE_FACTOR * highest)
     prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
     return prepared if len(steady) == len(tests) else replace_values(prepared, scenario.whole_paths(prepared))
 
@@ -501,9 +508,9 @@ class _Vibrations:
     scenario: Scenario
     numbers: list[FitParameter]
     responses: list[int] = field(default_factory=lambda: [0])  # number computed, shortened transients included
-    last: list[Prediction] = field(default_factory=list)
-    guesses: list[tuple[Prediction, TestComparison]] = field(default_factory=list)
-    compared: list[TestComparison] = field(default_factory=list)
+    predictions: list[Prediction] = field(default_factory=list)
+    initial_predictions: list[tuple[Prediction, TestComparison]] = field(default_factory=list)
+    comparisons: list[TestComparison] = field(default_factory=list)
     shared: SharedBuilds = field(default_factory=SharedBuilds)
 
     def start(self) -> None:
@@ -522,27 +529,27 @@ class _Vibrations:
                 f"have no steady vibration with the initial values of the scenario: {error}",
                 "start from better values, or leave out tests with irregular motion",
             ) from error
-        swings = [v.extremes("displacement") for v in self.last]
+        swings = [v.extremes("displacement") for v in self.predictions]
         size = max((float(half) for swing in swings for half in 0.5 * (swing.high - swing.low)), default=1e-3)
         self.numbers = [replace(number, shift=max(0.3 * size, abs(number.start))) if number.is_gap else number
                         for number in self.numbers]  # fmt: skip
 
-    def of_first_parts(self) -> list[Fit]:
+    def fits_of_beginnings(self) -> list[Fit]:
         """Fits to the beginnings of the transients, in the order of their length; empty without transients.
 
         Over a long record the misfit has many minima, because small errors of the frequencies accumulate. Each fit
         therefore starts from the estimate of a shorter part.
         """
-        shares = FIRST_PARTS if any(isinstance(test, Transient) for test in self.tests) else ()
-        parts = [[t.first(share) if isinstance(t, Transient) else t for t in self.tests] for share in shares]
-        return [Fit(self.numbers, replace(self, tests=tests, guesses=[]).residuals) for tests in parts]
+        shares = BEGINNING_SHARES if any(isinstance(test, Transient) for test in self.tests) else ()
+        parts = [[t.beginning(share) if isinstance(t, Transient) else t for t in self.tests] for share in shares]
+        return [Fit(self.numbers, replace(self, tests=tests, initial_predictions=[]).residuals) for tests in parts]
 
     def residuals(self, x: Floats, differencing: bool = False) -> Floats:
         """Residuals of all tests, (r,). Raises `UnpredictableError` if the model has no motion for a test."""
         scenario = with_parameters(self.scenario, self.numbers, x)
         predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
         for t, test in enumerate(self.tests):
-            near, before = self.guesses[t] if self.guesses else (None, None)
+            near, before = self.initial_predictions[t] if self.initial_predictions else (None, None)
             try:
                 predictions.append(test.predict(test.case(scenario), near, self.shared))
             except UnpredictableError:
@@ -552,21 +559,21 @@ class _Vibrations:
             check_stop()
             self.responses[0] += 1
             compared.append(test.compare(predictions[t], gains[test.number], before if differencing else None))
-        self.last, self.compared = predictions, compared
+        self.predictions, self.comparisons = predictions, compared
         if not differencing:  # differences start from one motion, so that the residual error of Newton's method cancels
-            self.guesses = list(zip(predictions, compared, strict=True))
+            self.initial_predictions = list(zip(predictions, compared, strict=True))
         return np.concatenate([each.residuals for each in compared])
 
-    def nearer_with_other_sign(self) -> list[str]:
+    def tests_with_better_opposite_sign(self) -> list[str]:
         """Names of transients that agree much better with the initial prediction if their sign is reversed."""
         self.residuals(np.zeros(len(self.numbers)))
         gains = [test.gain for test in fit_of(self.scenario).tests]
         return [
             test.name
-            for test, motion, as_written in zip(self.tests, self.last, self.compared, strict=True)
+            for test, motion, as_written in zip(self.tests, self.predictions, self.comparisons, strict=True)
             if isinstance(test, Transient)
             and np.sum(test.compare(motion, -gains[test.number], None).residuals ** 2)
-            < OTHER_SIGN * np.sum(as_written.residuals**2)
+            < LARGEST_SIGN_RATIO * np.sum(as_written.residuals**2)
         ]
 
     def jacobian(self, x: Floats, count: int) -> tuple[Floats, Floats, bool]:
@@ -583,48 +590,48 @@ class _Vibrations:
         of t tests; False after an interruption, when all derivatives are nan.
         """
 
-        def both(at: Floats, differencing: bool) -> Floats:
-            return np.concatenate([self.residuals(at, differencing), [each.delay for each in self.compared]])
+        def both(x_shifted: Floats, differencing: bool) -> Floats:
+            return np.concatenate([self.residuals(x_shifted, differencing), [each.delay for each in self.comparisons]])
 
         fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
-        there = self.last, self.compared
+        there = self.predictions, self.comparisons
         try:
             with stop_requests(at_once=True):
                 check_stop()
                 jacobian = fit.jacobian(x)
                 self.residuals(x)
         except Interrupted:
-            self.last, self.compared = there
+            self.predictions, self.comparisons = there
             return np.full((count, x.size), nan), np.full((len(self.tests), x.size), nan), False
         delays = slice(size, size + len(self.tests))
         return np.delete(jacobian, delays, axis=0), jacobian[delays], True
 
-    def take_out_phases(self, jacobian: Floats) -> None:
+    def project_out_delays(self, jacobian: Floats) -> None:
         """Project the derivatives, in place, onto the complement of the fitted delays (variable projection)."""
-        for test, rows, compared in zip(self.tests, _rows(self.tests), self.compared, strict=True):
-            if test.free_phase:
+        for test, rows, compared in zip(self.tests, _rows(self.tests), self.comparisons, strict=True):
+            if test.fits_delay:
                 by_delay = compared.by_delay / np.linalg.norm(compared.by_delay)
                 jacobian[rows] -= np.outer(by_delay, by_delay @ jacobian[rows])
 
-    def with_delays(
-        self, parts: Sequence[Misfit], by_parameter: Floats, covariance: Floats, scale: float, coverage: float
+    def with_delay_intervals(
+        self, misfits: Sequence[Misfit], delay_derivatives: Floats, covariance: Floats, scale: float, coverage: float
     ) -> list[Misfit]:
         """Add confidence intervals of the fitted delays to the misfits of the tests.
 
         Parameters
         ----------
-        parts : misfits of the tests.
-        by_parameter : (t, p) derivatives of the delays.
+        misfits : misfits of the tests.
+        delay_derivatives : (t, p) derivatives of the delays.
         covariance, scale : (p, p) covariance of the parameters, and the factor that it contains.
         coverage : probability of the intervals.
         """
         z, found = NormalDist().inv_cdf(0.5 + coverage / 2), []
-        for test, part, compared, slope in zip(self.tests, parts, self.compared, by_parameter, strict=True):
+        for test, part, compared, slope in zip(self.tests, misfits, self.comparisons, delay_derivatives, strict=True):
             known = slope != 0.0  # the delays of other tests are fixed
             of_parameters = slope[known] @ covariance[np.ix_(known, known)] @ slope[known]
-            if test.free_phase:
+            if test.fits_delay:
                 wide = z * np.sqrt(scale / np.sum(compared.by_delay**2) + of_parameters)
-                part = part._replace(delay=(compared.delay - wide, compared.delay + wide))
+                part = part._replace(delay_interval=(compared.delay - wide, compared.delay + wide))
             found.append(part)
         return found
 
@@ -635,10 +642,10 @@ def _rows(tests: Sequence[AnyTest]) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-ROUGHLY = 1e-3  # tolerance of a fit that only provides the starting point of the next one
+ROUGH_TOLERANCE = 1e-3  # tolerance of a fit that only provides the starting point of the next one
 
 
-def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[LeastSquares], int]:
+def _fit_from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[LeastSquares], int]:
     """Minima of the last fit, each started from the minima of the fits before it, and the number of starts tried."""
     generator = np.random.default_rng(settings.seed)
     solutions: list[LeastSquares] = []
@@ -648,7 +655,7 @@ def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress
             start += settings.spread * generator.standard_normal(start.size)
         try:
             for rough in fits[:-1]:
-                start = rough.minimise(start, tolerance=ROUGHLY).x
+                start = rough.minimise(start, tolerance=ROUGH_TOLERANCE).x
             solutions.append(fits[-1].minimise(start))
         except UnpredictableError:
             continue
@@ -673,7 +680,9 @@ def _with_fit_noise(tests: Sequence[AnyTest], residuals: Floats, parameters: int
     ]
 
 
-def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedom: int) -> list[Misfit]:
+def _test_misfits(
+    tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, degrees_of_freedom: int
+) -> list[Misfit]:
     """Contribution of each test to the misfit.
 
     Without the rows i of a linear problem the sum of squares decreases by ``r_i (1 - H_ii)^-1 r_i``, with the matrix
@@ -684,7 +693,7 @@ def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedo
     tests : the tests, in the order of the residuals.
     residuals : (r,) residuals at the estimate, with those of the priors at the end.
     jacobian : (r, p) derivatives of the residuals.
-    freedom : degrees of freedom of the fit; nan results for a test without which none remain.
+    degrees_of_freedom : degrees of freedom of the fit; nan results for a test without which none remain.
     """
     left, size, _ = np.linalg.svd(np.nan_to_num(jacobian), full_matrices=False)
     left = left[:, size > 1e-9 * size.max()]
@@ -695,32 +704,34 @@ def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedo
         along, rest = (directions.T @ own) ** 2, 1.0 - share**2
         inside = np.divide(along, rest, out=np.zeros_like(along), where=rest > 1e-9)
         removed = float(own @ own - along.sum() + inside.sum())
-        judged = freedom - test.size + test.lost > 0
+        judged = degrees_of_freedom - test.size + test.uninformative_count > 0
         parts.append(Misfit(float(own @ own), max(whole - removed, 0.0) if judged else nan))
     return parts
 
 
-def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, freedom: int) -> tuple[float, list[str]]:
+def _covariance_factor(
+    tests: Sequence[AnyTest], misfits: Sequence[Misfit], misfit: float, degrees_of_freedom: int
+) -> tuple[float, list[str]]:
     """Factor on the covariance: chi squared per degree of freedom, if the noise is unknown or too small; warnings."""
     known = all(test.noise_known for test in tests)
-    wider = widening(misfit, freedom)
-    if freedom <= 0 or (known and wider == 1.0):
+    wider = widening(misfit, degrees_of_freedom)
+    if degrees_of_freedom <= 0 or (known and wider == 1.0):
         return 1.0, []
     warnings = []
     if known:
         warnings.append(
-            f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
-            "degrees of freedom); the intervals are widened accordingly"
+            f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with "
+            f"{degrees_of_freedom} degrees of freedom); the intervals are widened accordingly"
         )
-    worst = min(range(len(tests)), key=lambda k: np.nan_to_num(parts[k].without, nan=np.inf))
-    rest = freedom - tests[worst].size + tests[worst].lost
-    if parts[worst].without < 0.5 * misfit / freedom * rest:
+    worst = min(range(len(tests)), key=lambda k: np.nan_to_num(misfits[k].misfit_without, nan=np.inf))
+    rest = degrees_of_freedom - tests[worst].size + tests[worst].uninformative_count
+    if misfits[worst].misfit_without < 0.5 * misfit / degrees_of_freedom * rest:
         warnings.append(
-            f"{tests[worst].name} has {parts[worst].misfit / misfit:.0%} of the misfit of {misfit:.3g}, and without it "
-            f"{parts[worst].without:.3g} would be left with {rest} degrees of freedom: check its level, frequency, "
-            f"unit and sensor, estimate its gain, or fit without it, leave_out: [{tests[worst].name}]"
+            f"{tests[worst].name} has {misfits[worst].misfit / misfit:.0%} of the misfit of {misfit:.3g}; "
+            f"without it the misfit is {misfits[worst].misfit_without:.3g} with {rest} degrees of freedom: check its "
+            f"level, frequency, unit and sensor, estimate its gain, or fit without it, leave_out: [{tests[worst].name}]"
         )
-    return misfit / freedom, warnings
+    return misfit / degrees_of_freedom, warnings
 
 
 def _yield_warnings(scenario: Scenario, numbers: Sequence[FitParameter]) -> list[str]:
@@ -736,7 +747,7 @@ def _yield_warnings(scenario: Scenario, numbers: Sequence[FitParameter]) -> list
 
 
 ROUND_OFF = 1e-9  # relative, of penetrations
-FIRST_PARTS = (0.1, 0.3)  # shares of transients to which parameters are fitted first
+BEGINNING_SHARES = (0.1, 0.3)  # shares of transients to which parameters are fitted first
 
 
 @dataclass(frozen=True)
@@ -770,7 +781,7 @@ class SteadyVibration(Prediction):
 
 
 def steady_vibration(
-    scenario: Scenario, guess: Floats | None = None, *, multiple: int = 1, shared: SharedBuilds | None = None
+    scenario: Scenario, guess: Floats | None = None, *, excitation_periods: int = 1, shared: SharedBuilds | None = None
 ) -> SteadyVibration:
     """Compute the periodic response by Newton's method on the exact flow with its exact monodromy matrix.
 
@@ -778,7 +789,7 @@ def steady_vibration(
     ----------
     scenario : scenario with a harmonic excitation and without cubic springs.
     guess : (N,) state at t = 0 of a neighbouring response.
-    multiple : excitation periods in one period of the response.
+    excitation_periods : excitation periods in one period of the response.
     shared : cache of systems built for scenarios with the same structure.
 
     Returns
@@ -795,7 +806,7 @@ def steady_vibration(
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * scenario.sine.frequency
     flow = VariationalFlow(system.dynamics, periodic_forcing(scenario, system), omega, scenario.sine.level)
-    problem = ForcedOrbits(flow, "level", multiple=multiple)
+    problem = ForcedOrbits(flow, "level", multiple=excitation_periods)
     try:
         fits = guess is not None and guess.size == flow.size
         point = find_orbit(problem, guess) if fits else None
@@ -805,7 +816,7 @@ def steady_vibration(
         raise UnpredictableError(str(error)) from error
     if point is None:
         raise UnpredictableError(
-            f"no vibration that repeats after {count_text(multiple, 'period')} of the excitation "
+            f"no vibration that repeats after {count_text(excitation_periods, 'period')} of the excitation "
             f"({system.excitation_frequency_hz:g} Hz) was found"
         )
     base = () if system.base_acceleration is None else (system.base_acceleration,)

@@ -1,4 +1,4 @@
-"""``beamsim nnm``: a nonlinear normal mode in stiffness factor, energy or frequency, with tongues and bifurcations."""
+"""``beamsim nnm``: nonlinear normal modes in stiffness factor, energy or frequency, with tongues and bifurcations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-RequestedPoint = tuple[int, TargetPoint, BranchPoint]  # number of its branch, what was asked for, and the point
+RequestedPoint = tuple[int, TargetPoint, BranchPoint]  # index of the branch, the request, and the point
 
 COMPARISONS = ("multiple_scales", "relaxed_minimisation")
 
@@ -59,7 +59,7 @@ COMPARISONS = ("multiple_scales", "relaxed_minimisation")
 def conservative_system(scenario: Scenario) -> StructuralSystem:
     """The scenario's structure without excitation, damping and dashpots.
 
-    Where the excitation is to hold the mode, the model keeps the coordinates that were made for it.
+    If the excitation is to sustain the mode (phase resonance), the model keeps the coordinates made for the excitation.
     """
     holds = scenario.nnm is not None and scenario.nnm.phase_resonance is not None
     excitation = scenario.excitation if holds else NoExcitation()
@@ -67,14 +67,14 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
         if law.latches:
-            message = f"looks for motions that repeat, and {name} has a latch, which holds for good"
+            message = f"looks for periodic motions, but {name} has a latch, which never opens again"
             raise ScenarioError.at("nnm", message, f"leave out latch of {name}")
         if law.undamped() is None:
             key = next((stop.memory for stop in scenario.all_snubbers if stop.name == name), "maxwell")
             what = f"the friction contact {name}" if law.slides_or_yields and key == "maxwell" else f"{key} of {name}"
             raise ScenarioError.at(
                 "nnm",
-                f"needs contacts without losses, and that of {name} rubs or keeps internal states",
+                f"needs contacts without losses, but {name} has friction or internal states",
                 f"leave out {what}",
             )
     undamped = replace(
@@ -86,27 +86,27 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
 
 
 def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] = ()) -> NormalModeResult:
-    """Follow the nonlinear normal mode that a scenario asks for.
+    """Trace the nonlinear normal mode that a scenario requests.
 
     Parameters
     ----------
-    scenario : with a section ``nnm``.
+    scenario : scenario with a section ``nnm``.
     progress : called with the completed fraction of the path.
     compare : other methods to compare with it: any of :data:`COMPARISONS`.
 
     Returns
     -------
     NormalModeResult
-        The branches, one motion in time, and what they are compared with.
+        Branches, one motion in time, and the comparisons.
 
     Raises
     ------
     ScenarioError
-        Where the scenario asks for no mode, for one that doesn't exist, or for one that cannot be followed or compared.
+        If the scenario requests no mode, one that does not exist, or one that cannot be traced or compared.
     NotTrustedError
-        Where full-period shooting finds no motion to start from.
+        If full-period shooting finds no motion to start from.
     ValueError
-        Where ``compare`` names another method.
+        If ``compare`` names another method.
     """
     begin = clock.perf_counter()
     settings = _settings(scenario, compare)
@@ -155,12 +155,12 @@ class _MethodResults:
     full_period: ModeBranches | None = None
     expansion: ExpansionComparison | None = None
     relaxed: RelaxedComparison | None = None
-    relaxing: bool = False  # whether relaxed minimisation is the method and not a comparison
-    left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
+    relaxing: bool = False  # True if relaxed minimisation is the method itself, not a comparison
+    left_out: list[str] = field(default_factory=list)  # steps skipped by an interruption
     requested: list[RequestedPoint] = field(default_factory=list)
 
     def continues(self, to: str) -> bool:
-        """Whether the next step is to be taken; if a stop was requested, the step is recorded as left out."""
+        """True if the next step should run; after an interruption, record it as skipped."""
         if stop_requested():
             self.left_out.append(to)
             return False
@@ -168,30 +168,30 @@ class _MethodResults:
 
 
 def _settings(scenario: Scenario, compare: Collection[str]) -> NonlinearMode:
-    """The settings in a form that can be compared; raises as `nnm`."""
+    """Settings, checked for the requested comparisons; raises as `nnm`."""
     settings = scenario.nnm
     if settings is None:
         raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")
     for name in compare:
         if name not in COMPARISONS:
-            raise ValueError(f"no comparison with {name}; there are {', '.join(COMPARISONS)}")
+            raise ValueError(f"unknown comparison {name}; known are {', '.join(COMPARISONS)}")
         if settings.continue_in.kind != "stiffness_factor":
             raise ScenarioError.at(
                 "nnm.continue_in.kind",
-                f"= {settings.continue_in.kind}, but {name} goes in the stiffness factor",
+                f"= {settings.continue_in.kind}, but {name} needs the stiffness factor",
                 "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
             )
     if settings.method.kind == "multiple_scales" and "relaxed_minimisation" in compare:
         raise ScenarioError.at(
             "nnm.method",
-            "= multiple_scales follows no backbone to compare relaxed minimisation with",
+            "= multiple_scales traces no backbone for the comparison with relaxed minimisation",
             "use method: shooting; both can be compared with it",
         )
     return settings
 
 
 def _solve_path(job: ModePath, compare: Collection[str], progress: Progress) -> _MethodResults:
-    """Exact motions first, then what is compared with them."""
+    """Compute the exact motions, then the comparisons."""
     system, solver = job.system, job.settings.method
     begin = processor_time()
     if solver.kind == "multiple_scales":
@@ -214,7 +214,7 @@ def _solve_path(job: ModePath, compare: Collection[str], progress: Progress) -> 
 
 
 def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, list[RequestedPoint]]:
-    """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
+    """Add points at the requested energies and frequencies; the outcome names those that no branch passes."""
     settings = job.settings
     if not (settings.energies or settings.frequencies):
         return followed, []
@@ -239,8 +239,8 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
         if missed:
             part = Outcome.of(
                 OutcomeKind.INCOMPLETE, "values_not_passed",
-                f"points at {plural} were asked for that no branch passes:", at=Where(missed, unit),
-                remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
+                f"no branch passes the requested {plural}", at=Where(missed, unit),
+                remedy="extend the range, or request values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
             outcome = (
                 outcome.copy_with(part)
@@ -252,13 +252,13 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
 
 
 def _requested_points(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dict[str, Any]]:
-    """The points that were asked for, as plain values."""
+    """Requested points as plain values."""
     rows = []
     followed = (work.followed.backbone, *work.followed.tongues)
     for index, asked, passed in work.requested:
         branch = branches[index]
         k = next(i for i, point in enumerate(followed[index].points) if point is passed)
-        if k < branch.parameter.size:  # a full-period path that ended early lacks it
+        if k < branch.parameter.size:  # a full-period path that ended early has fewer points
             rows.append(
                 {
                     "quantity": asked.quantity, "value": asked.value, "branch": index, "point": k + 1,
@@ -271,7 +271,7 @@ def _requested_points(branches: Sequence[ModeBranch], work: _MethodResults) -> l
 
 
 def _near_expansion(job: ModePath) -> _MethodResults:
-    """The expansion at small factors and the exact motions to compare it with, from the linear mode on."""
+    """Expansion at small factors, with the exact motions for comparison."""
     system = job.system
     path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
     begin = processor_time()
@@ -280,8 +280,8 @@ def _near_expansion(job: ModePath) -> _MethodResults:
     rising = sorted((p for p in exact if p is not None), key=lambda p: p.parameter)
     points = [p for p in (linear, *rising) if p is not None]
     if not points:
-        raise ScenarioError.at("nnm.mode", f"= {job.mode + 1} gives no motion to start from", "ask for another")
-    small = path.factor <= path.small  # beyond, that no exact motion is near is no surprise
+        raise ScenarioError.at("nnm.mode", f"= {job.mode + 1} gives no motion to start from", "use another mode")
+    small = path.factor <= path.small  # at larger factors an exact motion may well be far away
     missed = [float(f) for f, p, s in zip(path.factor, exact, small, strict=True) if p is None and s]
     outcome = COMPLETE
     if not rising:
@@ -303,7 +303,7 @@ def _near_expansion(job: ModePath) -> _MethodResults:
 
 
 def _branches(job: ModePath, work: _MethodResults) -> list[ModeBranch]:
-    """The backbone first."""
+    """All branches, the backbone first."""
     brake, full, differences = work.followed.problem, work.full_period, None
     if full is not None:
         pairs = zip(full.backbone.points, work.followed.backbone.points, strict=False)
@@ -313,7 +313,7 @@ def _branches(job: ModePath, work: _MethodResults) -> list[ModeBranch]:
 
 
 def _special(job: ModePath, work: _MethodResults, special: Sequence[SpecialRow]) -> list[SpecialRow]:
-    """The special points of the backbone, and where non-brake orbits leave it."""
+    """Special points of the backbone, with the origins of non-brake orbits."""
     brake, full = work.followed.problem, work.full_period
     breakings = (
         SpecialRow("symmetry_breaking", job.in_report_unit(at.parameter), 1.0 / brake.split(at.u)[1])
@@ -323,7 +323,7 @@ def _special(job: ModePath, work: _MethodResults, special: Sequence[SpecialRow])
 
 
 def _jumps(job: ModePath, followed: ModeBranches) -> dict[str, Dataset]:
-    """The dataset of the gaps in the backbone by its name; none without any."""
+    """Dataset of the gaps in the backbone, by name; empty if there are none."""
     jumps = followed.jumps
     columns = {
         "start": [job.in_report_unit(jump.start) for jump in jumps],
@@ -334,9 +334,9 @@ def _jumps(job: ModePath, followed: ModeBranches) -> dict[str, Dataset]:
 
 
 def _motion(system: StructuralSystem, branches: Sequence[ModeBranch], mode: Floats) -> Dataset:
-    """The motion in time that is drawn, of a mode with coordinates (n,).
+    """Motion in time for the picture, with the linear mode of coordinates (n,).
 
-    It is the backbone's last one, or the furthest from rest where one is never at rest.
+    It is the last motion of the backbone or, if a non-brake branch exists, its motion furthest from rest.
     """
     shown = next((k for k, each in enumerate(branches) if each.branch.kind == "non_brake"), 0)
     branch = branches[shown]
@@ -346,7 +346,7 @@ def _motion(system: StructuralSystem, branches: Sequence[ModeBranch], mode: Floa
 
 
 def _outcome(work: _MethodResults, resonance: PhaseResonanceLevels | None) -> Outcome:
-    """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
+    """Outcome of the first method that did not end well, or energy shares at the end of the backbone."""
     ends = [work.followed.backbone.outcome]
     if work.full_period is not None:
         ends.append(work.full_period.backbone.outcome)

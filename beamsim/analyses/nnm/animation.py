@@ -1,4 +1,4 @@
-"""One period of the motion that a result of normal modes has, for animations."""
+"""Animation frames of the drawn motion of a nonlinear normal mode."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from beamsim.typing import Floats
 
 
 def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset) -> Frames:
-    """One period of a free periodic motion, with the shapes at the stations of its result.
+    """Frames over one period of a free periodic motion, at the stations of its result.
 
     Parameters
     ----------
-    model : that moves; its stops have no memory, and nothing moves their places.
-    stations, motion : of its result, the motion as `beamsim.analyses.nnm.layouts.MOTION`.
+    model : moving structure; its stops have no internal states and stand on fixed supports.
+    stations, motion : stations and motion of the result, the latter as `beamsim.analyses.nnm.layouts.MOTION`.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset
 
 
 def _opening(stop: SnubberNumbers, ends: Floats) -> Floats:
-    """(nf,) m, distance to the face of a stop without memory, from deflections (nf, 1 or 2) of its places."""
+    """(nf,) distance to the face of a stop without internal states, m, from deflections (nf, 1 or 2) of its places."""
     towards = ends[:, 0] - (ends[:, 1] if ends.shape[1] == 2 else 0.0)  # from the first place to the second
     sign = {"below": 1.0, "above": -1.0, "approach": -1.0, "separation": 1.0}[stop.side]
     return np.asarray(np.maximum(stop.gap + sign * towards, 0.0))

@@ -1,5 +1,7 @@
-"""A nonlinear normal mode by other methods, compared with the exact motion: multiple scales as the stiffness factor
-vanishes, and relaxed minimisation (Hazim 2010) with its range, accuracy and cost.
+"""Other methods for a nonlinear normal mode, compared with the exact motion.
+
+Multiple scales for a vanishing stiffness factor, and relaxed minimisation (Hazim 2010) with its range, accuracy and
+cost.
 """
 
 from __future__ import annotations
@@ -27,20 +29,20 @@ from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import TINY, Bools, Floats, Ints
 
-ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
+ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting problem, and its motions
 
 ORDERS = (0, 1, 2)
-SAFELY = 3.0  # factors this much below the expansion's reach count as small
+SAFELY = 3.0  # factors this much below the limit of the expansion count as small
 MOST_HARMONICS = 4000
-NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
-FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
+NOISE = 5e-12  # relative differences below it are the convergence error of the exact motion
+FURTHEST = 0.3  # largest relative distance of an exact initial vector from the expansion's
 
 
 @dataclass(frozen=True)
 class ExpansionPath:
     """Frequency and initial condition of a mode of n coordinates to orders 0, 1 and 2, at F stiffness factors.
 
-    Its numbers are variables of `MULTIPLE_SCALES`.
+    The fields are variables of `MULTIPLE_SCALES`.
     """
 
     mode: int  # from 1
@@ -62,13 +64,13 @@ class ExpansionPath:
 
     @property
     def small(self) -> float:
-        """Factors up to this one count as small."""
+        """Largest factor that counts as small."""
         return self.reach / SAFELY * (1.0 + 1e-9)
 
 
 @dataclass(frozen=True)
 class ExactModes:
-    """Exact motions at the same energy (shooting); NaN where none was found near the expansion."""
+    """Exact motions at the same energy, by shooting; NaN if none was found near the expansion."""
 
     frequency_hz: Floats  # (F,)
     coordinates: Floats  # (F, n)
@@ -78,7 +80,7 @@ class ExactModes:
 
 @dataclass(frozen=True)
 class ExpansionComparison:
-    """Expansion against exact motion; see `MULTIPLE_SCALES`."""
+    """Expansion compared with the exact motion; see `MULTIPLE_SCALES`."""
 
     path: ExpansionPath
     exact: ExactModes
@@ -92,7 +94,7 @@ class ExpansionComparison:
 
     @property
     def dataset(self) -> Dataset:
-        """The labelled dataset."""
+        """Build the labelled dataset."""
         path, of_self = vars(self.path), {k: v for k, v in vars(self).items() if k not in ("path", "exact")}
         exact = {f"exact_{name}": of for name, of in vars(self.exact).items()}
         counted = {
@@ -106,15 +108,15 @@ class ExpansionComparison:
 
 @dataclass(frozen=True)
 class RelaxedComparison:
-    """A path of relaxed minimisation of S steps, and the exact motions at the same factors.
+    """Path of S steps of relaxed minimisation, compared with the exact motions at the same factors.
 
-    Its numbers are variables of `RELAXED_MINIMISATION`.
+    The fields are variables of `RELAXED_MINIMISATION`.
     """
 
-    steps: int  # asked for
+    steps: int  # requested number
     tolerance: float
     outcome: Outcome
-    factor: Floats  # (S,) of the steps taken; the last may not have been reached
+    factor: Floats  # (S,) of the computed steps; the last may not have converged
     frequency_hz: Floats  # (S,)
     functional: Floats  # (S,)
     passages: Ints  # (S,)
@@ -132,12 +134,12 @@ class RelaxedComparison:
 
     @property
     def cost_ratio(self) -> float:
-        """Processor time over that of shooting."""
+        """Processor time divided by that of shooting."""
         return float(self.processor_time_s.sum() / max(self.shooting_processor_time_s, 1e-9))
 
     @property
     def dataset(self) -> Dataset:
-        """The labelled dataset."""
+        """Build the labelled dataset."""
         values: dict[str, Any] = {name: of for name, of in vars(self).items() if name != "outcome"}
         values |= {name: text for name, (text,) in endings([self.outcome]).items()}
         counted = {
@@ -155,15 +157,15 @@ def expansion_path(
     structure: StructuralSystem, mode: int, energy: float | None = None, factors: Floats | None = None,
     largest: float | None = None,
 ) -> ExpansionPath:  # fmt: skip
-    """Expand a mode at one energy for several stiffness factors.
+    """Expand a mode in the stiffness factor at one energy.
 
     Parameters
     ----------
-    structure : without damping (see :func:`beamsim.analyses.nnm.analysis.conservative_system`).
-    mode : its number, from 1.
-    energy : J; may be left out where the motion doesn't depend on it (no gaps, loads or cubic springs).
-    factors : of all nonlinear springs' stiffness; by default by halves down into the expansion's reach and on.
-    largest : the factor to begin with then, by default a third of the reach.
+    structure : structure without damping (see :func:`beamsim.analyses.nnm.analysis.conservative_system`).
+    mode : number of the mode, from 1.
+    energy : J; optional if the motion does not depend on it (no gaps, loads or cubic springs).
+    factors : factors on the stiffness of all nonlinear springs; by default halves down into the range of validity.
+    largest : largest of the default factors; by default a third of the range of validity.
 
     Returns
     -------
@@ -173,13 +175,13 @@ def expansion_path(
     Raises
     ------
     ScenarioError
-        At internal resonances, without nonlinear springs, or where the energy is missing.
+        At internal resonances, without nonlinear springs, or if the energy is missing.
     ValueError
-        Where the structure is damped.
+        If the structure is damped.
     """
     c = structure.dynamics.contacts.split()
     if np.any(structure.dynamics.damping) or c.damped:
-        raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
+        raise ValueError("nonlinear normal modes need a structure without damping; use conservative_system")
     index, family = flexible_mode(structure, mode), spring_family(structure)
     sign, held = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0, energy_of_factors(structure, energy)
     of_mode = ModeAtEnergy(family, index, held, sign, _harmonics(family.omega, index))
@@ -211,22 +213,22 @@ def expansion_path(
     )
 
 
-BEYOND_MODES = 1.5  # highest harmonic of a series, over the highest mode
+BEYOND_MODES = 1.5  # highest harmonic of a series over the highest mode
 
 
 def _harmonics(omega: Floats, index: int) -> int:
-    """Harmonics of a mode of a structure with the frequencies (n,), rad/s, from which on its series are cut."""
+    """Number of harmonics in the series of a mode, for natural frequencies (n,), rad/s."""
     highest = int(BEYOND_MODES * float(omega.max() / max(float(omega[index]), TINY)))
     return min(max(HARMONICS, highest), MOST_HARMONICS)
 
 
 def _at_factors(expand: Callable[..., ModeExpansion], factors: Floats, n: int) -> tuple[Floats, Floats, Floats]:
-    """Frequency, Hz, initial vector of n coordinates, and that of the uniform expansion.
+    """Frequency, Hz, initial vector, and initial vector of the uniform expansion at each factor.
 
     Parameters
     ----------
-    expand : gives the expansion for a factor and an order.
-    factors : (f,) of the stiffness.
+    expand : function from factor and order to the expansion.
+    factors : (f,) stiffness factors.
     n : number of coordinates.
 
     Returns
@@ -244,11 +246,11 @@ def _at_factors(expand: Callable[..., ModeExpansion], factors: Floats, n: int) -
     return frequency, shape, uniform
 
 
-HALVES = 7  # factors within the reach of an expansion
+HALVES = 7  # number of factors within the range of validity
 
 
 def _factors_into_reach(reach: float, largest: float | None) -> Floats:
-    """Factors by halves down into the reach of an expansion, and on from there."""
+    """Factors by halves down into the range of validity of an expansion, and on from there."""
     first = min(1.0, reach / SAFELY) if largest is None else largest
     above = 0
     while first * 0.5**above > reach / SAFELY:
@@ -257,20 +259,20 @@ def _factors_into_reach(reach: float, largest: float | None) -> Floats:
 
 
 def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None) -> ExactPoints:
-    """The exact motion at each factor of an expansion: that of a backbone, or by shooting from the expansion itself.
+    """Exact motion at each factor of an expansion, from a backbone or by shooting from the expansion itself.
 
-    Without a motion of the backbone it must be close to the expansion.
+    A motion that was found from the expansion must be close to it.
 
     Parameters
     ----------
     structure, path : the expansion.
-    branches : the backbone in the stiffness factor; without it all motions are found from the expansion.
+    branches : backbone in the stiffness factor; without it all motions are found from the expansion.
 
     Returns
     -------
     orbits : the shooting problem.
-    points : in the order of the factors; None where Newton's method finds none or ends on another motion, in the tongue
-        of an internal resonance or one that is run through twice.
+    points : in the order of the factors; None if Newton's method finds no motion or another one: in the tongue of an
+    internal resonance, or a motion that repeats within its period.
     """
     family, mode = spring_family(structure), path.mode - 1
     orbits = BrakeOrbits(family, energy=path.energy) if branches is None else branches.problem
@@ -296,12 +298,12 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: Mod
 def compare_expansion(
     structure: StructuralSystem, path: ExpansionPath, exact: ExactPoints | None = None
 ) -> ExpansionComparison:
-    """Differences from the exact motion and the orders in which they vanish with the factor.
+    """Differences from the exact motion, and the orders at which they vanish with the factor.
 
     Parameters
     ----------
     structure, path : the expansion.
-    exact : as of `exact_points`; by default found from the expansion.
+    exact : result of `exact_points`; by default found from the expansion.
 
     Returns
     -------
@@ -343,8 +345,8 @@ def compare_expansion(
     )
 
 
-SAME = 1e-6  # relative distance of two shapes that are one motion's
-FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation
+SAME = 1e-6  # relative distance within which two shapes are the same motion
+FAR = 0.25  # relative distance of the exact motions at neighbouring steps above which they are not on one branch
 
 
 def compare_relaxed(
@@ -354,19 +356,19 @@ def compare_relaxed(
     settings: RelaxedMinimisationMethod,
     progress: Progress = None,
 ) -> RelaxedComparison:
-    """Take steps of relaxed minimisation along a backbone that shooting has followed, and compare.
+    """Take steps of relaxed minimisation along a backbone computed by shooting, and compare.
 
     Parameters
     ----------
-    job, branches : the backbone in the stiffness factor.
+    job, branches : path and branches of the backbone in the stiffness factor.
     shooting_time_s : processor time of shooting so far, s.
     settings : steps, tolerance and iterations.
-    progress : called with the share of the steps that is done.
+    progress : called with the completed fraction of the steps.
 
     Returns
     -------
     RelaxedComparison
-        Up to the first step that does not come below the tolerance, which is included, or to where it was stopped.
+        Steps up to the first that misses the tolerance (included), or up to an interruption.
     """
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
@@ -406,7 +408,7 @@ def compare_relaxed(
 
 
 def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMethod) -> Outcome:
-    """Why the steps end where they do."""
+    """Outcome of the steps: why they ended."""
     last = Where(steps[-1].factor, "", "stiffness factor")
     if not steps[-1].reached:
         code, sentence, remedy = (
@@ -428,18 +430,18 @@ def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMet
 def _errors_against_exact(
     orbits: BrakeOrbits, steps: Sequence[RelaxedStep], exact: Sequence[BranchPoint | None]
 ) -> tuple[Floats, list[str], Bools]:
-    """Differences of steps of relaxed minimisation from exact motions.
+    """Compare steps of relaxed minimisation with exact motions.
 
     Parameters
     ----------
-    orbits : of the exact motions.
-    steps : s of them.
-    exact : the motions at the same stiffness factors, where there are some; s at least.
+    orbits : shooting problem of the exact motions.
+    steps : the s steps.
+    exact : motions at the same stiffness factors, or None; at least s.
 
     Returns
     -------
-    (s,) relative differences of the shapes; to which motion Newton's method leads from each step (`RelaxedComparison`);
-    (s,) whether the step has jumped to another motion than the step before.
+    (s,) relative differences of the shapes; exact motion that Newton's method reaches from each step (see
+    `RelaxedComparison`); (s,) True if the step jumped to another motion than the step before.
     """
     n, apart = orbits.n, np.full(len(steps), np.nan)
     fates: list[str] = []

@@ -1,11 +1,12 @@
-r"""A nonlinear normal mode by shooting over the whole period, and the non-brake orbits that leave it.
+r"""Shooting over the whole period for a nonlinear normal mode, and the non-brake orbits that leave it.
 
-A brake orbit retraces its path. With the half period's transition matrix :math:`\Phi = \begin{pmatrix} a & b
+A brake orbit comes to rest twice in a period and retraces its path. With the half period's transition matrix
+:math:`\Phi = \begin{pmatrix} a & b
 \\ c & d \end{pmatrix}` a pair of multipliers meets at +1 where c or b is singular. A kernel of c (shapes at rest
 that come to rest again) leads to other brake orbits: a fold, or the tongue of an internal resonance. A kernel of b is a
 kick :math:`\delta v` at the instant of rest after which the *same* place is reached half a period later: the motion
-then needn't run back, and a pair of families that are each other's reversal branches off. b always has one kernel, the
-shift in time, :math:`\delta v = \nabla V(q_0)`; it is set aside by bordering with the gradients at both ends.
+then need not return on its path, and a pair of families branches off, each the time reversal of the other. b always has
+one kernel, the shift in time :math:`\delta v = \nabla V(q_0)`; bordering with the gradients at both ends removes it.
 """
 
 from __future__ import annotations
@@ -32,24 +33,24 @@ BRAKE_ORBIT_ITSELF = Outcome.of(
 )
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
-SAME = 1e-5  # scaled distance of two that are one
-NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
-LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
-FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
+SAME = 1e-5  # scaled distance within which two orbits are the same
+NEAR = 0.2  # scaled distance within which a symmetry breaking is the other end of a branch
+LARGEST_RATIO = 12  # of the frequencies of the mode and the branch
+FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # initial speed of the branch, over sqrt(2 E)
 
 
 @dataclass(frozen=True)
 class SymmetryBreaking:
-    """A brake orbit from which non-brake orbits leave."""
+    """Brake orbit from which non-brake orbits branch off."""
 
     point: BranchPoint
     kick: Floats  # (n,) velocities at the instant of rest, unit norm
-    mode: int  # the linear mode with the largest part in the kick, from 0
-    ratio: int  # n of n:1: that mode makes about n oscillations in a period
+    mode: int  # linear mode with the largest share of the kick, from 0
+    ratio: int  # n of n:1; the mode makes about n oscillations per period
 
 
 def _bordered_block(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
-    """The scaled block b bordered by its trivial kernels, and the scale w of the coordinates' frequencies."""
+    """Scaled block b, bordered by its trivial kernels, and the scale w of the coordinates' frequencies."""
     n = orbits.n
     q, period, factor, _ = orbits.split(point.u)
     flow_map = point.data.flow_map
@@ -67,21 +68,21 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
     return float(np.linalg.det(_bordered_block(orbits, point)[0]))
 
 
-SINGULAR = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
+SINGULAR = 1e-5  # smallest over largest singular value of the scaled b at a located point
 
 
 def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
-    """The point on a step of a branch where non-brake orbits leave; None without one.
+    """Locate the point on a step of a branch where non-brake orbits leave; None if there is none.
 
-    Resonances of a higher order than `LARGEST_RATIO` are left out.
+    Resonances of a higher order than `LARGEST_RATIO` are excluded.
 
     Parameters
     ----------
-    step : of a branch of brake orbits.
+    step : step of a branch of brake orbits.
 
     Returns
     -------
-    The point; None where there is none.
+    The point, or None.
     """
     orbits = step.problem
     values = _determinant(orbits, step.a), _determinant(orbits, step.b)
@@ -97,8 +98,10 @@ def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
 
 
 def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, float]:
-    """The kick closest to a kernel of b: its direction, its main mode (from 0), that mode's oscillations in a period,
-    and how close it is."""
+    """Kick closest to a kernel of b.
+
+    Returns its direction, its main mode (from 0), oscillations of that mode per period, and the distance to the kernel.
+    """
     B, w = _bordered_block(orbits, point)
     _, sizes, rows = np.linalg.svd(B)
     kick = w * rows[-1][: orbits.n]
@@ -108,31 +111,31 @@ def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, fl
     return kick, mode, ratio, float(sizes[-1] / sizes[0])
 
 
-SLOWED = 0.3  # of the largest slowest speed so far: a reversal of the motion then means that rest was passed
+SLOWED = 0.3  # times the largest minimum speed so far; below it a reversal means a passage through rest
 
 
-REST = 1e-4  # slowest speed that counts as rest
+REST = 1e-4  # minimum speed that counts as rest
 
 
 def non_brake_branch(
     brake: BrakeOrbits, origin: SymmetryBreaking, reach: tuple[float, float], settings: Settings
 ) -> OrbitBranch:
-    """The motions that leave at a symmetry-breaking point, until they are brake orbits again.
+    """Trace the non-brake orbits from a symmetry-breaking point until they are brake orbits again.
 
-    The first point is the first near the brake orbit. The two directions of the kick give motions that are each
-    other's reversal; one of them is followed.
+    The first point is close to the brake orbit. The two directions of the kick give motions that are time reversals of
+    each other; one of them is traced.
 
     Parameters
     ----------
-    brake : half-period shooting.
-    origin : where to leave.
-    reach : the parameter's range.
-    settings : steps and tolerances.
+    brake : half-period shooting problem.
+    origin : symmetry-breaking point.
+    reach : range of the parameter.
+    settings : step sizes and tolerances.
 
     Returns
     -------
     OrbitBranch
-        Without points where no such motion is found within the range.
+        Without points if no such motion is found within the range.
     """
     n, at, orbits = brake.n, origin.point.u, free_of(brake, origin.point.u)
     row = np.concatenate([np.zeros(n), origin.kick, np.zeros(2)])
@@ -162,28 +165,28 @@ def non_brake_branch(
     return OrbitBranch(orbits, points, outcome, kind="non_brake", mode=origin.mode, ratio=origin.ratio)
 
 
-ONE_MOTION = 1e-6  # relative distance within which two solutions are one motion
+ONE_MOTION = 1e-6  # relative distance within which two solutions are the same motion
 
 
 def over_full_period(
     brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Progress = None
 ) -> OrbitBranch:
-    """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
+    """Trace a path of brake orbits again over the whole period: a check that assumes no instant of rest.
 
-    The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
-    the full-period path is independent: each point is predicted from its own last two.
+    The half-period path only provides the parameters of the points and the restarts beyond its jumps. Otherwise the
+    full-period path is independent: each point is predicted from its own last two.
 
     Parameters
     ----------
-    brake : the half-period problem (stiffness factor or energy).
-    points : its path.
-    gaps : parameters of its points that a jump follows.
-    report : called with the share of the path that is done.
+    brake : half-period problem (stiffness factor or energy).
+    points : path of the half-period problem.
+    gaps : parameters of its points directly before a jump.
+    report : called with the completed fraction of the path.
 
     Returns
     -------
     OrbitBranch
-        A point for each one of the path, up to the first for which Newton's method does not come to the same motion.
+        One point for each point of the path, up to the first where Newton's method reaches another motion.
     """
     orbits, reached, last = free_of(brake, points[0].u), list[BranchPoint](), list[BranchPoint]()
     outcome = reached_end(points[-1].parameter)
@@ -213,18 +216,18 @@ def over_full_period(
 
 
 def difference(orbits: FreeOrbits, point: BranchPoint, brake_point: BranchPoint) -> float:
-    """Largest difference, of period and state, between a motion and the same by half-period shooting.
+    """Largest difference of period and state between a motion and the same motion by half-period shooting.
 
     Parameters
     ----------
     orbits : shooting over the whole period.
-    point : the motion by it.
-    brake_point : the motion by half-period shooting.
+    point : motion over the whole period.
+    brake_point : motion by half-period shooting.
 
     Returns
     -------
     float
-        Relative; the state's against the scale of the unknowns.
+        Relative; for the state, relative to the scale of the unknowns.
     """
     n = orbits.n
     state = point.u[: 2 * n] - np.concatenate([brake_point.u[:n], np.zeros(n)])
@@ -238,30 +241,30 @@ def follow_full_period(
     settings: FullPeriodMethod,
     report: Progress = None,
 ) -> ModeBranches:
-    """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off.
+    """Trace a half-period backbone again over the whole period, and the non-brake orbits that branch off.
 
     Parameters
     ----------
-    job : the parameter of the backbone.
+    job : path with the parameter of the backbone.
     branches : the backbone with its tongues and jumps, by half-period shooting.
-    settings : how many non-brake branches are followed, and their points.
-    report : called with the share of the backbone that is done.
+    settings : number of non-brake branches, and of their points.
+    report : called with the completed fraction of the backbone.
 
     Returns
     -------
     ModeBranches
-        With the backbone over the whole period, the non-brake branches, and the brake orbits from which these leave.
+        Backbone over the whole period, non-brake branches, and the brake orbits from which these leave.
 
     Raises
     ------
     NotTrustedError
-        Where not even the first motion of the backbone is found over the whole period.
+        If not even the first motion of the backbone is found over the whole period.
     """
     points = branches.backbone.points
     backbone = over_full_period(branches.problem, points, branches.gaps, report)
     if not backbone.points:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
-    breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
+    breakings: list[SymmetryBreaking] = []  # along the backbone and its tongues, each once
     for a, b in until_stop(_steps(branches) if settings.branches and not stop_requested() else ()):
         origin = symmetry_breaking(BranchStep(branches.problem, a, b))
         if origin is not None and not any(_same_orbit(branches.problem, origin, known) for known in breakings):
@@ -283,7 +286,7 @@ def follow_full_period(
 
 
 def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
-    """Neighbours along the backbone, its tongues, and the ways back into a tongue from beyond a jump."""
+    """Neighbouring points along the backbone, its tongues, and the returns into a tongue from beyond a jump."""
     points = branches.backbone.points
     low, high = sorted((points[0].parameter, points[-1].parameter))
     for a, b in pairwise(points):
@@ -298,7 +301,7 @@ def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
 
 
 def _same_orbit(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:
-    """Whether two are one orbit, seen from either of its instants of rest."""
+    """True if two symmetry breakings are one orbit, at either of its instants of rest."""
     u, v = a.point.u, b.point.u
     if a.mode != b.mode or not np.allclose(u[-2:], v[-2:], rtol=SAME, atol=SAME):
         return False
@@ -308,7 +311,7 @@ def _same_orbit(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -
 
 
 def _ends_at_origin(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
-    """Whether a branch that has been followed ends where another begins: it would be the same one backwards."""
+    """True if a traced branch ends at the origin of another, which would be the same branch backwards."""
     if branch.outcome.code != BACK_TO_BRAKE_ORBITS.code:
         return False
     n, last, there = branch.problem.n, branch.points[-1].u, origin.point.u

@@ -1,4 +1,4 @@
-"""Branches of periodic motions as tables, and one motion in time: the numbers of ``beamsim nnm``."""
+"""Tables of branches of periodic motions, and one motion in time, for ``beamsim nnm``."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from beamsim.signals.records import RECTANGULAR
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
-SAMPLES = 1024  # of a period, in the stored motion
+SAMPLES = 1024  # in a period of the stored motion
 HARMONICS = 20
-PERIODS = 50  # of the spectrum, as in the thesis
-RATE = 512  # samples a period of what is followed
+PERIODS = 50  # of the time history of the spectrum, as in the thesis
+RATE = 512  # samples per period of the marched motion
 
 
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
-    """A linear mode at the stations, scaled to be drawn with another shape.
+    """Linear mode at the stations, scaled like another shape for drawing.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     Returns
     -------
     (nx,) array
-        m, with the largest deflection of the other shape, and its sign.
+        m, with the largest deflection and the sign of the other shape.
     """
     shape = field @ vector
     return np.asarray(
@@ -60,13 +60,13 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class ModeBranch:
-    """A branch of np free motions of n coordinates, each at its instant of smallest kinetic energy.
+    """Branch of np free motions of n coordinates, each at its instant of smallest kinetic energy.
 
-    Its numbers are variables of `POINTS`.
+    The fields are variables of `POINTS`.
     """
 
     branch: OrbitBranch
-    parameter: Floats  # (np,) as people read it
+    parameter: Floats  # (np,) in report units
     frequency_hz: Floats  # (np,)
     energy: Floats  # (np,)
     share: Floats  # (np,)
@@ -76,28 +76,28 @@ class ModeBranch:
     least_kinetic: Floats  # (np,)
     stable: Sequence[bool]  # (np,)
     multipliers: Complexes  # (np, m)
-    half_period_difference: Floats | None = None  # (np,) of a backbone by full-period shooting
+    half_period_difference: Floats | None = None  # (np,) for a backbone by full-period shooting
 
 
 def mode_branch(
     job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, half_period_difference: Floats | None = None
 ) -> ModeBranch:
-    """A branch in SI numbers.
+    """Compute the variables of a branch in SI units.
 
-    Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
-    orbit at its slowest instant.
+    Brake orbits, and motions found over the whole period with a fixed phase, are given at their start; non-brake orbits
+    at their slowest instant.
 
     Parameters
     ----------
-    job : the parameter of the branch, the structure and the mode asked for.
-    brake : the problem of the backbone.
-    branch : of brake orbits, or of motions found over the whole period.
-    half_period_difference : (np,) of its points from half-period shooting, where that is known.
+    job : path with the parameter of the branch, the structure and the requested mode.
+    brake : shooting problem of the backbone.
+    branch : branch of brake orbits, or of motions found over the whole period.
+    half_period_difference : (np,) differences from half-period shooting, if known.
 
     Returns
     -------
     ModeBranch
-        With the energy error of each motion.
+        Branch with the energy error of each motion.
     """
     n, orbits = brake.n, branch.orbits
     states = np.array([orbit.state[: 2 * n] for orbit in orbits])
@@ -132,13 +132,13 @@ _ALIKE = ("parameter", "frequency_hz", "energy", "share", "residual", "energy_er
 
 
 def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequence[SpecialRow]) -> dict[str, Dataset]:
-    """The datasets of branches, of their points and of the special points of the backbone, by name.
+    """Datasets of branches, their points, and the special points of the backbone, by name.
 
     Parameters
     ----------
-    job : the parameter of the branches, and the structure.
-    branches : the backbone first.
-    special : of the backbone.
+    job : path with the parameter of the branches, and the structure.
+    branches : branches, the backbone first.
+    special : special points of the backbone.
     """
     unit, field = UNITS[job.parameter], job.system.deflection
     states = np.concatenate([each.states for each in branches])
@@ -163,7 +163,7 @@ def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequen
         **of_states(states, field.shape[1]),
         **of_multipliers([each.multipliers for each in branches]),
         "station": np.arange(1, field.shape[0] + 1),
-        # one after the other: a product of all states rounds otherwise
+        # one after the other: multiplying all states at once rounds differently
         "initial_displacement": np.concatenate([each.states[:, : field.shape[1]] @ field.T for each in branches]),
         "half_period_difference": differences,
     }
@@ -175,18 +175,18 @@ def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequen
 
 
 def special_points(job: ModePath, branches: ModeBranches) -> tuple[tuple[SpecialRow, ...], list[FailedSearch], bool]:
-    """Folds, branch points and grazings along a backbone, but not across its jumps.
+    """Locate folds, branch points and grazings along a backbone, but not across its jumps.
 
     Parameters
     ----------
-    job : the parameter of the backbone.
+    job : path with the parameter of the backbone.
     branches : with the backbone.
 
     Returns
     -------
     special : the points, in the order of the backbone.
-    failed : the searches that ended in a numerical error.
-    stopped : whether the search was asked to end.
+    failed : searches that ended in a numerical error.
+    stopped : True after an interruption.
     """
     special: list[SpecialRow] = []
     failed: list[FailedSearch] = []
@@ -206,29 +206,29 @@ def special_points(job: ModePath, branches: ModeBranches) -> tuple[tuple[Special
 def orbit_motion(
     system: StructuralSystem, flow: Any, state: Floats, period: float, mode: Floats, branch: int = 0, point: int = 1
 ) -> Dataset:
-    """The dataset of one motion over a period from a state, and its spectrum over 50 periods of the exact flow.
+    """Dataset of one motion over a period from a state, and its spectrum over 50 periods of the exact flow.
 
-    The motion is followed from period to period without being put back on the periodic motion: an unstable one drifts
-    away, and the spectrum then shows it.
+    The motion is marched without correction to the periodic orbit: an unstable one drifts away, and the spectrum then
+    shows it.
 
     Parameters
     ----------
-    system : of the motion.
-    flow : of this system without damping and loads.
+    system : system of the motion.
+    flow : flow of this system without damping and loads.
     state : (2n,) coordinates and their velocities at the start.
     period : s.
-    mode : (n,) coordinates of the linear mode that is drawn with it.
-    branch, point : numbers of the branch, from 0, and of the point along it, from 1, whose motion it is.
+    mode : (n,) coordinates of the linear mode for the picture.
+    branch, point : index of the branch, from 0, and number of the point along it, from 1.
 
     Returns
     -------
     Dataset
-        `MOTION`, from the state on, with its drift after the 50 periods.
+        `MOTION`, with the drift after the 50 periods.
 
     Raises
     ------
     ArithmeticError
-        Where contacts chatter, or the motion grows beyond all numbers.
+        If contacts chatter, or the motion overflows.
     """
     n = system.dynamics.size
     start = np.zeros(flow.size)
@@ -266,7 +266,7 @@ def orbit_motion(
 
 
 def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str, Any]:
-    """Deflections at the stations of a motion of coordinates (nt, n), and of the linear mode."""
+    """Deflections at the stations for coordinates (nt, n) of a motion, and for the linear mode."""
     deflection = q @ system.deflection.T
     return {
         "station": np.arange(1, deflection.shape[1] + 1),
@@ -278,23 +278,23 @@ def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str
 
 
 def march_periods(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:
-    """A motion followed from period to period, without being put back on what it began on.
+    """March a motion over many periods, without correction to the periodic orbit.
 
     Parameters
     ----------
-    flow : of the system.
-    start : (N,) state.
+    flow : flow of the system.
+    start : (N,) initial state.
     period : s.
-    periods : P, number of them.
+    periods : number P of periods.
 
     Returns
     -------
     states : (P, RATE, N) at equal steps.
-    last : the last period.
+    last : flow map of the last period.
 
     Raises
     ------
-    ArithmeticError : where contacts chatter, or the motion grows beyond all numbers.
+    ArithmeticError : if contacts chatter, or the motion overflows.
     """
     times = period * np.arange(RATE) / RATE
     states, flow_map = [], flow.flow_map(start, period)
@@ -305,5 +305,5 @@ def march_periods(flow: PeriodicFlow, start: Floats, period: float, periods: int
 
 
 def line_frequencies(period: float, periods: int) -> Floats:
-    """(nf,) Hz, of the lines of what is followed over some periods."""
+    """(nf,) frequencies, Hz, of the spectral lines of a motion over some periods."""
     return np.arange(periods * RATE // 2 + 1) / (periods * period)

@@ -1,4 +1,4 @@
-"""What ``beamsim nnm`` follows: the backbone of a scenario's mode in stiffness, energy or frequency."""
+"""Backbone of a nonlinear normal mode in stiffness factor, energy or frequency."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ POINTS = 100  # of a backbone
 SMALL_J = 1e-6  # energy of a motion that is nearly linear
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
-_BESIDE = {  # ways to a motion beyond a tongue that do not lead through it
+_BESIDE = {  # remedies: ways to a motion beyond a tongue that avoid it
     "stiffness_factor": "use another energy (nnm.energy), or another mode",
-    "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or ask for another mode",
+    "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or use another mode",
 }
 ROUND_OFF = 1e-12  # of a stiffness factor
-START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
+START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried if no motion is linear
 
 
 @dataclass(frozen=True)
 class ModeBranches:
-    """A backbone with the branches that leave it."""
+    """Backbone with the branches that leave it."""
 
     backbone: OrbitBranch
     tongues: tuple[OrbitBranch, ...] = ()
     jumps: tuple[Jump, ...] = ()
-    non_brake: tuple[OrbitBranch, ...] = ()  # by full-period shooting
-    breakings: tuple[BranchPoint, ...] = ()  # brake orbits from which these leave, along the backbone and its tongues
+    non_brake: tuple[OrbitBranch, ...] = ()  # found by full-period shooting
+    breakings: tuple[BranchPoint, ...] = ()  # origins of the non-brake branches, along the backbone and its tongues
 
     @property
     def all_branches(self) -> tuple[OrbitBranch, ...]:
-        """The backbone first."""
+        """All branches, the backbone first."""
         return (self.backbone, *self.tongues, *self.non_brake)
 
     @property
     def gaps(self) -> set[float]:
-        """Parameters of the points of the backbone that a jump follows."""
+        """Parameters of the backbone's points directly before a jump."""
         return {jump.start for jump in self.jumps}
 
     @property
@@ -63,7 +63,7 @@ class ModeBranches:
         return problem
 
     def at_factor(self, factor: float) -> BranchPoint | None:
-        """The motion of a backbone in the stiffness factor between its points; None where a jump crosses the factor."""
+        """Motion at a stiffness factor between the points of the backbone; None if a jump crosses the factor."""
         points, gaps = self.backbone.points, self.gaps
         for a, b in pairwise(points):
             low, high = sorted((a.parameter, b.parameter))
@@ -76,7 +76,7 @@ class ModeBranches:
 
 @dataclass
 class ModePath:
-    """A continuation parameter with its range, and the family of structures."""
+    """Continuation parameter with its range, and the structure as a function of the stiffness factor."""
 
     system: StructuralSystem
     family: SpringFamily
@@ -90,23 +90,23 @@ class ModePath:
 
     @property
     def settings(self) -> NonlinearMode:
-        """The section."""
+        """Section ``nnm`` of the scenario."""
         return not_none(self.system.scenario.nnm)
 
     def follow(self, progress: Progress) -> ModeBranches:
-        """The backbone with the branches that leave it, until its end or until it is asked to stop.
+        """Trace the backbone and the branches that leave it, until the end of the range or an interruption.
 
         Raises
         ------
         ScenarioError
-            Where it has nowhere to begin.
+            If no motion exists to start from.
         """
         if self.parameter == "stiffness_factor":
             by_factor = BrakeOrbits(self.family, energy=self.energy)
             linear = solve_at(by_factor, linear_mode(by_factor, self.mode, 0.0, self.away_from), Settings(), 0.0)
             if linear is None:
                 where = f"= {self.mode + 1} gives no motion to start from"
-                raise ScenarioError.at("nnm.mode", where, "ask for another")
+                raise ScenarioError.at("nnm.mode", where, "use another mode")
             if self.first != 0.0:
                 linear = self._first_motion(by_factor, linear, self.first)
             return self._backbone(by_factor, linear, self.last, progress)
@@ -118,7 +118,7 @@ class ModePath:
         return self._backbone(orbits, start, self.to_unknown(self.last), progress)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
-        """A motion so small that it is linear, or nearly so."""
+        """Motion that is small enough to be linear, or nearly linear."""
         orbits = BrakeOrbits(self.family, "energy", basis=self.basis)
         value = np.log(self.first if self.parameter == "energy" else self.energy)
         for _ in range(12):  # decades of energy
@@ -136,14 +136,14 @@ class ModePath:
                 return orbits, grown
         raise ScenarioError.at(
             "nnm.continue_in.from",
-            f"= {self.first:g} has no nearly linear motion below it to start from",
+            f"= {self.first:g} has no nearly linear motion below it as a starting point",
             "give a lower energy, or a gap or preload that leaves small motions linear",
         )
 
     def _grow_springs(self, orbits: BrakeOrbits, energy: float) -> BranchPoint | None:
-        """The motion of an energy, its springs grown from nothing: where even small motions are not linear.
+        """Motion of a given energy, traced from zero stiffness of the nonlinear springs.
 
-        So it is with some gaps zero and others not.
+        Needed if even small motions are nonlinear, for example with some gaps zero and others not.
         """
         away = self.away_from if self.basis is None or self.away_from is None else -self.away_from
         by_factor = BrakeOrbits(self.family, energy=energy)
@@ -161,17 +161,17 @@ class ModePath:
         return point
 
     def _first_motion(self, orbits: BrakeOrbits, start: BranchPoint, first: float, unit: str = "") -> BranchPoint:
-        """The motion where the path begins, followed from a nearly linear one."""
+        """Motion at the beginning of the range, traced from a nearly linear one."""
         lead_in = Backbone(orbits, start, first, self.mode, points=1)
         reached = list(lead_in)[-1]
         if lead_in.outcome.code != REACHED_END:
             asked, possible = (f"{self.in_report_unit(x):.4g}{unit}" for x in (first, reached.parameter))
-            problem = f"= {asked} was not reached: {self.ended(lead_in.outcome, reached)}"
+            problem = f"= {asked} cannot be reached: {self.ended(lead_in.outcome, reached)}"
             raise ScenarioError.at("nnm.continue_in.from", problem, f"begin at {possible} or below")
         return reached
 
     def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress) -> ModeBranches:
-        """From the motion of the first frequency, where the backbone in the energy passes it."""
+        """Trace in frequency, starting where the backbone in energy passes the first frequency."""
         first, last = self.to_unknown(self.first), self.to_unknown(self.last)
         low, high = sorted((first, last))
         in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=1)
@@ -223,19 +223,19 @@ class ModePath:
         return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
 
     def to_unknown(self, value: float) -> float:
-        """The unknown that stands for a value: the logarithm of an energy, rad/s."""
+        """Continuation unknown of a parameter value: logarithm of the energy, or frequency in rad/s."""
         if self.parameter == "energy":
             return float(np.log(value))
         return 2 * np.pi * value if self.parameter == "frequency" else value
 
     def in_report_unit(self, value: float) -> float:
-        """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""
+        """Parameter value of a continuation unknown: J instead of the logarithm, Hz instead of rad/s."""
         if self.parameter == "energy":
             return float(np.exp(value))
         return value / (2 * np.pi) if self.parameter == "frequency" else value
 
     def ended(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
-        """How a path ended, at its last point if it is given; with the parameter in the unit of reports."""
+        """Outcome of a path with the parameter in report units; at its last point if that is given."""
         if last is not None and outcome.code == INTERRUPTED.code:
             outcome = outcome.copy_with(place=Where(last.parameter))
         return outcome.in_unit(self.in_report_unit, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
@@ -244,7 +244,7 @@ class ModePath:
 def _at_frequency(
     orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, omega: float, forward: float
 ) -> BranchPoint | None:
-    """The motion of a frequency between two motions; never the rest, which has every frequency."""
+    """Motion at a frequency between two motions, excluding the state of rest (which has every frequency)."""
     wa, wb = 2 * np.pi / float(a.u[-2]), 2 * np.pi / float(b.u[-2])
     share = 0.0 if wa == wb else (omega - wa) / (wb - wa)
     for s in (share, 1.0, 0.0):
@@ -263,7 +263,7 @@ def _reporting(points: Iterable[BranchPoint], first: float, last: float, progres
 
 
 def flexible_mode(system: StructuralSystem, mode: int) -> int:
-    """Index of mode ``mode`` (from 1), if it exists, vibrates, and nonlinear springs act on the structure.
+    """Index of mode ``mode`` (from 1), checked: it vibrates, and nonlinear springs act on the structure.
 
     Raises
     ------
@@ -277,20 +277,20 @@ def flexible_mode(system: StructuralSystem, mode: int) -> int:
         )
     if system.dynamics.stiffness[mode - 1] <= 0:
         raise ScenarioError.at(
-            "nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode"
+            "nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "use a higher mode"
         )
     if system.dynamics.contacts.count == 0 and system.cubic is None:
-        raise ScenarioError.at("nnm", "has no snubber or cubic spring to work on", "add one under snubbers")
+        raise ScenarioError.at("nnm", "needs a snubber or a cubic spring", "add one under snubbers")
     return mode - 1
 
 
 def energy_of_factors(system: StructuralSystem, energy: float | None) -> float:
-    """The energy at which the stiffness factor changes; 1 J where the motion does not depend on it.
+    """Energy at which the stiffness factor changes; 1 J if the motion does not depend on it.
 
     Raises
     ------
     ScenarioError
-        Where it depends on the energy and none is given.
+        If the motion depends on the energy and none is given.
     """
     if energy is not None:
         return float(energy)
@@ -304,19 +304,19 @@ def energy_of_factors(system: StructuralSystem, energy: float | None) -> float:
 
 
 def spring_family(system: StructuralSystem) -> SpringFamily:
-    """A structure by the factor of its nonlinear springs.
+    """Structure as a function of the factor on its nonlinear springs.
 
     Raises
     ------
     ScenarioError
-        Where it has cubic springs and does not rest at zero deflection.
+        If it has cubic springs and does not rest at zero deflection.
     """
     dynamics = system.dynamics
     loaded = bool(np.any(dynamics.contacts.clearances < 0) or np.any(dynamics.constant_load))
     if system.cubic is not None and loaded:
         raise ScenarioError.at(
             "nnm",
-            "follows structures with cubic springs that rest at zero deflection only",
+            "needs zero deflection at rest if the structure has cubic springs",
             "leave out prestress, gravity and constant forces",
         )
     rigid = int(np.count_nonzero(dynamics.stiffness == 0))
@@ -334,12 +334,12 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
 
 
 def mode_path(system: StructuralSystem) -> ModePath:
-    """The path that a scenario requests, from its structure without damping and excitation.
+    """Path that a scenario requests, for its structure without damping and excitation.
 
     Raises
     ------
     ScenarioError
-        Where the mode doesn't exist, or nothing would change along the path.
+        If the mode does not exist, or the parameter has no effect.
     """
     settings = not_none(system.scenario.nnm)
     mode = flexible_mode(system, settings.mode)
@@ -348,13 +348,13 @@ def mode_path(system: StructuralSystem) -> ModePath:
     if settings.phase_resonance is not None and parameter.kind == "stiffness_factor" and not motions_scale(system):
         raise ScenarioError.at(
             "nnm.phase_resonance",
-            "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
+            "needs one structure, but continue_in: stiffness_factor changes its springs",
             "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
         )
     if parameter.kind != "stiffness_factor" and motions_scale(system):
         raise ScenarioError.at(
             "nnm.continue_in.kind",
-            f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
+            f"= {parameter.kind} has no effect: with every gap zero the frequency does not depend on the energy",
             "use stiffness_factor, or give a gap",
         )
     energy = energy_of_factors(system, settings.energy) if parameter.kind == "stiffness_factor" else SMALL_J
@@ -364,12 +364,12 @@ def mode_path(system: StructuralSystem) -> ModePath:
         basis = family.modes_at_rest()
     away = (contacts.sign @ contacts.shape) if contacts.count else None
     if away is not None and basis is not None:
-        away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
+        away = -away  # closed contacts at rest: the modes of the closed structure share all the energy
     first = getattr(parameter, "from_", 0.0)
     return ModePath(system, family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
 
 
 def motions_scale(system: StructuralSystem) -> bool:
-    """Whether motions of all energies are the same up to a factor: no gap, no load, no smooth spring."""
+    """True if motions of all energies are the same up to a factor: no gap, no load, no cubic spring."""
     dynamics = system.dynamics
     return not (np.any(dynamics.contacts.clearances) or np.any(dynamics.constant_load) or system.cubic is not None)

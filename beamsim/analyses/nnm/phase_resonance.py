@@ -1,7 +1,7 @@
-"""A damped structure excited on its nonlinear normal mode: level predicted, exact motion, response about it.
+"""Damped structure excited on its nonlinear normal mode: predicted level, exact motion, response about resonance.
 
-The prediction is energy balance along the backbone and the exact motion at phase resonance comes from
-shooting (:mod:`beamsim.orbits.phase_resonance` holds both).
+The prediction is an energy balance along the backbone; the exact motion at phase resonance comes from shooting. Both
+are in :mod:`beamsim.orbits.phase_resonance`.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, not_none, of_kind
 
-SCALED_POINTS = 25  # of a backbone whose motions are all alike
-ATTEMPTS = 8  # at other levels, to come to one by way of them
-FARTHEST_LEVEL = 3.0  # ratio of such a level
+SCALED_POINTS = 25  # points of a backbone whose motions differ only by a factor
+ATTEMPTS = 8  # intermediate levels that are tried
+FARTHEST_LEVEL = 3.0  # ratio of an intermediate level to the target
 BACK = 5  # points of the backbone between two attempts along its stiffness factor
-LEVEL_STEP = 0.1  # of its logarithm
-BEYOND = 1.5  # how far it is drawn over the highest level
+LEVEL_STEP = 0.1  # of the logarithm of the level
+BEYOND = 1.5  # highest drawn level over the highest level
 
 
 @dataclass(frozen=True)
 class PredictedLevels:
-    """The level that energy balance asks for along np motions of a backbone; see `PREDICTED_LEVELS`."""
+    """Levels from the energy balance at np motions of a backbone; see `PREDICTED_LEVELS`."""
 
     energy: Floats  # (np,)
     frequency_hz: Floats  # (np,)
@@ -76,7 +76,7 @@ class PredictedLevels:
 
 @dataclass(frozen=True)
 class ResponseAboutResonance:
-    """np forced periodic motions about a resonance; see `RESONANCE_CURVES`."""
+    """Branch of np forced periodic motions about a resonance; see `RESONANCE_CURVES`."""
 
     outcome: Outcome
     frequency_hz: Floats  # (np,)
@@ -87,27 +87,27 @@ class ResponseAboutResonance:
 
 @dataclass(frozen=True)
 class UncontrolledMotion:
-    """The damped structure from a state of the mode on, under the predicted force, over P whole periods."""
+    """Motion of the damped structure from a state of the mode, under the predicted force, over P whole periods."""
 
-    time: Floats  # (nt,) s, the end left out
+    time: Floats  # (nt,) s, without the end point
     displacement: Floats  # (probes, nt) m
-    frequency_hz: Floats  # (nf,) of the lines over all these periods
+    frequency_hz: Floats  # (nf,) lines of the spectrum over all these periods
     line: Floats  # (probes, nf) m, zero to peak
-    departure: Floats  # (P,) largest distance from the mode in a period, in the norm of energy
-    instants: Floats  # (2,) s, in the last period, at which the mode is at rest
-    shapes: Floats  # (2, nx) m, of the held structure then
-    mode_shapes: Floats  # (2, nx) m, of the mode
+    departure: Floats  # (P,) largest distance from the mode in each period, in the energy norm
+    instants: Floats  # (2,) s, in the last period, when the mode is at rest
+    shapes: Floats  # (2, nx) m, deflection of the structure at these instants
+    mode_shapes: Floats  # (2, nx) m, deflection of the mode
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResonantMotion:
-    """One level: the mode it should hold, and the forced motion that is found; see `PHASE_RESONANCE`."""
+    """Prediction and exact forced motion at one level; see `PHASE_RESONANCE`."""
 
     level: float
     predicted_frequency_hz: float
     predicted_energy: float
     predicted_amplitude: Floats  # (probes,)
-    held: UncontrolledMotion | None  # None where it chatters
+    held: UncontrolledMotion | None  # None if contacts chatter
     # of the exact motion, if it was found
     found: bool = False
     frequency_hz: float = np.nan
@@ -123,20 +123,20 @@ class ResonantMotion:
 
 @dataclass(frozen=True)
 class PhaseResonanceLevels:
-    """A nonlinear mode held by a force, at several levels."""
+    """Forced motions on a nonlinear mode at several levels."""
 
-    outcome: Outcome  # whether every level's motion was found
+    outcome: Outcome  # incomplete if the motion of a level was not found
     quantity: str  # of the level
     unit: str  # of the level
     probes: Sequence[str]
-    compared: int  # number of the probe that moves most, whose amplitude is compared
-    scales: bool  # whether the level is proportional to the amplitude at a constant frequency
+    compared: int  # index of the probe with the largest motion, whose amplitude is compared
+    scales: bool  # True if the level is proportional to the amplitude at a constant frequency
     predicted: PredictedLevels
     motions: Sequence[ResonantMotion]
 
     @property
     def datasets(self) -> dict[str, Dataset]:
-        """The labelled datasets, by name."""
+        """Labelled datasets, by name."""
         motions, probes = self.motions, {"probe": self.probes}
         curves = [(k, m.curve) for k, m in enumerate(motions) if m.curve is not None]
         held = [(k, m.held) for k, m in enumerate(motions) if m.held is not None]
@@ -178,12 +178,12 @@ class PhaseResonanceLevels:
 
 
 def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
-    """Lengths of an array of what is known level by level; 0 where it is None."""
+    """Lengths of an array attribute of each level; 0 for a level that is None."""
     return [0 if of is None else getattr(of, name).size for of in of_levels]
 
 
 def _values_by_level(motions: Sequence[UncontrolledMotion | None]) -> dict[str, Any]:
-    """Values of the motions at phase resonance, level by level; NaN if there is none."""
+    """Values of the uncontrolled motions, level by level; NaN if a level has none."""
     known = next(each for each in motions if each is not None)
     values: dict[str, Any] = {}
     for name in ("departure", "instants", "shapes", "mode_shapes"):
@@ -195,19 +195,19 @@ def _values_by_level(motions: Sequence[UncontrolledMotion | None]) -> dict[str, 
 
 @dataclass(frozen=True)
 class _BackboneMotion:
-    """A motion of the backbone, multiplied by ``scale``, with the force that holds it."""
+    """Motion of the backbone, multiplied by ``scale``, with the force that sustains it."""
 
     flow: Any
     whole: Any
     energy: float
-    share: float  # of the energy in the mode asked for, at rest
+    share: float  # share of the energy in the requested mode, at rest
     force: Appropriation
     measurement: Measurement
     scale: float = 1.0
 
     @cached_property
     def peak(self) -> Floats:
-        """(probes,) m, largest deflections of a period at a scale of one."""
+        """(probes,) largest deflections in a period at a scale of one, m."""
         return self.measurement.of_flow_map(self.flow, self.whole).peak
 
     @property
@@ -219,7 +219,7 @@ class _BackboneMotion:
         return self.force.omega / (2 * np.pi)
 
     def states(self, times: Floats) -> Floats:
-        """(nt, 2n) at any times from where the force's clock begins."""
+        """(nt, 2n) states at any times, counted from the start of the force's period."""
         inside = (times + self.force.shift) % self.whole.duration
         order = np.argsort(inside, kind="stable")
         out = np.empty((times.size, 2 * self.flow.system.size))
@@ -232,7 +232,7 @@ class _BackboneMotion:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Common data of all levels."""
+    """Data that all levels share."""
 
     orbits: BrakeOrbits
     points: Sequence[BranchPoint]
@@ -240,32 +240,34 @@ class _Levels:
     excitation: Harmonic
     loads: PeriodicForcing
     mode: int  # from 0
-    factor: float  # of the nonlinear springs where the backbone ended
+    factor: float  # of the nonlinear springs at the end of the backbone
     motions_scale: bool
     unit: str  # of the level
 
     @cached_property
     def motions(self) -> list[_BackboneMotion]:
-        """The backbone from its lowest energy to its highest."""
+        """Motions of the backbone from its lowest energy to its highest."""
         return [self.motion(p) for p in self.ascending]
 
     @cached_property
     def ascending(self) -> list[BranchPoint]:
-        """Its points in that order."""
+        """Points of the backbone in the same order."""
         return sorted(self.points, key=lambda p: float(p.data.energy))
 
     def motion(self, point: BranchPoint) -> _BackboneMotion:
-        """The force that a motion of the backbone needs."""
+        """Motion of a point of the backbone, with the force that it needs."""
         flow, whole = self.orbits.cycle(point)
         load = self.loads.at(2 * np.pi / whole.duration, 1.0)[0].sum(axis=0)
         try:
             force = appropriate_force(self.damped.dynamics, flow, whole, load)
         except ValueError as error:
-            raise ScenarioError.at("excitation.applied_to", f"holds no motion: {error}", "apply it elsewhere") from None
+            raise ScenarioError.at(
+                "excitation.applied_to", f"cannot sustain a motion: {error}", "apply it elsewhere"
+            ) from None
         if force.dissipated <= 0:
             raise ScenarioError.at(
                 "nnm.phase_resonance",
-                "has no damping to balance: without any, every level lets the motion grow",
+                "has no damping to balance: without damping the motion grows at every level",
                 "give the structure or a snubber damping",
             )
         q, _, factor, _ = self.orbits.split(point.u)
@@ -274,23 +276,23 @@ class _Levels:
 
     @cached_property
     def free(self) -> Measurement:
-        """Displacements of the probes in free motions."""
+        """Displacements of the probes as measured in free motions."""
         return Measurement(self.damped, None, self.damped.channels.of_keys(DISPLACEMENT))
 
     @cached_property
     def forced(self) -> Measurement:
-        """Displacements of the probes in forced motions."""
+        """Displacements of the probes as measured in forced motions."""
         return Measurement(self.damped, self.excitation, self.free.channels)
 
     def amplitudes(self, motion: _BackboneMotion) -> Floats:
-        """(probes,) m, largest deflection of a period."""
+        """(probes,) largest deflection in a period, m."""
         return np.asarray(motion.scale * motion.peak)
 
     def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
-        """The motion with this level (or amplitude); None where the backbone has none.
+        """Motion with a target level (or amplitude); None if the backbone has none.
 
-        In the tongue of an internal resonance the level rises without end: of several motions the one that is most the
-        mode asked for is taken.
+        In the tongue of an internal resonance the level rises without bound: the motion with the largest share in the
+        requested mode is returned.
         """
         if self.motions_scale:
             one = self.motion(self.points[-1])
@@ -303,11 +305,11 @@ class _Levels:
                 continue
             try:
                 crossing = self._crossing(a, b, lambda p: measure(self.motion(p)) - target, (off[k], off[k + 1]))
-            except ScenarioError:  # in a tongue the force may do no work, and no level holds such a motion
+            except ScenarioError:  # in a tongue the force may do no work, and no level sustains the motion
                 crossing = None
             if crossing is not None:
                 crossings.append(self.motion(crossing))
-            else:  # across a tongue there is no motion between: the nearer of its two edges
+            else:  # no motion exists across a tongue: use the nearer edge
                 edges.append(self.motions[k if abs(off[k]) <= abs(off[k + 1]) else k + 1])
         return max(crossings or edges, key=lambda m: m.share, default=None)
 
@@ -315,7 +317,7 @@ class _Levels:
         self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
         halvings: int = 4,
     ) -> BranchPoint | None:  # fmt: skip
-        """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
+        """Motion between two neighbours where ``off`` vanishes; bisected if a thin tongue lies between."""
         crossing = BranchStep(self.orbits, a, b, Settings(iterations=12)).locate(off, values)
         if crossing is not None or halvings == 0:
             return crossing
@@ -329,7 +331,7 @@ class _Levels:
         return self._crossing(middle, b, off, (value, values[1]), halvings - 1)
 
     def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
-        """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
+        """Shooting problem of the damped structure at a level; by default with the springs at the backbone's end."""
         system, factor = self.damped, self.factor if factor is None else factor
         dynamics = replace(system.dynamics, contacts=system.dynamics.contacts.scaled(factor))
         cubic = system.cubic and replace(system.cubic, stiffness=factor * system.cubic.stiffness)
@@ -339,23 +341,23 @@ class _Levels:
 def hold_mode(
     system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress
 ) -> PhaseResonanceLevels:
-    """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
+    """Sustain a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
     Parameters
     ----------
-    system : without damping, of a scenario with ``nnm.phase_resonance`` and a harmonic excitation.
-    orbits, points : its backbone.
-    progress : called with the share of the levels that is done.
+    system : structure without damping, of a scenario with ``nnm.phase_resonance`` and a harmonic excitation.
+    orbits, points : shooting problem and points of its backbone.
+    progress : called with the completed fraction of the levels.
 
     Returns
     -------
-    HeldMode
-        The levels predicted along the backbone, and a motion for each level up to the one after which it was stopped.
+    PhaseResonanceLevels
+        Predicted levels along the backbone, and a motion for each level that was computed before an interruption.
 
     Raises
     ------
     ScenarioError
-        Where the force acts at a node, nothing is damped, or a level lies beyond the backbone.
+        If the force acts at a node, nothing is damped, or a level lies beyond the backbone.
     """
     scenario, scales = system.scenario, motions_scale(system)
     settings, excitation = not_none(scenario.nnm), of_kind(Harmonic, scenario.excitation)
@@ -390,7 +392,7 @@ def hold_mode(
 
 
 def _levels_outcome(motions: Sequence[ResonantMotion], levels: int, unit: str) -> Outcome:
-    """How it ended: before the last level, or with levels without a motion at phase resonance."""
+    """Outcome of all levels: interrupted, or some without a motion at phase resonance."""
     if len(motions) < levels:
         return interruption(f"after {len(motions)} of {levels} levels of nnm.phase_resonance")
     missing = [m.level for m in motions if not m.found]
@@ -405,8 +407,7 @@ def _levels_outcome(motions: Sequence[ResonantMotion], levels: int, unit: str) -
 
 
 def _check_balance(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) -> Outcome:
-    """The outcome, which is not to be trusted where motions at phase resonance, or those about it, lose their
-    balance."""
+    """Mark the outcome as not reliable if a motion at phase resonance, or one about it, violates the energy balance."""
     parts = [] if outcome.complete else [outcome]
     for m in motions:
         curve = None if m.curve is None else m.curve.energy_error
@@ -419,7 +420,7 @@ def _check_balance(outcome: Outcome, motions: Sequence[ResonantMotion], unit: st
 
 
 def _predict_levels(shared: _Levels, levels: list[float]) -> PredictedLevels:
-    """Levels along the backbone."""
+    """Compute the levels along the backbone."""
     if shared.motions_scale:
         motion = shared.motion(shared.points[-1])
         drawn = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
@@ -437,7 +438,7 @@ def _predict_levels(shared: _Levels, levels: list[float]) -> PredictedLevels:
 
 
 def _unreached_level(shared: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
-    """Why a level is not met, and the energy that it would need: extrapolated as a power of the level."""
+    """Problem of a level outside the backbone, with the energy that it would need (extrapolated as a power law)."""
     unit, e, levels = shared.unit, predicted.energy, predicted.level
     above = level > levels.max()
     k = slice(-2, None) if above else slice(0, 2)
@@ -449,14 +450,14 @@ def _unreached_level(shared: _Levels, predicted: PredictedLevels, level: float, 
         at,
         f"= {level:g} {unit} lies {'beyond' if above else 'below'} the backbone, whose motions from {e[0]:.3g} to "
         f"{e[-1]:.3g} J need {levels.min():.4g} to {levels.max():.4g} {unit}",
-        f"follow it to about {needed:.2g} J (nnm.continue_in: {{kind: energy, …}}), or ask for another level",
+        f"follow it to about {needed:.2g} J (nnm.continue_in: {{kind: energy, …}}), or use another level",
     )
 
 
 def _resonance(
     shared: _Levels, motion: _BackboneMotion, level: float, compared: int, span: float, periods: int
 ) -> ResonantMotion:
-    """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
+    """Compute the exact motion near a prediction, the response about it, and the uncontrolled motion."""
     problem = shared.problem(level, motion.force.omega)
     point = _exact_motion(shared, problem, motion, level)
     left_alone = _settle(shared, problem, motion, periods)
@@ -491,7 +492,7 @@ def _resonance(
 
 
 def _exact_motion(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
-    """The exact motion at phase resonance: from the prediction, or by way of other motions of the same backbone."""
+    """Exact motion at phase resonance, from the prediction or via other motions of the same backbone."""
     for beginning, way in _ways(shared, problem, motion, level):
         z, omega, point = beginning.states(np.zeros(1))[0], beginning.force.omega, None
         for here in way:
@@ -508,10 +509,10 @@ def _exact_motion(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotio
 def _ways(
     shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float
 ) -> Iterator[tuple[_BackboneMotion, Iterable[ForcedOrbits]]]:
-    """Motions to begin with, and the problems that lead from each to the one asked for.
+    """Starting motions, each with the problems that lead from it to the requested one.
 
-    Damping fills thin tongues of internal resonance, in which the undamped mode is no guide: from others the way goes
-    over levels between, or along a backbone in the stiffness factor to its end.
+    In thin tongues of internal resonance, which damping fills, the undamped mode is no good start. Other motions are
+    therefore continued in the level, or in the stiffness factor along a backbone.
     """
     yield motion, [problem]
 
@@ -535,7 +536,7 @@ def _ways(
 
 
 def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
-    """The response on both sides of a resonance."""
+    """Compute the response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     first = point.orient(1.0)
     halves: list[OrbitBranch] = []
@@ -557,7 +558,7 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
 
 
 def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> UncontrolledMotion | None:
-    """The damped structure from the predicted start under the predicted force; None where it chatters."""
+    """Motion of the damped structure from the predicted state under the predicted force; None if contacts chatter."""
     flow = problem.flow.with_loads(motion.force.omega, motion.level)
     system = shared.damped.dynamics
     n, T = system.size, motion.whole.duration
@@ -571,7 +572,7 @@ def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, per
     except ArithmeticError:
         return None
     departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size
-    # the mode is at rest where its own clock shows 0 and half a period
+    # the mode is at rest at its own time 0 and half a period later
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
     field = shared.damped.deflection
     whole = states.reshape(periods * RATE, -1)[:, :n]

@@ -84,7 +84,7 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class NormalModeResult(Result):
-    """Everything `beamsim nnm` computes."""
+    """Result of ``beamsim nnm``."""
 
     KIND = "nnm"
     SUMMARY = _SUMMARY
@@ -95,16 +95,16 @@ class NormalModeResult(Result):
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
-        """The points of each branch, with its row of `branches` as variables without dimensions; the backbone first."""
+        """Points of each branch, with its row of `branches` as variables without dimensions; the backbone first."""
         return rows_by_owner(self["branches"], self["points"], "branch")
 
     @property
     def parameter(self) -> str:
-        """What the mode is continued in: stiffness_factor, energy or frequency."""
+        """Continuation parameter: stiffness_factor, energy or frequency."""
         return str(self["branches"]["continued_in"].item())
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if keys and (keys[-1] == "parameter" or (entry.name == "jumps" and keys[-1] in ("start", "end"))):
             return self.unit
         if entry.name == "smallest_share_at":

@@ -1,4 +1,4 @@
-"""The summary of a nonlinear normal mode: its backbone, what leaves it, and what it is compared with."""
+"""Summary of a nonlinear normal mode."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from beamsim.typing import Bools, Floats
 
 
 def nnm_summary(result: NormalModeResult) -> dict[str, Any]:
-    """The backbone, its drawn motion, and what leaves it.
+    """Compute the summary: backbone, drawn motion, other branches and comparisons.
 
     Parameters
     ----------
-    result : without a summary.
+    result : result without a summary.
 
     Returns
     -------
     dict
-        Entries of the summary; None for what the analysis has not done.
+        Entries of the summary; None for what was not computed.
     """
     backbone = result.branches[0]
     parameter, stable, share = (backbone[name].values for name in ("parameter", "stable", "share"))
@@ -92,7 +92,7 @@ _SAME_OF_RELAXED = ("steps", "tolerance", "shooting_passages", "shooting_process
 
 
 def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
-    """Relaxed minimisation: range, accuracy and cost."""
+    """Summary of relaxed minimisation: range, accuracy and cost."""
     known = np.isfinite(relaxed.frequency_difference)
     return {
         **{name: getattr(relaxed, name) for name in _SAME_OF_RELAXED},
@@ -115,7 +115,7 @@ def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
 
 
 def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
-    """The expansion's coefficients, its errors, and the orders in which they vanish (medians over small factors)."""
+    """Coefficients of the expansion, its errors, and the orders at which they vanish (medians over small factors)."""
     path = comparison.path
     small = path.factor <= path.small
     if small.sum() < 3:
@@ -144,7 +144,7 @@ def expansion_summary(comparison: ExpansionComparison) -> dict[str, Any]:
 
 
 def _order(orders: Floats, small: Bools) -> float:
-    """Median of the observed orders at small factors; if round-off dominates there, the last one above it."""
+    """Median of the observed orders at small factors; if all of these are round-off, the last order above it."""
     known = np.isfinite(orders)
     if np.any(known & small):
         return float(np.median(orders[known & small]))
@@ -157,7 +157,7 @@ _SAME_OF_LEVELS = (
 
 
 def phase_resonance_summary(resonance: PhaseResonanceLevels) -> dict[str, Any]:
-    """Forced motions at phase resonance, level by level."""
+    """Summary of forced motions at phase resonance, level by level."""
     return {
         "quantity": resonance.quantity,
         "unit": resonance.unit,
