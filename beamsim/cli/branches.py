@@ -94,7 +94,7 @@ def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
         several_levels = len(set(map(repr, result["branches"]["level"].values.tolist()))) > 1
         level = f" at {_level(result, several.level)['level']}" if several_levels else ""
         peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
-        at, more = _parameter(several.at, result.unit, 4), count_text(len(ranges) - 1, "more range")
+        at, more = _parameter(several.parameter, result.unit, 4), count_text(len(ranges) - 1, "more range")
         likely = " (kind: coexisting says how likely)"
         probes = result["points"].labels("probe")
         probe = f": {probes[0]} reaches {peaks} at {at}, by the start{likely}" if probes else ""

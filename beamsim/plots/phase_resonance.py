@@ -158,7 +158,7 @@ def phase_resonance_figures(result: NormalModeResult) -> dict[str, Picture]:
     if _is_followed(result)[-1]:
         last, periods = of_levels.sel(level_index=of_levels.labels("level_index")[-1]), len(of_levels.labels("period"))
         under = f"{title}, {_level_text(last['level'].item(), _level_scale(result))}, {periods} periods"
-        spectrum = rows_by_owner(of_levels, result["held_spectra"], "level_index")[-1]
+        spectrum = rows_by_owner(of_levels, result["uncontrolled_spectra"], "level_index")[-1]
         shapes = partial(plot_held_shapes, last, stations=Stations.of_modes(result["modes"]))
         figures["held_shapes"] = Picture(under, [shapes])
         figures["held_spectrum"] = Picture(under, [level_spectrum(spectrum, periods)])

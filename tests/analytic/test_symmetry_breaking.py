@@ -66,7 +66,7 @@ def test_an_interruption_ends_the_search_for_where_they_leave():
         found = follow_full_period(job, followed, scenario.nnm.method)
     assert found.backbone.outcome.complete
     assert len(found.backbone.points) == points
-    assert found.breakings == ()
+    assert found.symmetry_breakings == ()
 
 
 def test_a_branch_point_in_closed_form():

@@ -131,7 +131,7 @@ def test_held_motion(held):
     """Carried from the mode itself it stays near, and its second instant is half a period after the first."""
     of_all, spectra = (
         held["phase_resonance"],
-        rows_by_owner(held["phase_resonance"], held["held_spectra"], "level_index"),
+        rows_by_owner(held["phase_resonance"], held["uncontrolled_spectra"], "level_index"),
     )
     for k, spectrum in enumerate(spectra):
         m = of_all.sel(level_index=k)
@@ -142,7 +142,11 @@ def test_held_motion(held):
         assert np.abs(m["shapes"].values - mode).max() < 0.25 * np.abs(mode).max()
         line = int(np.argmax(spectrum["line"].sel(probe="tip").values[1:])) + 1
         assert spectrum["frequency_hz"].values[line] == pytest.approx(predicted, rel=1e-9)
-    assert held["held"]["displacement"].sel(probe="tip").values.size == held["held"]["time"].values.size == 2 * 12 * 512
+    assert (
+        held["uncontrolled"]["displacement"].sel(probe="tip").values.size
+        == held["uncontrolled"]["time"].values.size
+        == 2 * 12 * 512
+    )
 
 
 def test_scales_with_the_level():
@@ -246,4 +250,4 @@ def test_command(tmp_path):
     stored = load(tmp_path / "nnm_forced_backbone.h5")
     assert stored["phase_resonance"]["frequency_hz"].item() == level["frequency_hz"]
     assert stored["resonance_curves"]["stable"].values.dtype == bool
-    assert stored["held"]["displacement"].sel(probe="tip").values.size == 6 * 512
+    assert stored["uncontrolled"]["displacement"].sel(probe="tip").values.size == 6 * 512

@@ -278,7 +278,7 @@ def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase)
     """Their subharmonics were left out, and the unstable motion of one period was fitted to the rest."""
     case = bouncing(multiple)
     frequency = case["excitation"]["frequency"]
-    true = steady_vibration(load_scenario(case), multiple=multiple)
+    true = steady_vibration(load_scenario(case), excitation_periods=multiple)
     harmonics = true.harmonics(0, "displacement", 4 * multiple)
     order = np.arange(1, harmonics.size + 1) / multiple
     late = (1.0 if phase == "of_excitation" else 1.37) / frequency  # begun in another period of the excitation
@@ -301,7 +301,7 @@ def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase)
 def test_another_motion_than_the_recorded_one_is_told():
     """A mass shaken past its stop: the record of every second period blamed its sensor, level and frequency."""
     true = bouncing(2)
-    harmonics = steady_vibration(load_scenario(true), multiple=2).harmonics(0, "displacement", 8)
+    harmonics = steady_vibration(load_scenario(true), excitation_periods=2).harmonics(0, "displacement", 8)
     frequency = true["excitation"]["frequency"]
     t = np.arange(24 * 64) / (64 * frequency)
     history = np.imag(np.exp(1j * np.pi * frequency * np.outer(t, np.arange(1, 9))) @ harmonics)

@@ -64,7 +64,7 @@ COMPARED_MODES = Layout(
         "difference": Variable(_MEASURED, "1", "computed over measured frequency less 1; NaN where no mode fits"),
     },
 )  # fmt: skip
-UNPAIRED = 0.2  # MAC below which modes are not paired
+LEAST_PAIR_MAC = 0.2  # MAC below which modes are not paired
 
 
 MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predicted_hz", "difference", "mac"), Number))
@@ -212,24 +212,24 @@ def _pair(mac: Floats, measured: Floats, computed: Floats) -> Ints:
     apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
     rows, columns = linear_sum_assignment(mac - FREQUENCY_WEIGHT * apart, maximize=True)
     paired = np.zeros(measured.size, dtype=np.int64)
-    fits = mac[rows, columns] > UNPAIRED
+    fits = mac[rows, columns] > LEAST_PAIR_MAC
     paired[rows[fits]] = columns[fits] + 1
     return paired
 
 
-INDISTINCT = 0.9  # MAC of two computed shapes above which the places cannot distinguish them
+INDISTINCT_MAC = 0.9  # MAC of two computed shapes above which the places cannot distinguish them
 
 
 MOST_WARNINGS = 4  # about shapes that cannot be distinguished; more are combined into one
 
 
-def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
+def _warnings(scenario: Scenario, paired: Ints, auto_mac: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
     for k in np.flatnonzero(paired == 0):
         yield f"no computed mode fits the measured mode at {measured.frequency_hz[k]:g} Hz"
-    count = auto.shape[0]
+    count = auto_mac.shape[0]
     groups: dict[tuple[int, ...], list[int]] = {}  # by the modes that look like a paired one, itself included
     for number in paired[paired > 0] - 1:
-        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > INDISTINCT)
+        alike = tuple(j + 1 for j in range(count) if j == number or auto_mac[number, j] > INDISTINCT_MAC)
         if len(alike) > 1:
             groups.setdefault(alike, []).append(number + 1)
     if len(groups) > MOST_WARNINGS:
@@ -321,17 +321,17 @@ def _number(path: Path, line: int, column: int, text: str) -> complex:
     return value
 
 
-def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPlace:
+def _place(path: Path, line: int, cells: Mapping[str, tuple[str, str]]) -> AtPlace:
     def length(name: str) -> Any:
-        text, unit = given[name]
+        text, unit = cells[name]
         return text if text.endswith("%") else f"{text} {unit}" if unit else text
 
-    keys: dict[str, Any] = {name: given[name][0] for name in ("body", "direction") if name in given}
-    numbers = {name: given[name][0] for name in ("mass", "node") if name in given}
+    keys: dict[str, Any] = {name: cells[name][0] for name in ("body", "direction") if name in cells}
+    numbers = {name: cells[name][0] for name in ("mass", "node") if name in cells}
     keys |= {name: int(text) if text.isdigit() else text for name, text in numbers.items()}
-    first = "position" if "position" in given else "x"
-    if first in given:
-        keys["position"] = [length(first), length("y")] if "y" in given else length(first)
+    first = "position" if "position" in cells else "x"
+    if first in cells:
+        keys["position"] = [length(first), length("y")] if "y" in cells else length(first)
     try:
         return AtPlace.model_validate(keys)
     except ValidationError as error:
@@ -390,9 +390,9 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
 _MODES = (2, 3, 7)
 
 
-def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
+def _modes(path: Path, data_sets: Sequence[DataSet]) -> list[DataSet]:
     """Data sets 55 with displacements, velocities or accelerations of a mode."""
-    of_modes = [each for each in sets if each.number == 55 and each.fields.get("analysis_type") in _MODES]
+    of_modes = [each for each in data_sets if each.number == 55 and each.fields.get("analysis_type") in _MODES]
     # 2, 3: vectors of three and of six components; 2 to 7, 9, 10: of stresses, strains, forces and energies
     moving = [
         each
@@ -425,10 +425,10 @@ def _motion(path: Path, modes: Sequence[DataSet], direction: str, count: int) ->
     return np.column_stack(columns)
 
 
-def _coordinates(sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
+def _coordinates(data_sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
     """x and y of the nodes, m, from data sets 15 and 2411 in the units that precede each."""
     found = {}
-    for each in sets:
+    for each in data_sets:
         if each.number in (15, 2411):
             size, fields = each.units.per_metre or 1.0, each.fields
             for node, x, y in zip(fields["node_nums"], fields["x"], fields["y"], strict=True):
@@ -436,9 +436,9 @@ def _coordinates(sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
     return found
 
 
-def _owners(sets: Sequence[DataSet], scenario: Scenario) -> dict[int, str]:
+def _owners(data_sets: Sequence[DataSet], scenario: Scenario) -> dict[int, str]:
     """Body of each node on a trace line that has the name of a body."""
-    lines = {str(each.fields["id"]).strip(): each.fields["nodes"] for each in sets if each.number == 82}
+    lines = {str(each.fields["id"]).strip(): each.fields["nodes"] for each in data_sets if each.number == 82}
     return {
         int(node): name for name, numbers in lines.items() if name in scenario.all_bodies for node in numbers if node
     }

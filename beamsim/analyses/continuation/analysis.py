@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.folds import FollowedFolds, fold_datasets, follow_folds
-from beamsim.analyses.continuation.overlay import OverlayCurve, overlaid, overlay_datasets
+from beamsim.analyses.continuation.folds import FoldPath, fold_datasets, follow_folds
+from beamsim.analyses.continuation.overlay import OverlayCurve, overlay_curve, overlay_datasets
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepResult
@@ -137,7 +137,7 @@ def _with_missing(outcome: Outcome, missing: Sequence[str]) -> Outcome:
 
 def _follow_levels(
     model: ResponseModel, report: Progress
-) -> tuple[list[MeasuredBranch], list[FollowedFolds], list[Outcome], Sequence[float]]:
+) -> tuple[list[MeasuredBranch], list[FoldPath], list[Outcome], Sequence[float]]:
     """Trace branches and folds level by level; also returns remarks and the levels that were not computed.
 
     Raises
@@ -148,7 +148,7 @@ def _follow_levels(
     settings = model.settings
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     branches: list[MeasuredBranch] = []
-    folds: list[FollowedFolds] = []
+    folds: list[FoldPath] = []
     remarks: list[Outcome] = []
     for index, level in enumerate(levels):
         if branches and stop_requested():
@@ -187,7 +187,7 @@ def _outcome(model: ResponseModel, points: Dataset, remarks: Sequence[Outcome]) 
     """Outcome: the first remark about something incomplete, then the reliability of the motions."""
     remarks, settings = list(remarks), model.settings
     if isinstance(settings.method, HarmonicBalance):
-        remarks += _doubt(points, settings.method)
+        remarks += _truncation_outcome(points, settings.method)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
     outcome = worst.copy_with(*(remark for remark in remarks if remark is not worst))
     return check_reduction(check_balance(outcome, points), model.scenario, model.system.modes)
@@ -228,7 +228,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     return [with_points_at(piece, wanted)[0] for piece in pieces]
 
 
-def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> list[Outcome]:
+def _remarks(model: ResponseModel, branches: list[OrbitBranch], budget: Budget, level: float | None) -> list[Outcome]:
     """Remarks on ranges that were not reached, with the reason, and on ranges without a stable motion."""
     f = model.followed
     first, last = f.to_unknown(f.first), f.to_unknown(f.last)
@@ -238,22 +238,22 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         return Where([(float(f.from_unknown(a)), float(f.from_unknown(b))) for a, b in intervals], f.unit)
 
     parts: list[Outcome] = []
-    gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)
+    gaps = missing([t for t in branches if t.problem.multiple == 1], first, last)
     if gaps:
-        why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
+        why = next((t.outcome for t in reversed(branches) if not t.outcome.complete), branches[0].outcome)
         uncovered = Outcome.of(
             OutcomeKind.INCOMPLETE, "not_covered", "no motion was followed", f.in_user_unit(why), at=ranges(gaps)
         )
         parts.append(uncovered)
-    failed = [f.in_user_unit(part) for t in traced for part in t.outcome.outcomes_with_code(SEARCH_FAILED)]
+    failed = [f.in_user_unit(part) for t in branches for part in t.outcome.outcomes_with_code(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.sub_outcomes for known in parts)]
     exceeded = budget.exceeded(incomplete=bool(gaps) or model.settings.side_branches == "required")
     if exceeded is not None:
         parts.append(exceeded)
-    parts += _omitted_outcomes(model, traced)
+    parts += _omitted_outcomes(model, branches)
     stable = [
         (min(a, b), max(a, b)) if one.stable and other.stable else (a, a) if one.stable else (b, b)
-        for branch in traced
+        for branch in branches
         for (a, one), (b, other) in pairwise(zip(branch.values.tolist(), branch.orbits, strict=True))
         if one.stable or other.stable
     ]
@@ -262,12 +262,12 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     return [part.copy_with(context=within) for part in parts]
 
 
-def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
+def _omitted_outcomes(model: ResponseModel, branches: list[OrbitBranch]) -> Iterator[Outcome]:
     """Outcomes for branches and motions that the method or a setting excludes."""
     settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
     reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
-    bifurcations = sum(len(branching_points(branch, settings.longest_period)) for branch in traced)
+    bifurcations = sum(len(branching_points(branch, settings.longest_period)) for branch in branches)
     if bifurcations and (by_balance or settings.side_branches == "none"):
         yield Outcome.of(
             OutcomeKind.NOTED, "not_branched", f"from {bifurcations} bifurcations no branch was followed: {reason}",
@@ -278,7 +278,7 @@ def _omitted_outcomes(model: ResponseModel, traced: list[OrbitBranch]) -> Iterat
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 
 
-def _doubt(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
+def _truncation_outcome(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
     """Yield an outcome if the truncation error exceeds `largest_error`."""
     error, parameter = points["neglected_harmonics"].values, points["parameter"]
     worst = int(np.argmax(error))
@@ -292,7 +292,7 @@ def _doubt(points: Dataset, method: HarmonicBalance) -> Iterator[Outcome]:
         )  # fmt: skip
 
 
-def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[FollowedFolds]) -> dict[str, Any]:
+def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[FoldPath]) -> dict[str, Any]:
     branches, points = result.branches, result["points"]
     level, period = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     special = result["special_points"]
@@ -404,16 +404,16 @@ def swept_overlay(scenario: Scenario, progress: Progress = None) -> list[Overlay
         return None
     if not result.complete:
         raise ScenarioError.at("sweep.overlay", f"was not computed: {result.status}", "leave it out")
-    return [overlaid(curve, name, "", result.title) for name, curve in result.curves.items()]
+    return [overlay_curve(curve, name, "", result.title) for name, curve in result.curves.items()]
 
 
-def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
+def with_overlay(result: ContinuationResult, sweep_result: SweepResult, source: str) -> ContinuationResult:
     """Add the curves of a stored sweep to a response.
 
     Parameters
     ----------
     result : response in frequency.
-    stored : result of the sweep.
+    sweep_result : result of the sweep.
     source : name of the sweep, such as its file name.
 
     Returns
@@ -434,7 +434,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
         )
     probes = set(result["points"].labels("probe"))
     overlay = dict(result.overlay)
-    for curve in stored.curves.values():
+    for curve in sweep_result.curves.values():
         if not probes & set(curve.places("displacement")):
             raise ScenarioError.at(
                 "--overlay",
@@ -444,7 +444,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
             )
         names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
         name = next(name for name in names if name not in overlay)
-        overlay[name] = overlaid(curve, name, source, stored.title)
+        overlay[name] = overlay_curve(curve, name, source, sweep_result.title)
     datasets = result.datasets | overlay_datasets(list(overlay.values()), result.level_unit or "1")
     return replace(result, datasets=datasets, summary=result.summary | {"overlay": _overlay_summary(overlay)})
 

@@ -40,11 +40,11 @@ CORNER = 1e-5  # relative frequency distance within which a fold coincides with 
 SAME = 1e-6  # relative distance within which a fold lies on a known curve
 AT_EDGE = 1e-9  # relative distance from an end of the range within which a curve begins there
 TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
-BEYOND = 3.0  # ratio by which the frequency may leave its original range
+LARGEST_FREQUENCY_RATIO = 3.0  # ratio by which the frequency may leave its original range
 
 
 @dataclass(frozen=True)
-class FollowedFolds:
+class FoldPath:
     """Curve of np folds, or of grazings, in frequency and a second parameter."""
 
     level: float  # of the excitation; NaN if it is the second parameter
@@ -67,10 +67,10 @@ class TwoParameterCurve:
     """
 
     orbits: ForcedOrbits  # in frequency
-    second: SecondParameter
+    second_parameter: SecondParameter
 
     def __post_init__(self) -> None:
-        self._along = ForcedOrbits(self.orbits.flow, self.second, self.orbits.multiple)
+        self._along = ForcedOrbits(self.orbits.flow, self.second_parameter, self.orbits.multiple)
         self._along.level = self.orbits.level
 
     def flow_at(self, u: Floats) -> tuple[PeriodicFlow, tuple[Parameter, Parameter]]:
@@ -144,8 +144,8 @@ class GrazingCurve(TwoParameterCurve):
     """
 
     contact: int = 0
-    top: bool = True  # True if the penetration reaches the border from below
-    share: float = 0.0  # position in the period near which the extreme is searched
+    from_below: bool = True  # True if the penetration reaches the border from below
+    period_share: float = 0.0  # position in the period near which the extreme is searched
     level: float = 0.0  # m, penetration at the border
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
@@ -153,11 +153,11 @@ class GrazingCurve(TwoParameterCurve):
         R, A, flow_map = self.shoot(u)
         flow, parameters = self.flow_at(u)
         guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive next to the border
-        guard[[0, 2]] = (-1.0, self.level) if self.top else (1.0, -self.level)
-        height, time = lowest(flow, flow_map, self.contact, guard, self.share * flow_map.duration)
+        guard[[0, 2]] = (-1.0, self.level) if self.from_below else (1.0, -self.level)
+        height, time = lowest(flow, flow_map, self.contact, guard, self.period_share * flow_map.duration)
         if not np.isfinite(height):
             raise ArithmeticError("the penetration has no extreme near the grazing")
-        self.share = time / flow_map.duration
+        self.period_share = time / flow_map.duration
         touch = flow.flow_map(flow_map.start, time, parameters)
         by_start, by_parameters = flow.penetration_derivative(touch, self.contact, parameters)
         return np.append(R, height / guard[0]), np.vstack([A, np.append(by_start, by_parameters)]), flow_map
@@ -170,32 +170,39 @@ class GrazingCurve(TwoParameterCurve):
 
 
 def start_of_curve(
-    orbits: ForcedOrbits, at: SpecialPoint, second: SecondParameter, value: float, forward: float = 1.0
+    orbits: ForcedOrbits, special_point: SpecialPoint, second: SecondParameter, value: float, sign: float = 1.0
 ) -> tuple[FoldCurve | GrazingCurve, BranchPoint] | None:
     """Curve of folds, or of grazings, through a located point, starting at its value of the second parameter.
 
     Parameters
     ----------
     orbits : shooting problem in frequency.
-    at : fold on a branch of the problem; for a curve of grazings a grazing or nonsmooth fold.
+    special_point : fold on a branch of the problem; for a curve of grazings a grazing or nonsmooth fold.
     second : the second parameter.
     value : value of the second parameter on that branch.
-    forward : 1 to continue to larger values, -1 to smaller ones.
+    sign : 1 to continue to larger values, -1 to smaller ones.
 
     Returns
     -------
     The problem and its first point; None if Newton's method does not converge.
     """
     curve: FoldCurve | GrazingCurve
-    if at.kind == "fold":
-        scale = orbits.scale(at.point.u)[0][:-1]
-        A = at.point.data.transition - np.eye(orbits.flow.size)
+    if special_point.kind == "fold":
+        scale = orbits.scale(special_point.point.u)[0][:-1]
+        A = special_point.point.data.transition - np.eye(orbits.flow.size)
         U, _, V = np.linalg.svd(A * scale / scale[:, None])
         curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
     else:
-        curve = GrazingCurve(orbits, second, at.contact, at.top, at.time / at.point.data.duration, at.level)
+        curve = GrazingCurve(
+            orbits,
+            second,
+            special_point.contact,
+            special_point.top,
+            special_point.time / special_point.point.data.duration,
+            special_point.level,
+        )
     settings = Settings(tolerance=1e-9, iterations=12)
-    point = solve_at(curve, np.append(at.point.u, value), settings, value, forward)
+    point = solve_at(curve, np.append(special_point.point.u, value), settings, value, sign)
     return None if point is None else (curve, point)
 
 
@@ -204,17 +211,17 @@ class _Corner(NamedTuple):
 
     orbits: ForcedOrbits
     fold: SpecialPoint
-    touching: SpecialPoint | None  # the grazing on which the fold lies
+    grazing: SpecialPoint | None  # the grazing on which the fold lies
     branch: int  # index of the branch of both
 
 
-def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FollowedFolds]:
+def follow_folds(model: ResponseModel, branches: list[OrbitBranch], level: float, budget: Budget) -> list[FoldPath]:
     """Continue every fold of the branches with the period of the excitation, each curve once.
 
     Parameters
     ----------
     model : response model with the second parameter.
-    traced : branches in frequency, with their special points.
+    branches : branches in frequency, with their special points.
     level : level of the excitation on these branches.
     budget : limits of points and time.
 
@@ -223,8 +230,8 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
     list
         In the order of the branches; a curve has no points if its fold is too close to a corner.
     """
-    curves: list[FollowedFolds] = []
-    for index, branch in enumerate(traced):
+    curves: list[FoldPath] = []
+    for index, branch in enumerate(branches):
         if branch.problem.multiple != 1:
             continue
         for fold in (s for s in branch.special if s.kind in ("fold", "nonsmooth_fold")):
@@ -259,7 +266,7 @@ def _value_in_scenario(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> bool:
+def _passes_frequency(curve: FoldPath, omega: float, present: float) -> bool:
     """True if a curve passes a frequency at the scenario's value of the second parameter."""
     p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
@@ -272,10 +279,10 @@ def _passes_frequency(curve: FollowedFolds, omega: float, present: float) -> boo
     return False
 
 
-def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FollowedFolds:
+def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FoldPath:
     """Curve through a fold or grazing, with the largest displacements of its motions."""
-    second, fold, touching = not_none(model.second), corner.fold, corner.touching
-    halves = _halves(model, corner, _value_in_scenario(model, level), budget)
+    second, fold, touching = not_none(model.second), corner.fold, corner.grazing
+    halves = _both_directions(model, corner, _value_in_scenario(model, level), budget)
     # the traced points come first, so that they are stored
     followed = join_directions(*sorted(halves, key=lambda half: not half.points))
     displacements = model.system.channels.of_keys(DISPLACEMENT)
@@ -284,7 +291,7 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
     )
     points = followed.points
     peaks = [motion.peak for motion in measurement.of(followed.problem, points)]
-    return FollowedFolds(
+    return FoldPath(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
         branch=corner.branch,
@@ -298,18 +305,18 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
     )
 
 
-def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budget) -> list[OrbitBranch]:
+def _both_directions(model: ResponseModel, corner: _Corner, present: float, budget: Budget) -> list[OrbitBranch]:
     """Both directions of a curve from the present value of the second parameter; one from an end of the range."""
     second, orbits, fold = not_none(model.second), corner.orbits, corner.fold
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.to_unknown(second.first), second.to_unknown(second.last)))
 
-    def within(point: BranchPoint) -> Outcome | None:
+    def range_exit(point: BranchPoint) -> Outcome | None:
         at = float(point.u[-2])
-        if fold.parameter / BEYOND < at < fold.parameter * BEYOND:
+        if fold.parameter / LARGEST_FREQUENCY_RATIO < at < fold.parameter * LARGEST_FREQUENCY_RATIO:
             return None
         return Outcome.of(
-            OutcomeKind.STOPPED, "left_range", f"a factor of {BEYOND:g} from where it started",
+            OutcomeKind.STOPPED, "left_range", f"a factor of {LARGEST_FREQUENCY_RATIO:g} from where it started",
             at=Where(at / (2 * np.pi), "Hz"),
         )  # fmt: skip
 
@@ -319,16 +326,16 @@ def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budge
             continue
         begun = None
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            begun = start_of_curve(orbits, corner.touching or fold, path, second.to_unknown(present), direction)
+            begun = start_of_curve(orbits, corner.grazing or fold, path, second.to_unknown(present), direction)
         if begun is None:
             halves.append(OrbitBranch(None, (), TOO_CLOSE))
         else:
             curve, start = begun
-            halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, with_special=False))
+            halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, range_exit, with_special=False))
     return halves
 
 
-def fold_datasets(model: ResponseModel, curves: Sequence[FollowedFolds]) -> dict[str, Dataset]:
+def fold_datasets(model: ResponseModel, curves: Sequence[FoldPath]) -> dict[str, Dataset]:
     """Datasets of fold curves and their points, by name; empty without curves.
 
     Parameters

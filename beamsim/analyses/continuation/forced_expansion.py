@@ -36,12 +36,13 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import TINY, Bools, Complexes, Floats
 
 HALVINGS = 24  # largest number of halvings of the factor
-WANTED = 7  # factors at which the exact motion must be found
+EXACT_FACTORS = 7  # factors at which the exact motion must be found
 CURVE_POINTS = 61
 CURVE_HARMONICS = 48
 SAMPLES = 256  # in a period
 NEAR_TIP = 0.8  # share of the largest amplitude at which orders are observed
-FARTHEST = 0.5  # largest distance from the expansion, relative to the motion, of an exact motion that belongs to it
+# largest distance from the expansion, relative to the motion, of an exact motion that belongs to it
+LARGEST_DISTANCE = 0.5
 
 
 class _Expansion(NamedTuple):
@@ -129,32 +130,35 @@ def compare_forced_expansion(scenario: Scenario) -> dict[str, Dataset]:
     return _datasets(found, [probe.name for probe in system.probes], level_unit)
 
 
-def _datasets(found: list[_Expansion], probes: list[str], level_unit: str) -> dict[str, Dataset]:
+def _datasets(expansions: list[_Expansion], probes: list[str], level_unit: str) -> dict[str, Dataset]:
     """Build the datasets of the results of all levels."""
 
-    def joined(name: str) -> Any:
-        return np.concatenate([getattr(each, name) for each in found])
+    def concatenate(name: str) -> Any:
+        return np.concatenate([getattr(each, name) for each in expansions])
 
-    numbers = np.arange(len(found))
-    points = [each.frequency_hz.size for each in found]
+    numbers = np.arange(len(expansions))
+    points = [each.frequency_hz.size for each in expansions]
     of_points = {
         "point": np.arange(1, sum(points) + 1),
         "comparison": np.repeat(numbers, points),
         "probe": probes,
-        **{name: joined(name) for name in ("frequency_hz", "stable", "backbone_hz")},
-        **{name: np.hstack([getattr(each, name) for each in found]) for name in ("leading", "first")},
+        **{name: concatenate(name) for name in ("frequency_hz", "stable", "backbone_hz")},
+        **{name: np.hstack([getattr(each, name) for each in expansions]) for name in ("leading", "first")},
     }
-    factors = [each.factor.size for each in found]
+    factors = [each.factor.size for each in expansions]
     of_factors = {
         "number": np.arange(1, sum(factors) + 1),
         "comparison": np.repeat(numbers, factors),
         "order": np.arange(2),
         **{
-            name: joined(name) for name in ("factor", "factor_frequency_hz", "difference", "orders", "stability_agrees")
+            name: concatenate(name)
+            for name in ("factor", "factor_frequency_hz", "difference", "orders", "stability_agrees")
         },
     }
     return {
-        "multiple_scales": MULTIPLE_SCALES.table(found, [{"level_unit": level_unit}] * len(found), comparison=numbers),
+        "multiple_scales": MULTIPLE_SCALES.table(
+            expansions, [{"level_unit": level_unit}] * len(expansions), comparison=numbers
+        ),
         "multiple_scales_points": MULTIPLE_SCALES_POINTS.dataset(of_points),
         "multiple_scales_factors": MULTIPLE_SCALES_FACTORS.dataset(of_factors),
     }
@@ -255,7 +259,7 @@ def _compare(
         positive = resonant.omega + half * reference.sigma > 0
         differences = _difference(system, resonant, reference, float(half)) if positive else None
         rows.append((float(half), *(differences or (np.nan, np.nan, False))))
-        if sum(np.isfinite(row[1]) for row in rows) == WANTED:
+        if sum(np.isfinite(row[1]) for row in rows) == EXACT_FACTORS:
             break
     table = np.array([row[:3] for row in rows])
     factor, difference = table[:, 0], table[:, 1:]
@@ -295,6 +299,6 @@ def _difference(
     exact = problem.flow.states_at(point.data, t)[:, :n]
     size = float(np.linalg.norm(exact - exact.mean(axis=0), axis=1).max())
     off = [float(np.linalg.norm(resonant.states(c, omega, t)[:, :n] - exact, axis=1).max()) / size for c in orders]
-    if off[0] > FARTHEST:
+    if off[0] > LARGEST_DISTANCE:
         return None
     return off[0], off[1], problem.orbit(point).stable == motion.stable

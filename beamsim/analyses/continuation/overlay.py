@@ -60,7 +60,7 @@ class OverlayCurve(NamedTuple):
     peaks: Mapping[tuple[str, str], tuple[str, Floats]]  # by quantity and place: unit and (C,) peaks
 
 
-def overlaid(curve: SweepCurve, name: str, source: str, title: str) -> OverlayCurve:
+def overlay_curve(curve: SweepCurve, name: str, source: str, title: str) -> OverlayCurve:
     """Convert a curve of a sweep to an overlay curve.
 
     Parameters
@@ -118,7 +118,7 @@ def overlay_datasets(curves: Sequence[OverlayCurve], level_unit: str) -> dict[st
     return {"overlay": of_curves, "overlay_cycles": OVERLAY_CYCLES.dataset(values, words)}
 
 
-def overlay_in(datasets: Mapping[str, Dataset]) -> dict[str, OverlayCurve]:
+def overlay_curves(datasets: Mapping[str, Dataset]) -> dict[str, OverlayCurve]:
     """Overlay curves of a result, by name."""
     if "overlay" not in datasets:
         return {}

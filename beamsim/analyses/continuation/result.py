@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.continuation.overlay import OVERLAY, OVERLAY_CYCLES, OverlayCurve, overlay_in
+from beamsim.analyses.continuation.overlay import OVERLAY, OVERLAY_CYCLES, OverlayCurve, overlay_curves
 from beamsim.labelled import ROW, Dataset, Layout, Variable
 from beamsim.results.branch import (
     BRANCHES,
@@ -120,7 +120,7 @@ FOLLOWED = record(
     {"ended": Text, **dict.fromkeys(("level", "period_multiple", "points", "stable_points"), Number)},
     {"off_centre": Text, "largest_mean_m": Number},
 )
-OVERLAID = record({"direction": Text, "level": Number, "source": Text, "stepped": Flag})
+OVERLAY_CURVE = record({"direction": Text, "level": Number, "source": Text, "stepped": Flag})
 BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
@@ -131,7 +131,7 @@ _SUMMARY = (
     Entry("followed", "", "by branch: level, period_multiple, points, stable_points, the largest mean of a probe where "
              "the branch has lost the symmetry of others, and how it ended", form=list_of(FOLLOWED)),
     Entry("overlay", "", "by curve of a sweep that is drawn over the branches: direction, level, source, whether it is "
-             "stepped", form=by_name(OVERLAID)),
+             "stepped", form=by_name(OVERLAY_CURVE)),
     Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy", "solver"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
              form=list_of(SPECIAL_POINT)),
@@ -160,7 +160,7 @@ class CoexistenceRange(NamedTuple):
     level: float
     low: float
     high: float
-    at: float  # parameter inside the range
+    parameter: float  # parameter inside the range
     peaks: tuple[float, ...]  # m, largest displacement of the first probe in each motion there
 
 
@@ -209,7 +209,7 @@ class ContinuationResult(Result):
     @cached_property
     def overlay(self) -> dict[str, OverlayCurve]:
         """Curves of sweeps that are drawn over the branches, by name."""
-        return overlay_in(self.datasets)
+        return overlay_curves(self.datasets)
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:

@@ -131,7 +131,7 @@ class ParameterEstimate(NamedTuple):
     """Estimate of a parameter, in SI units."""
 
     parameter: str
-    initial_value: float  # value in the scenario; of the first item for [*]
+    before: float  # value in the scenario; of the first item for [*]
     value: float
     standard_deviation: float  # nan if it is not known
     interval: tuple[float, float]
@@ -142,7 +142,7 @@ class ParameterEstimate(NamedTuple):
     def summary(self) -> dict[str, Any]:
         """Entries for the summary of the result."""
         return {
-            "value": self.value, "before": self.initial_value, "standard_deviation": self.standard_deviation,
+            "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
             "interval": list(self.interval),
         }  # fmt: skip
 
@@ -325,7 +325,7 @@ class Fit:
             estimates.append(
                 ParameterEstimate(
                     parameter=number.parameter,
-                    initial_value=number.start,
+                    before=number.start,
                     value=value,
                     standard_deviation=deviation * (number.shift or value),
                     interval=(number.at(x - z * deviation)[0], number.at(x + z * deviation)[0]),

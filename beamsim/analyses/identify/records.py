@@ -598,7 +598,7 @@ class SweepPrediction(Prediction):
     curve: _Curve
     jump: Feature | None
     peak_features: tuple[Feature, ...]  # one for each measured peak
-    values: Floats  # (r,) predicted values, with a gain of 1
+    predicted: Floats  # (r,) predicted values, with a gain of 1
     bandwidth: float  # Hz, half-power bandwidth from the decay at the largest peak
 
 
@@ -712,17 +712,17 @@ class SweptPeaks(Test):
     def compare(self, prediction: Any, gain: float, neighbour: TestComparison | None) -> TestComparison:
         """Compare predicted values with the table; see `Transient.compare`."""
         heights = np.array([what.startswith("peak") for what in self.labels])
-        numbers = prediction.numbers * np.where(heights, gain, 1.0)
+        numbers = prediction.predicted * np.where(heights, gain, 1.0)
         residuals = (numbers - self.measured) / self.sigma
-        return TestComparison(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
+        return TestComparison(replace(prediction, predicted=numbers), 0.0, residuals, np.zeros(self.size))
 
     def summarise_fit(self, misfit: Misfit, initial: TestComparison, fitted: TestComparison) -> FittedTest:
         """See `Transient.summarise_fit`."""
         prediction: SweepPrediction = fitted.values
         curve = prediction.curve
         peaks = {
-            "what": self.labels, "measured": self.measured, "noise": self.sigma, "before": initial.values.numbers,
-            "predicted": prediction.values,
+            "what": self.labels, "measured": self.measured, "noise": self.sigma, "before": initial.values.predicted,
+            "predicted": prediction.predicted,
         }  # fmt: skip
         branch = {
             "frequency_hz": np.array([point.parameter for point in curve.points]) / (2 * np.pi),
@@ -755,8 +755,8 @@ class SweptPeaks(Test):
         warnings, most = [], 0.1 * prediction.bandwidth**2
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
         if self.test.rate is not None and self.test.rate.unit == "oct/s":
-            hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
-        if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
+            hertz *= np.log(2.0) * prediction.peak_features[0].point.parameter / (2 * np.pi)
+        if self.test.peaks and any(top.kind == "landing" for top in prediction.peak_features):
             warnings.append(
                 "its peak comes directly after the jump, where the motion overshoots at any sweep rate; give the "
                 "amplitude to which it settles there, or leave peaks out"

@@ -21,7 +21,7 @@ from beamsim.analyses.nnm.full_period import difference, follow_full_period
 from beamsim.analyses.nnm.layouts import JUMPS
 from beamsim.analyses.nnm.orbits import ModeBranch, mode_branch, mode_datasets, orbit_motion, special_points
 from beamsim.analyses.nnm.paths import UNITS, ModeBranches, ModePath, mode_path
-from beamsim.analyses.nnm.phase_resonance import PhaseResonanceLevels, hold_mode
+from beamsim.analyses.nnm.phase_resonance import PhaseResonanceLevels, excite_mode
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.analyses.nnm.summary import expansion_summary, nnm_summary, phase_resonance_summary, relaxed_summary
 from beamsim.errors import ScenarioError
@@ -113,19 +113,19 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     system = conservative_system(scenario)
     job = mode_path(system)
     work = _solve_path(job, compare, progress)
-    followed = work.followed
+    followed = work.branches
     special, failed, given_up = special_points(job, followed)
     if given_up and not followed.backbone.outcome.interrupted:
-        work.left_out.append("the search for special points")
+        work.skipped_steps.append("the search for special points")
     branches = _branches(job, work)
     motion = _motion(system, branches, followed.problem.vectors[:, job.mode])
     held = settings.phase_resonance is not None and work.continues("nnm.phase_resonance")
-    resonance = hold_mode(system, followed.problem, followed.backbone.points, progress) if held else None
+    resonance = excite_mode(system, followed.problem, followed.backbone.points, progress) if held else None
     compared = {"multiple_scales": work.expansion, "relaxed_minimisation": work.relaxed}
     datasets = mode_datasets(job, branches, _special(job, work, special)) | _jumps(job, followed) | {"motion": motion}
     datasets |= {} if resonance is None else resonance.datasets
     datasets |= {name: of.dataset for name, of in compared.items() if of is not None}
-    outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
+    outcome = job.outcome_in_report_unit(with_failed_searches(_outcome(work, resonance), failed))
     forces = {name: of.values for name, of in motion.by_label("force").items()}
     result = NormalModeResult(
         scenario=scenario,
@@ -150,19 +150,19 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
 class _MethodResults:
     """Results of the requested methods."""
 
-    followed: ModeBranches
+    branches: ModeBranches
     processor_time_s: float  # of the exact motions
     full_period: ModeBranches | None = None
     expansion: ExpansionComparison | None = None
     relaxed: RelaxedComparison | None = None
-    relaxing: bool = False  # True if relaxed minimisation is the method itself, not a comparison
-    left_out: list[str] = field(default_factory=list)  # steps skipped by an interruption
-    requested: list[RequestedPoint] = field(default_factory=list)
+    relaxed_is_method: bool = False  # True if relaxed minimisation is the method itself, not a comparison
+    skipped_steps: list[str] = field(default_factory=list)  # steps skipped by an interruption
+    requested_points: list[RequestedPoint] = field(default_factory=list)
 
-    def continues(self, to: str) -> bool:
+    def continues(self, step: str) -> bool:
         """True if the next step should run; after an interruption, record it as skipped."""
         if stop_requested():
-            self.left_out.append(to)
+            self.skipped_steps.append(step)
             return False
         return True
 
@@ -197,19 +197,19 @@ def _solve_path(job: ModePath, compare: Collection[str], progress: Progress) -> 
     if solver.kind == "multiple_scales":
         return _near_expansion(job)
     followed, requested = _with_points(job, job.follow(progress))
-    work = _MethodResults(followed, 0.0, requested=requested)
-    work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
+    work = _MethodResults(followed, 0.0, requested_points=requested)
+    work.relaxed_is_method = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.continues("full-period shooting"):
-        work.full_period = follow_full_period(job, work.followed, solver, progress)
+        work.full_period = follow_full_period(job, work.branches, solver, progress)
         if solver.branches and work.full_period.backbone.outcome.complete:
             work.continues("the end of the search for non-brake orbits")
     work.processor_time_s = processor_time() - begin
-    if (work.relaxing or "relaxed_minimisation" in compare) and work.continues("relaxed minimisation"):
+    if (work.relaxed_is_method or "relaxed_minimisation" in compare) and work.continues("relaxed minimisation"):
         steps = solver if isinstance(solver, RelaxedMinimisationMethod) else RelaxedMinimisationMethod()
-        work.relaxed = compare_relaxed(job, work.followed, work.processor_time_s, steps, progress)
+        work.relaxed = compare_relaxed(job, work.branches, work.processor_time_s, steps, progress)
     if "multiple_scales" in compare and work.continues("the expansion"):
         path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
-        work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
+        work.expansion = compare_expansion(system, path, exact_points(system, path, work.branches))
     return work
 
 
@@ -254,8 +254,8 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
 def _requested_points(branches: Sequence[ModeBranch], work: _MethodResults) -> list[dict[str, Any]]:
     """Requested points as plain values."""
     rows = []
-    followed = (work.followed.backbone, *work.followed.tongues)
-    for index, asked, passed in work.requested:
+    followed = (work.branches.backbone, *work.branches.tongues)
+    for index, asked, passed in work.requested_points:
         branch = branches[index]
         k = next(i for i, point in enumerate(followed[index].points) if point is passed)
         if k < branch.parameter.size:  # a full-period path that ended early has fewer points
@@ -304,27 +304,27 @@ def _near_expansion(job: ModePath) -> _MethodResults:
 
 def _branches(job: ModePath, work: _MethodResults) -> list[ModeBranch]:
     """All branches, the backbone first."""
-    brake, full, differences = work.followed.problem, work.full_period, None
+    brake, full, differences = work.branches.problem, work.full_period, None
     if full is not None:
-        pairs = zip(full.backbone.points, work.followed.backbone.points, strict=False)
+        pairs = zip(full.backbone.points, work.branches.backbone.points, strict=False)
         differences = np.array([difference(full.backbone.problem, *pair) for pair in pairs])
-    backbone, *others = (full or work.followed).all_branches
+    backbone, *others = (full or work.branches).all_branches
     return [mode_branch(job, brake, backbone, differences), *(mode_branch(job, brake, other) for other in others)]
 
 
 def _special(job: ModePath, work: _MethodResults, special: Sequence[SpecialRow]) -> list[SpecialRow]:
     """Special points of the backbone, with the origins of non-brake orbits."""
-    brake, full = work.followed.problem, work.full_period
+    brake, full = work.branches.problem, work.full_period
     breakings = (
         SpecialRow("symmetry_breaking", job.in_report_unit(at.parameter), 1.0 / brake.split(at.u)[1])
-        for at in (() if full is None else full.breakings)
+        for at in (() if full is None else full.symmetry_breakings)
     )
     return [*special, *breakings]
 
 
-def _jumps(job: ModePath, followed: ModeBranches) -> dict[str, Dataset]:
+def _jumps(job: ModePath, branches: ModeBranches) -> dict[str, Dataset]:
     """Dataset of the gaps in the backbone, by name; empty if there are none."""
-    jumps = followed.jumps
+    jumps = branches.jumps
     columns = {
         "start": [job.in_report_unit(jump.start) for jump in jumps],
         "end": [job.in_report_unit(jump.end) for jump in jumps],
@@ -347,15 +347,15 @@ def _motion(system: StructuralSystem, branches: Sequence[ModeBranch], mode: Floa
 
 def _outcome(work: _MethodResults, resonance: PhaseResonanceLevels | None) -> Outcome:
     """Outcome of the first method that did not end well, or energy shares at the end of the backbone."""
-    ends = [work.followed.backbone.outcome]
+    ends = [work.branches.backbone.outcome]
     if work.full_period is not None:
         ends.append(work.full_period.backbone.outcome)
-    if work.relaxed is not None and (work.relaxing or work.relaxed.outcome.interrupted):
+    if work.relaxed is not None and (work.relaxed_is_method or work.relaxed.outcome.interrupted):
         ends.append(work.relaxed.outcome)
     if resonance is not None:
         ends.append(resonance.outcome)
-    if work.left_out:
-        ends.append(interruption(f"before {', '.join(work.left_out)}"))
+    if work.skipped_steps:
+        ends.append(interruption(f"before {', '.join(work.skipped_steps)}"))
     outcome = combined(ends)
-    backbone = work.followed.backbone.outcome
+    backbone = work.branches.backbone.outcome
     return backbone if outcome is COMPLETE and backbone.sub_outcomes else outcome

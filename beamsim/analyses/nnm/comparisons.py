@@ -32,10 +32,10 @@ from beamsim.typing import TINY, Bools, Floats, Ints
 ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting problem, and its motions
 
 ORDERS = (0, 1, 2)
-SAFELY = 3.0  # factors this much below the limit of the expansion count as small
+SMALL_FACTOR_MARGIN = 3.0  # factors this much below the limit of the expansion count as small
 MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are the convergence error of the exact motion
-FURTHEST = 0.3  # largest relative distance of an exact initial vector from the expansion's
+LARGEST_DISTANCE = 0.3  # largest relative distance of an exact initial vector from the expansion's
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ExpansionPath:
     @property
     def small(self) -> float:
         """Largest factor that counts as small."""
-        return self.reach / SAFELY * (1.0 + 1e-9)
+        return self.reach / SMALL_FACTOR_MARGIN * (1.0 + 1e-9)
 
 
 @dataclass(frozen=True)
@@ -246,16 +246,16 @@ def _at_factors(expand: Callable[..., ModeExpansion], factors: Floats, n: int) -
     return frequency, shape, uniform
 
 
-HALVES = 7  # number of factors within the range of validity
+FACTORS_IN_REACH = 7  # number of factors within the range of validity
 
 
 def _factors_into_reach(reach: float, largest: float | None) -> Floats:
     """Factors by halves down into the range of validity of an expansion, and on from there."""
-    first = min(1.0, reach / SAFELY) if largest is None else largest
+    first = min(1.0, reach / SMALL_FACTOR_MARGIN) if largest is None else largest
     above = 0
-    while first * 0.5**above > reach / SAFELY:
+    while first * 0.5**above > reach / SMALL_FACTOR_MARGIN:
         above += 1
-    return np.asarray(first * 0.5 ** np.arange(above + HALVES))
+    return np.asarray(first * 0.5 ** np.arange(above + FACTORS_IN_REACH))
 
 
 def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None) -> ExactPoints:
@@ -289,7 +289,7 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: Mod
         if point is None:
             continue
         q = point.u[: orbits.n]
-        far = np.linalg.norm(weight * (q - guess)) > FURTHEST * np.linalg.norm(weight * q)
+        far = np.linalg.norm(weight * (q - guess)) > LARGEST_DISTANCE * np.linalg.norm(weight * q)
         own_mode = orbits.share_at(point)[mode] > LEAST_SHARE and orbits.swings_once(point, mode)
         points[i] = point if own_mode and not far else None
     return orbits, points
@@ -322,16 +322,16 @@ def compare_expansion(
     frequency = np.abs(path.frequency_hz / modes.frequency_hz[:, None] - 1.0)
     size = np.linalg.norm(modes.coordinates * weight, axis=1)
 
-    def away(shapes: Floats, reference: Floats) -> Floats:
-        return np.asarray(np.linalg.norm((shapes - reference[:, None, :]) * weight, axis=2) / size[:, None])
+    def distances(shape: Floats, reference: Floats) -> Floats:
+        return np.asarray(np.linalg.norm((shape - reference[:, None, :]) * weight, axis=2) / size[:, None])
 
     def orders(difference: Floats) -> Floats:
         known = np.where(difference > NOISE, difference, np.nan)
         return np.array([observed_orders(path.factor, known[:, k]) for k in ORDERS]).T
 
-    initial = away(path.coordinates, modes.coordinates)
-    uniform = away(path.uniform_coordinates, modes.coordinates)
-    expected = away(path.coordinates, path.uniform_coordinates[:, 2])
+    initial = distances(path.coordinates, modes.coordinates)
+    uniform = distances(path.uniform_coordinates, modes.coordinates)
+    expected = distances(path.coordinates, path.uniform_coordinates[:, 2])
     return ExpansionComparison(
         path=path,
         exact=modes,
@@ -345,8 +345,9 @@ def compare_expansion(
     )
 
 
-SAME = 1e-6  # relative distance within which two shapes are the same motion
-FAR = 0.25  # relative distance of the exact motions at neighbouring steps above which they are not on one branch
+SAME_SHAPE = 1e-6  # relative distance within which two shapes are the same motion
+# relative distance of the exact motions at neighbouring steps above which they are not on one branch
+LARGEST_STEP = 0.25
 
 
 def compare_relaxed(
@@ -453,12 +454,12 @@ def _errors_against_exact(
         near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
         fates.append("none" if near is None else "between" if point is None else "other")
         if near is not None and point is not None:
-            same = _distance(orbits, near.u[:n], point.u[:n]) < SAME
-            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME else "other"
+            same = _distance(orbits, near.u[:n], point.u[:n]) < SAME_SHAPE
+            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME_SHAPE else "other"
         here = None if near is None else near.u[:n]
         jumped.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
         if fates[-1] == "other" and not jumped[-1] and last is not None and here is not None:
-            jumped[-1] = _distance(orbits, here, last) > FAR
+            jumped[-1] = _distance(orbits, here, last) > LARGEST_STEP
         last = here
     return apart, fates, np.array(jumped, dtype=bool)
 

@@ -33,8 +33,8 @@ BRAKE_ORBIT_ITSELF = Outcome.of(
 )
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
-SAME = 1e-5  # scaled distance within which two orbits are the same
-NEAR = 0.2  # scaled distance within which a symmetry breaking is the other end of a branch
+SAME_ORBIT = 1e-5  # scaled distance within which two orbits are the same
+END_DISTANCE = 0.2  # scaled distance within which a symmetry breaking is the other end of a branch
 LARGEST_RATIO = 12  # of the frequencies of the mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # initial speed of the branch, over sqrt(2 E)
 
@@ -68,7 +68,7 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
     return float(np.linalg.det(_bordered_block(orbits, point)[0]))
 
 
-SINGULAR = 1e-5  # smallest over largest singular value of the scaled b at a located point
+SINGULAR_RATIO = 1e-5  # smallest over largest singular value of the scaled b at a located point
 
 
 def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
@@ -92,7 +92,7 @@ def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
     if kernel is None:
         return None
     kick, mode, ratio, smallness = _kick(orbits, kernel)
-    if smallness > SINGULAR or not 1 <= ratio <= LARGEST_RATIO:
+    if smallness > SINGULAR_RATIO or not 1 <= ratio <= LARGEST_RATIO:
         return None
     return SymmetryBreaking(kernel, kick, mode, ratio)
 
@@ -111,10 +111,10 @@ def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, fl
     return kick, mode, ratio, float(sizes[-1] / sizes[0])
 
 
-SLOWED = 0.3  # times the largest minimum speed so far; below it a reversal means a passage through rest
+SLOW_SHARE = 0.3  # times the largest minimum speed so far; below it a reversal means a passage through rest
 
 
-REST = 1e-4  # minimum speed that counts as rest
+REST_SPEED = 1e-4  # minimum speed that counts as rest
 
 
 def non_brake_branch(
@@ -153,8 +153,8 @@ def non_brake_branch(
             slowest = flow.states_at(flow_map, np.array([time]))[0, n : 2 * n] / np.sqrt(2.0 * orbits.split(point.u)[3])
             speed = float(np.linalg.norm(slowest))
             fastest = max(fastest, speed)
-            turned = speed < SLOWED * fastest and float(slowest @ before) < 0
-            if speed < REST or turned:
+            turned = speed < SLOW_SHARE * fastest and float(slowest @ before) < 0
+            if speed < REST_SPEED or turned:
                 outcome = BACK_TO_BRAKE_ORBITS if len(points) > 1 else BRAKE_ORBIT_ITSELF
                 break
             points.append(point)
@@ -279,10 +279,10 @@ def follow_full_period(
             break
         branch = non_brake_branch(branches.problem, origin, reach, steps)
         if branch.points:
-            non_brake.append(replace(branch, outcome=job.ended(branch.outcome, branch.points[-1])))
-    backbone = replace(backbone, outcome=job.ended(backbone.outcome, backbone.points[-1]))
+            non_brake.append(replace(branch, outcome=job.outcome_in_report_unit(branch.outcome, branch.points[-1])))
+    backbone = replace(backbone, outcome=job.outcome_in_report_unit(backbone.outcome, backbone.points[-1]))
     left_at = tuple(origin.point for origin in breakings)
-    return replace(branches, backbone=backbone, non_brake=tuple(non_brake), breakings=left_at)
+    return replace(branches, backbone=backbone, non_brake=tuple(non_brake), symmetry_breakings=left_at)
 
 
 def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
@@ -303,11 +303,11 @@ def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
 def _same_orbit(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:
     """True if two symmetry breakings are one orbit, at either of its instants of rest."""
     u, v = a.point.u, b.point.u
-    if a.mode != b.mode or not np.allclose(u[-2:], v[-2:], rtol=SAME, atol=SAME):
+    if a.mode != b.mode or not np.allclose(u[-2:], v[-2:], rtol=SAME_ORBIT, atol=SAME_ORBIT):
         return False
     scale = orbits.scale(v)[0][: orbits.n]
     ends = (v[: orbits.n], b.point.data.flow_map.end[: orbits.n])
-    return any(float(np.linalg.norm((u[: orbits.n] - q) / scale)) < SAME for q in ends)
+    return any(float(np.linalg.norm((u[: orbits.n] - q) / scale)) < SAME_ORBIT for q in ends)
 
 
 def _ends_at_origin(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
@@ -315,10 +315,10 @@ def _ends_at_origin(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
     if branch.outcome.code != BACK_TO_BRAKE_ORBITS.code:
         return False
     n, last, there = branch.problem.n, branch.points[-1].u, origin.point.u
-    if abs(float(last[-2] / there[-2]) - 1.0) > NEAR:
+    if abs(float(last[-2] / there[-2]) - 1.0) > END_DISTANCE:
         return False
     scale = branch.problem.scale(last)[0][:n]
     flow_map = branch.points[-1].data.flow_map
     times = np.linspace(0.0, flow_map.duration, 257)
     q = branch.points[-1].data.flow.states_at(flow_map, times)[:, :n]
-    return bool(np.min(np.linalg.norm((q - there[:n]) / scale, axis=1)) < NEAR)
+    return bool(np.min(np.linalg.norm((q - there[:n]) / scale, axis=1)) < END_DISTANCE)

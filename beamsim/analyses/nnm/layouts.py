@@ -18,7 +18,7 @@ BRANCHES = Layout(
         "mode": Variable(
             _BRANCH, "1", "the other mode of a tongue or a non-brake branch, from 1; 0 of the backbone", int
         ),
-        "ratio": Variable(_BRANCH, "1", "n of n:1, likewise", int),
+        "ratio": Variable(_BRANCH, "1", "n of the n:1 resonance; 0 of the backbone", int),
         "continued_in": Variable((), "", "stiffness_factor, energy or frequency", str),
         "method": Variable((), "", "shooting, full_period, multiple_scales or relaxed_minimisation", str),
     },
@@ -26,20 +26,20 @@ BRANCHES = Layout(
 POINTS = Layout(
     "points",
     "The points of all branches, one branch after the other. Motions are given at the instant of smallest kinetic "
-    "energy: at rest, of a brake orbit.",
+    "energy; brake orbits are at rest then.",
     {
         **OF_MOTIONS,
         "energy": Variable(_POINT, "J", "energy from static equilibrium"),
         "share": Variable(_POINT, "1", "share of the energy in the requested mode, at the slowest instant"),
         "least_kinetic": Variable(
-            _POINT, "1", "kinetic energy at the slowest instant, share of the energy; zero at rest"
+            _POINT, "1", "kinetic energy at the slowest instant, as a share of the energy; zero at rest"
         ),
         **_OF_STATIONS,
         "initial_displacement": Variable(_POINT + _STATION, "m", "deflection at the slowest instant"),
         "half_period_difference": Variable(
             _POINT, "1",
-            "of the backbone by full-period shooting the largest difference from half-period shooting, of period and "
-            "state, relative; else NaN", optional=True,
+            "for a backbone by full-period shooting, the largest relative difference of period and state from half-period "
+            "shooting; else NaN", optional=True,
         ),
     },
 )  # fmt: skip
@@ -59,8 +59,8 @@ JUMPS = Layout(
 _TIME, _ORDER, _INSTANT, _LINE = ("time",), ("order",), ("instant",), ("spectrum_frequency_hz",)
 MOTION = Layout(
     "motion",
-    "The motion that is drawn: one period from the instant of smallest kinetic energy, and its spectrum over many "
-    "periods. It is that of the backbone's last point, or the one furthest from rest of the first non-brake branch.",
+    "The motion in the picture: one period from the instant of smallest kinetic energy, and its spectrum over many "
+    "periods. It belongs to the backbone's last point, or is the motion furthest from rest of the first non-brake branch.",
     {
         "branch": Variable((), "1", "number of its branch, from 0", int),
         "branch_point": Variable((), "1", "number of its point along the branch, from 1", int),
@@ -87,31 +87,30 @@ MOTION = Layout(
     },
 )  # fmt: skip
 
-# --- The damped structure held on its mode ---------------------------------------------------------------------------
+# --- The damped structure excited on its mode -------------------------------------------------------------------------
 
 _LEVEL = ("level_index",)
 _OF_LEVEL = "phase_resonance/level_index"
 PHASE_RESONANCE = Layout(
     "phase_resonance",
-    "The mode held by a force, a row for each level: the motion predicted, the exact one found, which is NaN where "
-    "there is none, and the damped structure from the predicted state on under the predicted force, which is NaN where "
-    "contacts chatter.",
+    "The mode excited at phase resonance, a row for each level: the predicted motion; the exact motion, NaN if there is "
+    "none; and the damped structure from the predicted state under the predicted force, NaN if contacts chatter.",
     {
         "level_index": Variable(_LEVEL, "1", "number of the level, from 0", int),
-        "quantity": Variable((), "", "of the level: force, acceleration, velocity or displacement", str),
-        "compared_probe": Variable((), "", "probe whose amplitude is compared: the one that moves most", str),
+        "quantity": Variable((), "", "quantity of the level: force, acceleration, velocity or displacement", str),
+        "compared_probe": Variable((), "", "probe whose amplitude is compared: the one with the largest motion", str),
         "scales": Variable(
             (), "1", "whether the level is proportional to the amplitude at a constant frequency", bool,
             flags=("no", "yes"),
         ),
         **outcome_variables(()),
         "level": Variable(_LEVEL, "{level_unit}", "level of the excitation"),
-        "predicted_frequency_hz": Variable(_LEVEL, "Hz", "frequency of the motion predicted"),
+        "predicted_frequency_hz": Variable(_LEVEL, "Hz", "frequency of the predicted motion"),
         "predicted_energy": Variable(_LEVEL, "J", "its energy"),
         "found": Variable(_LEVEL, "1", "whether the exact motion was found", bool, flags=("no", "yes")),
         "frequency_hz": Variable(_LEVEL, "Hz", "frequency of the exact motion"),
         "level_for_amplitude": Variable(
-            _LEVEL, "{level_unit}", "level predicted for the amplitude found at the compared probe"
+            _LEVEL, "{level_unit}", "predicted level for the exact amplitude at the compared probe"
         ),
         "stable": Variable(_LEVEL, "1", "whether it is stable", bool, flags=FLAGS),
         "residual": Variable(_LEVEL, "1", "largest periodicity error, relative to the size of the motion"),
@@ -124,7 +123,7 @@ PHASE_RESONANCE = Layout(
             _LEVEL, "", "complete, or why the response about the resonance stopped early; empty without one", str
         ),
         **_OF_PROBES,
-        "predicted_amplitude": Variable(_LEVEL + _PROBE, "m", "largest deflection of the motion predicted"),
+        "predicted_amplitude": Variable(_LEVEL + _PROBE, "m", "largest deflection of the predicted motion"),
         "amplitude": Variable(_LEVEL + _PROBE, "m", "largest deflection of the exact motion"),
         "period": Variable(("period",), "1", "number of the period", int),
         "departure": Variable(
@@ -133,21 +132,21 @@ PHASE_RESONANCE = Layout(
         "instant": Variable(_INSTANT, "1", "number of an instant of rest of the mode in the last period", int),
         "instants": Variable(_LEVEL + _INSTANT, "s", "time of that instant"),
         **_OF_STATIONS,
-        "shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the held structure then"),
+        "shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the structure then"),
         "mode_shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the mode then"),
     },
     optional=True,
 )  # fmt: skip
 PREDICTED_LEVELS = Layout(
     "predicted_levels",
-    "The level that energy balance asks for along the backbone.",
+    "The level from the energy balance along the backbone.",
     {
         "point": Variable(_POINT, "1", "number of the point", int),
         "energy": Variable(_POINT, "J", "energy from static equilibrium"),
         "frequency_hz": Variable(_POINT, "Hz", "frequency of the motion"),
-        "level": Variable(_POINT, "{level_unit}", "level of the excitation that holds the motion"),
+        "level": Variable(_POINT, "{level_unit}", "level of the excitation that sustains the motion"),
         "dissipated": Variable(_POINT, "J", "energy taken by damping in a period"),
-        "contact_share": Variable(_POINT, "1", "share of it that the contacts' dashpots take"),
+        "contact_share": Variable(_POINT, "1", "share of it taken by the contacts' dashpots"),
         **_OF_PROBES,
         "amplitude": Variable(_PROBE + _POINT, "m", "largest deflection of a period"),
     },
@@ -155,7 +154,7 @@ PREDICTED_LEVELS = Layout(
 )
 RESONANCE_CURVES = Layout(
     "resonance_curves",
-    "Forced periodic motions about the resonance of each level, those of one level after those of another.",
+    "Forced periodic motions about the resonance of each level, level by level.",
     {
         "point": Variable(_POINT, "1", "number of the point", int),
         "level_index": Variable(_POINT, "1", "number of the level, from 0", int, names=_OF_LEVEL),
@@ -168,10 +167,10 @@ RESONANCE_CURVES = Layout(
     optional=True,
 )
 _SAMPLE = ("sample",)
-HELD = Layout(
-    "held",
-    "The damped structure from a state of the mode on, under the predicted force: whole periods, the end left out, of "
-    "one level after those of another.",
+UNCONTROLLED = Layout(
+    "uncontrolled",
+    "The damped structure from a state of the mode, under the predicted force, level by level: whole periods without "
+    "their end point.",
     {
         "sample": Variable(_SAMPLE, "1", "number of the sample", int),
         "level_index": Variable(_SAMPLE, "1", "number of the level, from 0", int, names=_OF_LEVEL),
@@ -181,9 +180,9 @@ HELD = Layout(
     },
     optional=True,
 )
-HELD_SPECTRA = Layout(
-    "held_spectra",
-    "Spectra of these displacements over all periods, those of one level after those of another.",
+UNCONTROLLED_SPECTRA = Layout(
+    "uncontrolled_spectra",
+    "Spectra of these displacements over all periods, level by level.",
     {
         "sample": Variable(_SAMPLE, "1", "number of the line", int),
         "level_index": Variable(_SAMPLE, "1", "number of the level, from 0", int, names=_OF_LEVEL),

@@ -32,20 +32,20 @@ from beamsim.signals.records import RECTANGULAR
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
-SAMPLES = 1024  # in a period of the stored motion
+STORED_SAMPLES = 1024  # in a period of the stored motion
 HARMONICS = 20
 PERIODS = 50  # of the time history of the spectrum, as in the thesis
-RATE = 512  # samples per period of the marched motion
+SAMPLES_PER_PERIOD = 512  # samples per period of the marched motion
 
 
-def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
+def mode_shape(field: Floats, vector: Floats, reference_shape: Floats) -> Floats:
     """Linear mode at the stations, scaled like another shape for drawing.
 
     Parameters
     ----------
     field : (nx, n) deflection at the stations for a unit of each coordinate.
     vector : (n,) coordinates of the mode.
-    like : (nx,) the other shape, m.
+    reference_shape : (nx,) the other shape, m.
 
     Returns
     -------
@@ -54,7 +54,11 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     """
     shape = field @ vector
     return np.asarray(
-        shape / np.abs(shape).max() * float(np.abs(like).max()) * np.sign(float(shape @ like) or 1.0), dtype=float
+        shape
+        / np.abs(shape).max()
+        * float(np.abs(reference_shape).max())
+        * np.sign(float(shape @ reference_shape) or 1.0),
+        dtype=float,
     )
 
 
@@ -128,7 +132,7 @@ def mode_branch(
     )
 
 
-_ALIKE = ("parameter", "frequency_hz", "energy", "share", "residual", "energy_error", "least_kinetic", "stable")
+_SAME_NAMES = ("parameter", "frequency_hz", "energy", "share", "residual", "energy_error", "least_kinetic", "stable")
 
 
 def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequence[SpecialRow]) -> dict[str, Dataset]:
@@ -159,7 +163,7 @@ def mode_datasets(job: ModePath, branches: Sequence[ModeBranch], special: Sequen
         ])  # fmt: skip
     values = {
         **numbered_points([each.parameter.size for each in branches]),
-        **{name: np.concatenate([getattr(each, name) for each in branches]) for name in _ALIKE},
+        **{name: np.concatenate([getattr(each, name) for each in branches]) for name in _SAME_NAMES},
         **of_states(states, field.shape[1]),
         **of_multipliers([each.multipliers for each in branches]),
         "station": np.arange(1, field.shape[0] + 1),
@@ -234,14 +238,14 @@ def orbit_motion(
     start = np.zeros(flow.size)
     start[: 2 * n] = state
     whole = flow.flow_map(start, period)
-    time = np.linspace(0.0, period, SAMPLES + 1)
+    time = np.linspace(0.0, period, STORED_SAMPLES + 1)
     states = flow.states_at(whole, time)
     q, v, delta = states[:, :n], states[:, n : 2 * n], flow.penetration_of(states, time)[0]
     shapes = [probe.shape for probe in system.probes]
     over, last = march_periods(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
-    record = over.reshape(PERIODS * RATE, -1)[:, :n]
+    record = over.reshape(PERIODS * SAMPLES_PER_PERIOD, -1)[:, :n]
     harmonics = np.array([RECTANGULAR.amplitudes(q[:-1] @ shape)[: HARMONICS + 1] for shape in shapes])
     laws = flow.system.contacts.laws
     values = {
@@ -272,7 +276,7 @@ def _drawn_shapes(system: StructuralSystem, q: Floats, mode: Floats) -> dict[str
         "station": np.arange(1, deflection.shape[1] + 1),
         "deflection": deflection,
         "instant": np.array([0.0, 0.5]),
-        "extreme_shapes": deflection[[0, SAMPLES // 2]],
+        "extreme_shapes": deflection[[0, STORED_SAMPLES // 2]],
         "linear_shape": mode_shape(system.deflection, mode, deflection[0]),
     }
 
@@ -296,7 +300,7 @@ def march_periods(flow: PeriodicFlow, start: Floats, period: float, periods: int
     ------
     ArithmeticError : if contacts chatter, or the motion overflows.
     """
-    times = period * np.arange(RATE) / RATE
+    times = period * np.arange(SAMPLES_PER_PERIOD) / SAMPLES_PER_PERIOD
     states, flow_map = [], flow.flow_map(start, period)
     for k in range(periods):
         flow_map = flow.flow_map(flow_map.end, period) if k else flow_map
@@ -306,4 +310,4 @@ def march_periods(flow: PeriodicFlow, start: Floats, period: float, periods: int
 
 def line_frequencies(period: float, periods: int) -> Floats:
     """(nf,) frequencies, Hz, of the spectral lines of a motion over some periods."""
-    return np.arange(periods * RATE // 2 + 1) / (periods * period)
+    return np.arange(periods * SAMPLES_PER_PERIOD // 2 + 1) / (periods * period)

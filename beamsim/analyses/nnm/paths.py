@@ -28,7 +28,7 @@ POINTS = 100  # of a backbone
 SMALL_J = 1e-6  # energy of a motion that is nearly linear
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
-_BESIDE = {  # remedies: ways to a motion beyond a tongue that avoid it
+_REMEDIES_BEYOND_TONGUE = {  # remedies: ways to a motion beyond a tongue that avoid it
     "stiffness_factor": "use another energy (nnm.energy), or another mode",
     "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or use another mode",
 }
@@ -44,7 +44,8 @@ class ModeBranches:
     tongues: tuple[OrbitBranch, ...] = ()
     jumps: tuple[Jump, ...] = ()
     non_brake: tuple[OrbitBranch, ...] = ()  # found by full-period shooting
-    breakings: tuple[BranchPoint, ...] = ()  # origins of the non-brake branches, along the backbone and its tongues
+    # origins of the non-brake branches, along the backbone and its tongues
+    symmetry_breakings: tuple[BranchPoint, ...] = ()
 
     @property
     def all_branches(self) -> tuple[OrbitBranch, ...]:
@@ -110,14 +111,14 @@ class ModePath:
             if self.first != 0.0:
                 linear = self._first_motion(by_factor, linear, self.first)
             return self._backbone(by_factor, linear, self.last, progress)
-        orbits, start = self._small()
+        orbits, start = self._nearly_linear_motion()
         if self.parameter == "frequency":
             return self._in_frequency(orbits, start, progress)
         if abs(start.parameter - self.to_unknown(self.first)) > 1e-12:
             start = self._first_motion(orbits, start, self.to_unknown(self.first), " J")
         return self._backbone(orbits, start, self.to_unknown(self.last), progress)
 
-    def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
+    def _nearly_linear_motion(self) -> tuple[BrakeOrbits, BranchPoint]:
         """Motion that is small enough to be linear, or nearly linear."""
         orbits = BrakeOrbits(self.family, "energy", basis=self.basis)
         value = np.log(self.first if self.parameter == "energy" else self.energy)
@@ -166,7 +167,7 @@ class ModePath:
         reached = list(lead_in)[-1]
         if lead_in.outcome.code != REACHED_END:
             asked, possible = (f"{self.in_report_unit(x):.4g}{unit}" for x in (first, reached.parameter))
-            problem = f"= {asked} cannot be reached: {self.ended(lead_in.outcome, reached)}"
+            problem = f"= {asked} cannot be reached: {self.outcome_in_report_unit(lead_in.outcome, reached)}"
             raise ScenarioError.at("nnm.continue_in.from", problem, f"begin at {possible} or below")
         return reached
 
@@ -210,16 +211,18 @@ class ModePath:
                 "tongue of internal resonance)",
                 at=point.parameter, remedy="use energy as the continuation parameter instead",
             )  # fmt: skip
-        return ModeBranches(OrbitBranch(by_frequency, points, self.ended(outcome, points[-1]), kind="backbone"))
+        return ModeBranches(
+            OrbitBranch(by_frequency, points, self.outcome_in_report_unit(outcome, points[-1]), kind="backbone")
+        )
 
     def _backbone(self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Progress) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
         points = list(until_stop(_reporting(backbone, start.parameter, last, progress)))
-        outcome = self.ended(backbone.outcome, points[-1])
+        outcome = self.outcome_in_report_unit(backbone.outcome, points[-1])
         if outcome.code == MODE_LOST:
-            outcome = outcome.copy_with(remedy=_BESIDE[self.parameter])
+            outcome = outcome.copy_with(remedy=_REMEDIES_BEYOND_TONGUE[self.parameter])
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
-        tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
+        tongues = (replace(t, outcome=self.outcome_in_report_unit(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
 
     def to_unknown(self, value: float) -> float:
@@ -234,7 +237,7 @@ class ModePath:
             return float(np.exp(value))
         return value / (2 * np.pi) if self.parameter == "frequency" else value
 
-    def ended(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
+    def outcome_in_report_unit(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
         """Outcome of a path with the parameter in report units; at its last point if that is given."""
         if last is not None and outcome.code == INTERRUPTED.code:
             outcome = outcome.copy_with(place=Where(last.parameter))

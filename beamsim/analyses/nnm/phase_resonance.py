@@ -14,8 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.nnm.layouts import HELD, HELD_SPECTRA, PHASE_RESONANCE, PREDICTED_LEVELS, RESONANCE_CURVES
-from beamsim.analyses.nnm.orbits import RATE, line_frequencies, march_periods
+from beamsim.analyses.nnm.layouts import (
+    UNCONTROLLED,
+    UNCONTROLLED_SPECTRA,
+    PHASE_RESONANCE,
+    PREDICTED_LEVELS,
+    RESONANCE_CURVES,
+)
+from beamsim.analyses.nnm.orbits import SAMPLES_PER_PERIOD, line_frequencies, march_periods
 from beamsim.analyses.nnm.paths import motions_scale
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -56,10 +62,10 @@ from beamsim.typing import Bools, Complexes, Floats, not_none, of_kind
 
 SCALED_POINTS = 25  # points of a backbone whose motions differ only by a factor
 ATTEMPTS = 8  # intermediate levels that are tried
-FARTHEST_LEVEL = 3.0  # ratio of an intermediate level to the target
-BACK = 5  # points of the backbone between two attempts along its stiffness factor
+LARGEST_LEVEL_RATIO = 3.0  # ratio of an intermediate level to the target
+POINTS_BETWEEN_ATTEMPTS = 5  # points of the backbone between two attempts along its stiffness factor
 LEVEL_STEP = 0.1  # of the logarithm of the level
-BEYOND = 1.5  # highest drawn level over the highest level
+DRAWN_LEVEL_RATIO = 1.5  # highest drawn level over the highest level
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ class ResonantMotion:
     predicted_frequency_hz: float
     predicted_energy: float
     predicted_amplitude: Floats  # (probes,)
-    held: UncontrolledMotion | None  # None if contacts chatter
+    uncontrolled: UncontrolledMotion | None  # None if contacts chatter
     # of the exact motion, if it was found
     found: bool = False
     frequency_hz: float = np.nan
@@ -129,7 +135,7 @@ class PhaseResonanceLevels:
     quantity: str  # of the level
     unit: str  # of the level
     probes: Sequence[str]
-    compared: int  # index of the probe with the largest motion, whose amplitude is compared
+    compared_probe_index: int  # index of the probe with the largest motion, whose amplitude is compared
     scales: bool  # True if the level is proportional to the amplitude at a constant frequency
     predicted: PredictedLevels
     motions: Sequence[ResonantMotion]
@@ -139,17 +145,17 @@ class PhaseResonanceLevels:
         """Labelled datasets, by name."""
         motions, probes = self.motions, {"probe": self.probes}
         curves = [(k, m.curve) for k, m in enumerate(motions) if m.curve is not None]
-        held = [(k, m.held) for k, m in enumerate(motions) if m.held is not None]
+        held = [(k, m.uncontrolled) for k, m in enumerate(motions) if m.uncontrolled is not None]
         values: dict[str, Any] = {
             "level_index": np.arange(len(motions)),
-            "quantity": self.quantity, "compared_probe": self.probes[self.compared], "scales": self.scales,
+            "quantity": self.quantity, "compared_probe": self.probes[self.compared_probe_index], "scales": self.scales,
             **{name: text for name, (text,) in endings([self.outcome]).items()},
             **{name: [getattr(motion, name) for motion in motions] for name in ("predicted_amplitude", "amplitude")},
             **of_multipliers([motion.multipliers[None, :] for motion in motions]),
             "curve_status": ["" if motion.curve is None else motion.curve.outcome.of_part for motion in motions],
         }  # fmt: skip
         if held:
-            values |= _values_by_level([motion.held for motion in motions])
+            values |= _values_by_level([motion.uncontrolled for motion in motions])
         of_levels = [{"level_unit": self.unit}] * len(motions)
         datasets = {
             "phase_resonance": PHASE_RESONANCE.table(motions, of_levels, **probes, **values),
@@ -169,17 +175,17 @@ class PhaseResonanceLevels:
                     },
                 }
             )  # fmt: skip
-        for layout, x, y in ((HELD, "time", "displacement"), (HELD_SPECTRA, "frequency_hz", "line")):
+        for layout, x, y in ((UNCONTROLLED, "time", "displacement"), (UNCONTROLLED_SPECTRA, "frequency_hz", "line")):
             if held:
                 own = {name: np.concatenate([getattr(of, name) for _, of in held], axis=-1) for name in (x, y)}
-                rows = row_numbers(_sizes([motion.held for motion in motions], x), "level_index", "sample")
+                rows = row_numbers(_sizes([motion.uncontrolled for motion in motions], x), "level_index", "sample")
                 datasets[layout.name] = layout.dataset({**rows, **probes, **own})
         return datasets
 
 
-def _sizes(of_levels: Sequence[Any], name: str) -> list[int]:
+def _sizes(levels: Sequence[Any], name: str) -> list[int]:
     """Lengths of an array attribute of each level; 0 for a level that is None."""
-    return [0 if of is None else getattr(of, name).size for of in of_levels]
+    return [0 if of is None else getattr(of, name).size for of in levels]
 
 
 def _values_by_level(motions: Sequence[UncontrolledMotion | None]) -> dict[str, Any]:
@@ -198,7 +204,7 @@ class _BackboneMotion:
     """Motion of the backbone, multiplied by ``scale``, with the force that sustains it."""
 
     flow: Any
-    whole: Any
+    period_motion: Any
     energy: float
     share: float  # share of the energy in the requested mode, at rest
     force: Appropriation
@@ -208,7 +214,7 @@ class _BackboneMotion:
     @cached_property
     def peak(self) -> Floats:
         """(probes,) largest deflections in a period at a scale of one, m."""
-        return self.measurement.of_flow_map(self.flow, self.whole).peak
+        return self.measurement.of_flow_map(self.flow, self.period_motion).peak
 
     @property
     def level(self) -> float:
@@ -220,18 +226,18 @@ class _BackboneMotion:
 
     def states(self, times: Floats) -> Floats:
         """(nt, 2n) states at any times, counted from the start of the force's period."""
-        inside = (times + self.force.shift) % self.whole.duration
+        inside = (times + self.force.shift) % self.period_motion.duration
         order = np.argsort(inside, kind="stable")
         out = np.empty((times.size, 2 * self.flow.system.size))
-        out[order] = self.scale * self.flow.states_at(self.whole, inside[order])
+        out[order] = self.scale * self.flow.states_at(self.period_motion, inside[order])
         return out
 
-    def scaled(self, by: float) -> _BackboneMotion:
-        return replace(self, scale=self.scale * by, energy=self.energy * by**2)
+    def with_scale(self, factor: float) -> _BackboneMotion:
+        return replace(self, scale=self.scale * factor, energy=self.energy * factor**2)
 
 
 @dataclass(frozen=True)
-class _Levels:
+class _LevelSetup:
     """Data that all levels share."""
 
     orbits: BrakeOrbits
@@ -272,23 +278,23 @@ class _Levels:
             )
         q, _, factor, _ = self.orbits.split(point.u)
         share = float(self.orbits.share(q, factor)[self.mode])
-        return _BackboneMotion(flow, whole, float(point.data.energy), share, force, self.free)
+        return _BackboneMotion(flow, whole, float(point.data.energy), share, force, self.free_measurement)
 
     @cached_property
-    def free(self) -> Measurement:
+    def free_measurement(self) -> Measurement:
         """Displacements of the probes as measured in free motions."""
         return Measurement(self.damped, None, self.damped.channels.of_keys(DISPLACEMENT))
 
     @cached_property
-    def forced(self) -> Measurement:
+    def forced_measurement(self) -> Measurement:
         """Displacements of the probes as measured in forced motions."""
-        return Measurement(self.damped, self.excitation, self.free.channels)
+        return Measurement(self.damped, self.excitation, self.free_measurement.channels)
 
     def amplitudes(self, motion: _BackboneMotion) -> Floats:
         """(probes,) largest deflection in a period, m."""
         return np.asarray(motion.scale * motion.peak)
 
-    def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
+    def motion_with(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """Motion with a target level (or amplitude); None if the backbone has none.
 
         In the tongue of an internal resonance the level rises without bound: the motion with the largest share in the
@@ -296,7 +302,7 @@ class _Levels:
         """
         if self.motions_scale:
             one = self.motion(self.points[-1])
-            return one.scaled(target / measure(one))
+            return one.with_scale(target / measure(one))
         off = [measure(m) - target for m in self.motions]
         crossings: list[_BackboneMotion] = []
         edges: list[_BackboneMotion] = []
@@ -314,21 +320,21 @@ class _Levels:
         return max(crossings or edges, key=lambda m: m.share, default=None)
 
     def _crossing(
-        self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
+        self, a: BranchPoint, b: BranchPoint, deviation: Callable[[BranchPoint], float], values: tuple[float, float],
         halvings: int = 4,
     ) -> BranchPoint | None:  # fmt: skip
-        """Motion between two neighbours where ``off`` vanishes; bisected if a thin tongue lies between."""
-        crossing = BranchStep(self.orbits, a, b, Settings(iterations=12)).locate(off, values)
+        """Motion between two neighbours where ``deviation`` vanishes; bisected if a thin tongue lies between."""
+        crossing = BranchStep(self.orbits, a, b, Settings(iterations=12)).locate(deviation, values)
         if crossing is not None or halvings == 0:
             return crossing
         halfway = 0.5 * (a.parameter + b.parameter)
         middle = solve_at(self.orbits, 0.5 * (a.u + b.u), Settings(iterations=12), halfway)
         if middle is None:
             return None
-        value = off(middle)
+        value = deviation(middle)
         if value * values[0] <= 0:
-            return self._crossing(a, middle, off, (values[0], value), halvings - 1)
-        return self._crossing(middle, b, off, (value, values[1]), halvings - 1)
+            return self._crossing(a, middle, deviation, (values[0], value), halvings - 1)
+        return self._crossing(middle, b, deviation, (value, values[1]), halvings - 1)
 
     def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
         """Shooting problem of the damped structure at a level; by default with the springs at the backbone's end."""
@@ -338,7 +344,7 @@ class _Levels:
         return ForcedOrbits(periodic_flow(replace(system, dynamics=dynamics, cubic=cubic), self.loads, omega, level))
 
 
-def hold_mode(
+def excite_mode(
     system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress
 ) -> PhaseResonanceLevels:
     """Sustain a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
@@ -365,14 +371,14 @@ def hold_mode(
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
-    shared = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
+    shared = _LevelSetup(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     predicted = _predict_levels(shared, levels)
     compared = int(np.argmax(predicted.amplitude.max(axis=1)))
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
-        motion = shared.at(level, lambda m: m.level)
+        motion = shared.motion_with(level, lambda m: m.level)
         if motion is None:
             raise ScenarioError(_unreached_level(shared, predicted, level, at))
         motions.append(_resonance(shared, motion, level, compared, section.span, section.periods))
@@ -384,7 +390,7 @@ def hold_mode(
         quantity=str(excitation.quantity),
         unit=unit,
         probes=[probe.name for probe in damped.probes],
-        compared=compared,
+        compared_probe_index=compared,
         scales=scales,
         predicted=predicted,
         motions=motions,
@@ -419,27 +425,27 @@ def _check_balance(outcome: Outcome, motions: Sequence[ResonantMotion], unit: st
     return first_with_others(parts) if parts else outcome
 
 
-def _predict_levels(shared: _Levels, levels: list[float]) -> PredictedLevels:
+def _predict_levels(setup: _LevelSetup, levels: list[float]) -> PredictedLevels:
     """Compute the levels along the backbone."""
-    if shared.motions_scale:
-        motion = shared.motion(shared.points[-1])
-        drawn = np.geomspace(0.1 * min(levels), BEYOND * max(levels), SCALED_POINTS)
-        motions = [motion.scaled(level / motion.level) for level in drawn]
+    if setup.motions_scale:
+        motion = setup.motion(setup.points[-1])
+        drawn = np.geomspace(0.1 * min(levels), DRAWN_LEVEL_RATIO * max(levels), SCALED_POINTS)
+        motions = [motion.with_scale(level / motion.level) for level in drawn]
     else:
-        motions = shared.motions
+        motions = setup.motions
     return PredictedLevels(
         energy=np.array([m.energy for m in motions]),
         frequency_hz=np.array([m.frequency_hz for m in motions]),
         level=np.array([m.level for m in motions]),
         dissipated=np.array([m.scale**2 * m.force.dissipated for m in motions]),
         contact_share=np.array([m.force.by_contacts / m.force.dissipated for m in motions]),
-        amplitude=np.array([shared.amplitudes(m) for m in motions]).T,
+        amplitude=np.array([setup.amplitudes(m) for m in motions]).T,
     )
 
 
-def _unreached_level(shared: _Levels, predicted: PredictedLevels, level: float, at: str) -> Problem:
+def _unreached_level(setup: _LevelSetup, predicted: PredictedLevels, level: float, at: str) -> Problem:
     """Problem of a level outside the backbone, with the energy that it would need (extrapolated as a power law)."""
-    unit, e, levels = shared.unit, predicted.energy, predicted.level
+    unit, e, levels = setup.unit, predicted.energy, predicted.level
     above = level > levels.max()
     k = slice(-2, None) if above else slice(0, 2)
     slope = float(np.diff(np.log(levels[k]))[0] / np.diff(np.log(e[k]))[0]) if e.size > 1 else 0.5
@@ -455,27 +461,27 @@ def _unreached_level(shared: _Levels, predicted: PredictedLevels, level: float, 
 
 
 def _resonance(
-    shared: _Levels, motion: _BackboneMotion, level: float, compared: int, span: float, periods: int
+    setup: _LevelSetup, motion: _BackboneMotion, level: float, compared_probe: int, span: float, periods: int
 ) -> ResonantMotion:
     """Compute the exact motion near a prediction, the response about it, and the uncontrolled motion."""
-    problem = shared.problem(level, motion.force.omega)
-    point = _exact_motion(shared, problem, motion, level)
-    left_alone = _settle(shared, problem, motion, periods)
+    problem = setup.problem(level, motion.force.omega)
+    point = _exact_motion(setup, problem, motion, level)
+    left_alone = _uncontrolled_motion(setup, problem, motion, periods)
     predicted: dict[str, Any] = {
         "level": level,
         "predicted_frequency_hz": motion.frequency_hz,
         "predicted_energy": motion.energy,
-        "predicted_amplitude": shared.amplitudes(motion),
-        "held": left_alone,
+        "predicted_amplitude": setup.amplitudes(motion),
+        "uncontrolled": left_alone,
     }
     if point is None:
-        nothing = np.full(len(shared.damped.probes), np.nan)
+        nothing = np.full(len(setup.damped.probes), np.nan)
         return ResonantMotion(**predicted, amplitude=nothing, multipliers=np.zeros(0, dtype=complex))
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
-    motion_found = shared.forced.of(problem, [point])[0]
+    motion_found = setup.forced_measurement.of(problem, [point])[0]
     amplitude = motion_found.peak
-    balanced = shared.at(float(amplitude[compared]), lambda m: float(shared.amplitudes(m)[compared]))
+    balanced = setup.motion_with(float(amplitude[compared_probe]), lambda m: float(setup.amplitudes(m)[compared_probe]))
     return ResonantMotion(
         **predicted,
         found=True,
@@ -487,27 +493,29 @@ def _resonance(
         residual=orbit.residual,
         quadrature=cosine,
         energy_error=motion_found.energy_error,
-        curve=_curve(shared, problem, point, span),
+        curve=_curve(setup, problem, point, span),
     )
 
 
-def _exact_motion(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
+def _exact_motion(
+    setup: _LevelSetup, problem: ForcedOrbits, motion: _BackboneMotion, level: float
+) -> BranchPoint | None:
     """Exact motion at phase resonance, from the prediction or via other motions of the same backbone."""
-    for beginning, way in _ways(shared, problem, motion, level):
+    for beginning, way in _paths_to_motion(setup, problem, motion, level):
         z, omega, point = beginning.states(np.zeros(1))[0], beginning.force.omega, None
         for here in way:
             point = find_phase_resonance(here, z, omega)
             if point is None:
                 break
-            z, omega = point.u[: 2 * shared.damped.dynamics.size], point.parameter
+            z, omega = point.u[: 2 * setup.damped.dynamics.size], point.parameter
         if point is not None:
             return point
     problem.level = level
     return None
 
 
-def _ways(
-    shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float
+def _paths_to_motion(
+    setup: _LevelSetup, problem: ForcedOrbits, motion: _BackboneMotion, level: float
 ) -> Iterator[tuple[_BackboneMotion, Iterable[ForcedOrbits]]]:
     """Starting motions, each with the problems that lead from it to the requested one.
 
@@ -516,26 +524,28 @@ def _ways(
     """
     yield motion, [problem]
 
-    def over(levels: Floats) -> Iterator[ForcedOrbits]:
+    def problems_at(levels: Floats) -> Iterator[ForcedOrbits]:
         for problem.level in levels.tolist():
             yield problem
 
-    if shared.motions_scale:
-        last = len(shared.points) - 1
-        for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
-            other = shared.motion(shared.points[begin])
-            factors = (shared.orbits.split(point.u)[2] for point in shared.points[begin:last])
-            softer = (shared.problem(level, other.force.omega, factor) for factor in factors)
-            yield other.scaled(level / other.level), chain(softer, [problem])
+    if setup.motions_scale:
+        last = len(setup.points) - 1
+        for begin in range(
+            last - POINTS_BETWEEN_ATTEMPTS, max(last - ATTEMPTS * POINTS_BETWEEN_ATTEMPTS, -1), -POINTS_BETWEEN_ATTEMPTS
+        ):
+            other = setup.motion(setup.points[begin])
+            factors = (setup.orbits.split(point.u)[2] for point in setup.points[begin:last])
+            softer = (setup.problem(level, other.force.omega, factor) for factor in factors)
+            yield other.with_scale(level / other.level), chain(softer, [problem])
         return
-    near = [m for m in shared.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
+    near = [m for m in setup.motions if 1.0 / LARGEST_LEVEL_RATIO < m.level / level < LARGEST_LEVEL_RATIO]
     near.sort(key=lambda m: abs(np.log(m.level / level)) - m.share)
     for other in near[:ATTEMPTS]:
         count = 1 + int(abs(np.log(level / other.level)) / LEVEL_STEP)
-        yield other, over(np.geomspace(other.level, level, count + 1))
+        yield other, problems_at(np.geomspace(other.level, level, count + 1))
 
 
-def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
+def _curve(setup: _LevelSetup, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """Compute the response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     first = point.orient(1.0)
@@ -547,7 +557,7 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
         if branch.outcome.code == CLOSED_CURVE:
             break
     followed = join_directions(*halves)
-    motions = shared.forced.of(problem, followed.points)
+    motions = setup.forced_measurement.of(problem, followed.points)
     return ResponseAboutResonance(
         outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
@@ -557,12 +567,14 @@ def _curve(shared: _Levels, problem: ForcedOrbits, point: BranchPoint, span: flo
     )
 
 
-def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> UncontrolledMotion | None:
+def _uncontrolled_motion(
+    setup: _LevelSetup, problem: ForcedOrbits, motion: _BackboneMotion, periods: int
+) -> UncontrolledMotion | None:
     """Motion of the damped structure from the predicted state under the predicted force; None if contacts chatter."""
     flow = problem.flow.with_loads(motion.force.omega, motion.level)
-    system = shared.damped.dynamics
-    n, T = system.size, motion.whole.duration
-    mode = motion.states(T * np.arange(RATE) / RATE)
+    system = setup.damped.dynamics
+    n, T = system.size, motion.period_motion.duration
+    mode = motion.states(T * np.arange(SAMPLES_PER_PERIOD) / SAMPLES_PER_PERIOD)
     weight = np.concatenate([np.sqrt(system.stiffness), np.ones(n)])
     size = float(np.sqrt(2.0 * motion.energy))
     start = np.zeros(flow.size)
@@ -574,11 +586,11 @@ def _settle(shared: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, per
     departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size
     # the mode is at rest at its own time 0 and half a period later
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
-    field = shared.damped.deflection
-    whole = states.reshape(periods * RATE, -1)[:, :n]
-    displacement = np.array([whole @ probe.shape for probe in shared.damped.probes])
+    field = setup.damped.deflection
+    whole = states.reshape(periods * SAMPLES_PER_PERIOD, -1)[:, :n]
+    displacement = np.array([whole @ probe.shape for probe in setup.damped.probes])
     return UncontrolledMotion(
-        time=np.arange(periods * RATE) * (T / RATE),
+        time=np.arange(periods * SAMPLES_PER_PERIOD) * (T / SAMPLES_PER_PERIOD),
         displacement=displacement,
         frequency_hz=line_frequencies(T, periods),
         line=np.array([np.abs(RECTANGULAR.amplitudes(x)) for x in displacement]),

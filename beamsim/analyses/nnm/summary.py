@@ -88,14 +88,14 @@ def _full_period(result: NormalModeResult) -> dict[str, Any]:
     }
 
 
-_SAME_OF_RELAXED = ("steps", "tolerance", "shooting_passages", "shooting_processor_time_s", "cost_ratio")
+_RELAXED_COLUMNS = ("steps", "tolerance", "shooting_passages", "shooting_processor_time_s", "cost_ratio")
 
 
 def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
     """Summary of relaxed minimisation: range, accuracy and cost."""
     known = np.isfinite(relaxed.frequency_difference)
     return {
-        **{name: getattr(relaxed, name) for name in _SAME_OF_RELAXED},
+        **{name: getattr(relaxed, name) for name in _RELAXED_COLUMNS},
         "steps_reached": int(np.count_nonzero(relaxed.reached)),
         "largest_functional": float(relaxed.functional.max(initial=0.0)),
         "end": {
@@ -151,7 +151,7 @@ def _order(orders: Floats, small: Bools) -> float:
     return float(orders[known][-1]) if np.any(known) else float("nan")
 
 
-_SAME_OF_LEVELS = (
+_LEVEL_FIELDS = (
     "level", "predicted_frequency_hz", "found", "frequency_hz", "level_for_amplitude", "energy_error", "stable",
 )  # fmt: skip
 
@@ -161,7 +161,7 @@ def phase_resonance_summary(resonance: PhaseResonanceLevels) -> dict[str, Any]:
     return {
         "quantity": resonance.quantity,
         "unit": resonance.unit,
-        "probe": resonance.probes[resonance.compared],
+        "probe": resonance.probes[resonance.compared_probe_index],
         "status": resonance.outcome.of_part,
         "levels": list(_level_summaries(resonance)),
     }
@@ -171,19 +171,19 @@ def _level_summaries(resonance: PhaseResonanceLevels) -> Iterator[dict[str, Any]
     for m in resonance.motions:
         peak, at = np.nan, np.nan
         if m.curve is not None:
-            amplitude = m.curve.amplitude[resonance.compared]
+            amplitude = m.curve.amplitude[resonance.compared_probe_index]
             k = int(np.argmax(amplitude))
             peak, at = float(amplitude[k]), float(m.curve.frequency_hz[k])
         yield {
-            **{name: getattr(m, name) for name in _SAME_OF_LEVELS},
+            **{name: getattr(m, name) for name in _LEVEL_FIELDS},
             "predicted_energy_j": m.predicted_energy,
-            "predicted_amplitude_m": float(m.predicted_amplitude[resonance.compared]),
-            "amplitude_m": float(m.amplitude[resonance.compared]),
+            "predicted_amplitude_m": float(m.predicted_amplitude[resonance.compared_probe_index]),
+            "amplitude_m": float(m.amplitude[resonance.compared_probe_index]),
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,
             "curve": "" if m.curve is None else m.curve.outcome.of_part,
-            "periods": 0 if m.held is None else int(m.held.departure.size),
-            "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
-            "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),
-            "departure_largest": np.nan if m.held is None else float(m.held.departure.max()),
+            "periods": 0 if m.uncontrolled is None else int(m.uncontrolled.departure.size),
+            "departure_first_period": np.nan if m.uncontrolled is None else float(m.uncontrolled.departure[0]),
+            "departure_last_period": np.nan if m.uncontrolled is None else float(m.uncontrolled.departure[-1]),
+            "departure_largest": np.nan if m.uncontrolled is None else float(m.uncontrolled.departure.max()),
         }
