@@ -38,8 +38,8 @@ POINTS = Layout(
         "initial_displacement": Variable(_POINT + _STATION, "m", "deflection at the slowest instant"),
         "half_period_difference": Variable(
             _POINT, "1",
-            "for a backbone by full-period shooting, the largest relative difference of period and state from half-period "
-            "shooting; else NaN", optional=True,
+            "for a backbone by full-period shooting, the largest relative difference of period and state from "
+            "half-period shooting; else NaN", optional=True,
         ),
     },
 )  # fmt: skip
@@ -60,7 +60,7 @@ _TIME, _ORDER, _INSTANT, _LINE = ("time",), ("order",), ("instant",), ("spectrum
 MOTION = Layout(
     "motion",
     "The motion in the picture: one period from the instant of smallest kinetic energy, and its spectrum over many "
-    "periods. It belongs to the backbone's last point, or is the motion furthest from rest of the first non-brake branch.",
+    "periods. It is that of the backbone's last point, or the one furthest from rest of the first non-brake branch.",
     {
         "branch": Variable((), "1", "number of its branch, from 0", int),
         "branch_point": Variable((), "1", "number of its point along the branch, from 1", int),
@@ -93,8 +93,8 @@ _LEVEL = ("level_index",)
 _OF_LEVEL = "phase_resonance/level_index"
 PHASE_RESONANCE = Layout(
     "phase_resonance",
-    "The mode excited at phase resonance, a row for each level: the predicted motion; the exact motion, NaN if there is "
-    "none; and the damped structure from the predicted state under the predicted force, NaN if contacts chatter.",
+    "The mode excited at phase resonance, a row for each level: the predicted motion; the exact motion, NaN if there "
+    "is none; and the damped structure from the predicted state under the predicted force, NaN if contacts chatter.",
     {
         "level_index": Variable(_LEVEL, "1", "number of the level, from 0", int),
         "quantity": Variable((), "", "quantity of the level: force, acceleration, velocity or displacement", str),

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.nnm.layouts import (
-    UNCONTROLLED,
-    UNCONTROLLED_SPECTRA,
     PHASE_RESONANCE,
     PREDICTED_LEVELS,
     RESONANCE_CURVES,
+    UNCONTROLLED,
+    UNCONTROLLED_SPECTRA,
 )
 from beamsim.analyses.nnm.orbits import SAMPLES_PER_PERIOD, line_frequencies, march_periods
 from beamsim.analyses.nnm.paths import motions_scale

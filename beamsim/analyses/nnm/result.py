@@ -9,8 +9,6 @@ from typing import Any
 
 from beamsim.analyses.nnm.layouts import (
     BRANCHES,
-    UNCONTROLLED,
-    UNCONTROLLED_SPECTRA,
     JUMPS,
     MOTION,
     MULTIPLE_SCALES,
@@ -19,6 +17,8 @@ from beamsim.analyses.nnm.layouts import (
     PREDICTED_LEVELS,
     RELAXED_MINIMISATION,
     RESONANCE_CURVES,
+    UNCONTROLLED,
+    UNCONTROLLED_SPECTRA,
 )
 from beamsim.labelled import Dataset
 from beamsim.results.branch import SPECIAL_POINTS, rows_by_owner
