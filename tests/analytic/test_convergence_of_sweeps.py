@@ -120,7 +120,7 @@ def test_a_limit_on_what_a_sweep_does_not_follow_is_neither_met_nor_exceeded():
     result = beamsim.sweep(case(3, sweep=left_out, limits={"peak_acceleration": "1 g", "peak_force": "1 kN"}))
     verdicts = {name: item["verdict"] for name, item in result.summary["margins"].items()}
     assert verdicts == {"peak_acceleration": "not reliable", "peak_force": "ok"}
-    assert "limits.peak_acceleration is not checked: this sweep does not follow its value" in result.warnings
+    assert "limits.peak_acceleration is not checked: this sweep does not compute its value" in result.warnings
 
 
 def test_a_stop_between_the_sweep_and_its_comparison_is_told():

@@ -114,7 +114,7 @@ def test_modes_that_fit_nothing_are_said(tmp_path):
     result = beamsim.compare_modes(load_scenario(case), read_shapes(measured, load_scenario(case)))
     assert result["compared_modes"]["paired"].values.tolist() == [1, 2, 0]
     assert result.summary["lowest_mac"] == 0.0
-    assert result.warnings == ("no computed mode fits the one measured at 7 Hz",)
+    assert result.warnings == ("no computed mode fits the measured mode at 7 Hz",)
     done = call(case, measured, "-o", tmp_path, "--least-mac", "0.1", "--no-plots")
     assert done.exit_code == 4
     assert "mode measured at 7 Hz: no computed mode fits" in done.output
@@ -179,8 +179,8 @@ def test_shapes_of_a_universal_file(tmp_path):
     [
         ("", "is empty"),
         ("position,17 Hz\n", "has no table"),
-        ("a,b\n1,2\n", "no place among its columns"),
-        ("position\n0.1\n", "no mode among its columns"),
+        ("a,b\n1,2\n", "no column of a place"),
+        ("position\n0.1\n", "no column of a mode"),
         ("position,first\n0.1,1\n", "column 2 = first is neither a place nor a frequency"),
         ("position,17 Hz\n0.1,x\n0.2,1\n", "line 2, column 2 = x is not a number"),
         ("position,17 Hz\n0.1,1\n0.2\n", "has 1 columns in line 3 instead of 2"),
@@ -227,7 +227,7 @@ def test_shapes_that_do_not_move_in_z_are_refused(tmp_path, text, columns, count
     )
     refused = call(tmp_path / "case.yaml", tmp_path / "a.uff")
     assert refused.exit_code == 2
-    assert f"a.uff has shapes that move in {moving} alone, and bodies of this case deflect in z" in refused.stderr
+    assert f"a.uff has shapes with motion only in {moving}, but the bodies of this case deflect in z" in refused.stderr
 
 
 @pytest.mark.parametrize("kind", [2, 3, 7])

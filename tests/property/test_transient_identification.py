@@ -197,7 +197,7 @@ def test_a_wrong_model_is_told_from_noise(released):
 @pytest.mark.parametrize(
     ("keys", "change", "says"),
     [
-        ({"begin": "100 s"}, {}, "has 0 samples from begin = 100 s on"),
+        ({"begin": "100 s"}, {}, "has 0 samples after begin = 100 s"),
         ({}, {"of_frequency": True}, "is a spectrum"),
         ({}, {"y": np.ones(460)}, "does not change"),
         ({}, {"y": np.full(460, np.nan)}, "not numbers"),

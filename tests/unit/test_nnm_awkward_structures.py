@@ -156,7 +156,7 @@ def test_points_at_energies_and_frequencies(tmp_path):
     missed = followed(0.1, frequencies=[0.1])
     assert missed.outcome.code == "values_not_passed"
     assert not missed.complete
-    assert "points at frequencies were asked for that no branch passes: at 0.1 Hz" in missed.status
+    assert "no branch passes the requested frequencies: at 0.1 Hz" in missed.status
 
 
 COUPLED = {

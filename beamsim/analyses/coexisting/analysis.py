@@ -1,8 +1,8 @@
-"""``beamsim sweep`` of kind coexisting: all motions found at a frequency, and how likely each is.
+"""``beamsim sweep`` of kind coexisting: all steady motions at a frequency, and the probability of each.
 
-A start is a state at a phase of the excitation. It is followed cycle by cycle until it repeats; what does not repeat
-has its largest Lyapunov exponent. Every start is independent of the others, so that workers may share them (P. J. Menck
-et al., Nature Physics 9, 2013: the share of random starts that come to a motion is its basin stability).
+A start is a state at a phase of the excitation. It is marched cycle by cycle until it repeats; a motion that does not
+repeat gets its largest Lyapunov exponent. Starts are independent, so workers can share them. The share of random starts
+that reach a motion is its basin stability (P. J. Menck et al., Nature Physics 9, 2013).
 """
 
 from __future__ import annotations
@@ -57,48 +57,48 @@ from beamsim.scenario.base import count_text
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
 from beamsim.typing import TINY, Floats, of_kind
 
-SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
+SAME = 1e-6  # relative distance within which two converged motions are the same
 MEASURED_CYCLES = 256  # of a motion that is not periodic
-SHARE_OF_STARTS = 0.6  # of the progress; the rest is for what follows
-MOST_POINTS, MOST_SECONDS = 4000, 300.0  # of the branches that are followed from the motions
-LONGEST_SIDE = 4  # periods of the excitation in a motion whose branch is followed
+SHARE_OF_STARTS = 0.6  # of the progress; the rest is for the later steps
+MOST_POINTS, MOST_SECONDS = 4000, 300.0  # limits for the branches traced from the motions
+LONGEST_SIDE = 4  # longest traced motion, in periods of the excitation
 
 
 @dataclass
 class _Motion:
-    """A motion found at a frequency; of one that is not periodic many cycles are taken for a period."""
+    """Motion at a frequency; a motion that is not periodic is represented by many cycles."""
 
     hz: float
     problem: ForcedOrbits
     point: BranchPoint
     kind: str = "periodic"
-    exponent: float = np.nan  # 1/s, of one that is not periodic
-    starts: list[int] = field(default_factory=list)  # that come to it
+    exponent: float = np.nan  # 1/s, of a motion that is not periodic
+    starts: list[int] = field(default_factory=list)  # numbers of the starts that reach it
 
     @cached_property
     def stable(self) -> bool:
-        """Whether it attracts its neighbours; what is not periodic was found because it does."""
+        """True if it attracts neighbouring states (always for a motion that is not periodic: marching found it)."""
         return self.kind != "periodic" or self.problem.orbit(self.point).stable
 
     @cached_property
     def section(self) -> OrbitSection:
-        """Its states at phase zero."""
+        """States at phase zero."""
         flow, flow_map = self.problem.cycle(self.point)
         times = np.linspace(0.0, flow_map.duration, self.problem.multiple, endpoint=False)
         return OrbitSection(flow.states_at(flow_map, times), velocity_weights(flow, flow.omega))
 
     def importance(self) -> tuple[bool, int, float]:
-        """First the motions that most starts come to, unstable ones last by their size."""
+        """Sort key: motions with most starts first, unstable ones last by their size."""
         return not self.stable, -len(self.starts), float(np.abs(self.point.u[:-1]).max())
 
     def is_of(self, end: Destination, within: float) -> bool:
-        """Whether a start has come to this motion."""
+        """True if a start has reached this motion."""
         if self.kind != "periodic" or end.kind != "periodic":
             return end.kind == self.kind
         return self.section.contains(end, within)
 
     def is_same_motion(self, other: _Motion) -> bool:
-        """Whether two periodic motions are one."""
+        """True if two periodic motions are the same."""
         return self.is_of(Destination(other.problem.multiple, 0, other.point.u[:-1]), SAME)
 
 
@@ -110,17 +110,17 @@ def coexisting(
     scheduler: str | Cluster | None = None, known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
-    """Find the motions at each frequency of a scenario, and what share of the starts comes to each.
+    """Find the motions at each frequency of a scenario, and the share of the starts that reach each.
 
-    The result does not depend on the number or kind of workers, or on which outcomes were known before.
+    The result does not depend on the number or kind of workers, or on the given outcomes.
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind coexisting and a harmonic excitation.
-    progress : called with the fraction done.
-    workers, scheduler : that share starts and disturbances, as of `beamsim.trust.studies.design_study`.
-    known : outcomes of starts and disturbances of an earlier call that was interrupted.
-    each : called with every new one, in the order of completion.
+    scenario : scenario with a ``sweep`` section of kind coexisting and a harmonic excitation.
+    progress : called with the completed fraction.
+    workers, scheduler : workers for starts and disturbances, as in `beamsim.trust.studies.design_study`.
+    known : outcomes of starts and disturbances from an earlier, interrupted call.
+    each : called with every new outcome, in the order of completion.
 
     Returns
     -------
@@ -129,11 +129,11 @@ def coexisting(
     Raises
     ------
     ScenarioError
-        If the scenario cannot be followed.
+        If the scenario does not allow the search.
     KeyboardInterrupt
-        If it was time to stop before any motion was found.
+        If interrupted before any motion was found.
     NotTrustedError
-        If none is found, or the connection to the cluster is lost.
+        If no motion is found, or the connection to the cluster is lost.
     """
     begin, processor = clock.perf_counter(), processor_time()
     marches = Marches(scenario)
@@ -168,23 +168,23 @@ def coexisting(
 
 
 def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
-    """All motions with their numbers.
+    """Number all motions.
 
     Raises
     ------
     KeyboardInterrupt, NotTrustedError
-        If there are none.
+        If there are no motions.
     """
     order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
     if not order and stop_requested():
         raise KeyboardInterrupt
     if not order:
-        raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
+        raise NotTrustedError("no start settled, and no periodic motion was found; raise sweep.most_cycles")
     return order
 
 
 def _attracting_motions(marches: Marches, hz: float, ends: Mapping[int, Destination]) -> list[_Motion]:
-    """The motions that starts have come to: periodic ones by shooting from there."""
+    """Motions that starts have reached; periodic ones are computed by shooting from there."""
     motions: list[_Motion] = []
     flow = marches.flow_at(hz)
     for number, end in sorted(ends.items()):
@@ -206,8 +206,7 @@ def _attracting_motions(marches: Marches, hz: float, ends: Mapping[int, Destinat
 
 
 def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budget: Budget) -> None:
-    """Follow branches from the periodic motions over all frequencies; where they pass these, motions are added that are
-    not known there."""
+    """Trace branches from the periodic motions over all frequencies, and add motions that the starts did not find."""
     low, high = marches.settings.ends
     reach = (2.0 * np.pi * low / REACH, 2.0 * np.pi * high * REACH)
     branches: list[OrbitBranch] = []
@@ -227,7 +226,7 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
 
 
 class _Disturbance(NamedTuple):
-    """The smallest disturbance found that leaves a motion; see `DISTURBANCES`."""
+    """Smallest disturbance that makes a motion leave; see `DISTURBANCES`."""
 
     frequency_hz: float
     number: int
@@ -240,7 +239,7 @@ class _Disturbance(NamedTuple):
 
 
 def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[str, Dataset]:
-    """The dataset of the smallest disturbance of each kind that leaves each stable periodic motion, by its name."""
+    """Dataset of the smallest disturbance of each kind for each stable periodic motion, by its name."""
     asked = [
         (number, m, k)
         for number, m in order
@@ -260,7 +259,7 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[
 
 
 def _measure(marches: Marches, motion: _Motion) -> MeasuredBranch:
-    """A motion as a branch of one point."""
+    """Measure a motion as a branch of one point."""
     traced = OrbitBranch(motion.problem, (motion.point,), COMPLETE)
     branch = response(marches.model, traced, marches.model.levels[0])
     if motion.kind == "periodic":
@@ -270,7 +269,7 @@ def _measure(marches: Marches, motion: _Motion) -> MeasuredBranch:
 
 
 class _MotionRow(NamedTuple):
-    """A motion found at a frequency; see `MOTIONS`."""
+    """Motion at a frequency; see `MOTIONS`."""
 
     frequency_hz: float
     number: int
@@ -289,7 +288,7 @@ def _result_of_starts(
     marches: Marches, order: _Order, branches: Sequence[MeasuredBranch], rows: Floats,
     ends: Mapping[float, Mapping[int, Destination]],
 ) -> CoexistingResult:  # fmt: skip
-    """The result without its outcome, summary and disturbances."""
+    """Result without its outcome, summary and disturbances."""
     scenario, system, hz = marches.scenario, marches.model.system, list(ends)
     destination, cycles = np.zeros((2, len(hz), len(rows)), dtype=np.int64)
     for at, of in enumerate(ends.values()):
@@ -322,7 +321,7 @@ def _result_of_starts(
 
 
 def _summary(marches: Marches, result: CoexistingResult, branches: Sequence[MeasuredBranch]) -> dict[str, Any]:
-    """Entries of the summary that do not repeat a field of the result."""
+    """Summary entries that do not repeat a field of the result."""
     peaks = (
         {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in peaks_in(b)}
         for b in result.branches
@@ -342,14 +341,14 @@ def _summary(marches: Marches, result: CoexistingResult, branches: Sequence[Meas
 
 
 def _rows_as_dicts(table: Dataset, dim: str) -> list[dict[str, Any]]:
-    """The rows of a table along a dimension, without their numbers along it."""
+    """Rows of a table along a dimension, without their numbers."""
     return table.rows(dim, *(name for name in table if name != dim))
 
 
 def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed: Sequence[CaseOutcome]) -> Outcome:
-    """Complete but for what was left out, with the starts that have not settled and what is not to be trusted."""
+    """Outcome: incomplete or unreliable parts, and starts that did not settle."""
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
-    fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
+    fewer = "request fewer frequencies at once, or exclude unstable motions (sweep.unstable: false)"
     remarks = [] if exceeded is None else [exceeded.copy_with(remedy=fewer)]
     modes = result["modes"]
     endless = modes["open_frequencies_hz"].values[modes["damping_ratios"].values == 0.0]
@@ -376,38 +375,38 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     return check_reduction(check_balance(outcome, result["points"]), marches.scenario, modes)
 
 
-REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio
-NEAR = 100.0  # times the tolerance at which motions count as settled: nearer states are of one motion
+REACH = 1.15  # ratio by which branches are traced beyond the frequencies
+NEAR = 100.0  # times the tolerance of a settled motion, within which states belong to the same motion
 EXPONENT_CYCLES = 400
-PHASES = 8  # of a cycle, at which a motion is disturbed
-FINER, LEVELS = 2.0**0.5, 13  # ratio of two amplitudes of a disturbance, and their number
-SHARP = 0.01  # relative, to which the smallest disturbance is bisected
+PHASES = 8  # phases of a cycle at which a motion is disturbed
+FINER, LEVELS = 2.0**0.5, 13  # ratio of successive disturbance amplitudes, and their number
+SHARP = 0.01  # relative accuracy of the smallest disturbance
 
 
 class Destination(NamedTuple):
-    """Where a start ends."""
+    """Final motion of a start."""
 
-    period: int  # cycles; 0 where the motion does not repeat
-    cycles: int  # until then
+    period: int  # cycles; 0 if the motion is not periodic
+    cycles: int  # number until it settled
     state: Floats  # (N,) at phase zero
-    kind: str = "periodic"  # or that of its exponent
-    exponent: float = np.nan  # 1/s, of what does not repeat
+    kind: str = "periodic"  # or the kind that follows from its exponent
+    exponent: float = np.nan  # 1/s, of a motion that is not periodic
 
     @classmethod
     def of(cls, outcome: CaseOutcome) -> Destination:
-        """Destination of a start."""
+        """Destination from the outcome of a case."""
         values: dict[str, Any] = {**outcome.values, "state": np.array(outcome.values["state"])}
         return cls(**values)
 
 
 class OrbitSection(NamedTuple):
-    """A periodic motion by its states (period, N) at phase zero of every cycle."""
+    """Periodic motion by its states (period, N) at phase zero of every cycle."""
 
     states: Floats
-    weight: Floats  # (N,) that make the entries of a state comparable
+    weight: Floats  # (N,) factors that make the entries of a state comparable
 
     def contains(self, end: Destination, within: float) -> bool:
-        """Whether a start has come to this motion: within a distance, relative to the motion's size."""
+        """True if a start has reached this motion: within a distance relative to the size of the motion."""
         away = np.abs((self.states - end.state) * self.weight).max(axis=1).min()
         size = max(float(np.abs(self.states * self.weight).max()), TINY)
         return end.period == self.states.shape[0] and bool(away <= within * size)
@@ -415,18 +414,18 @@ class OrbitSection(NamedTuple):
 
 @dataclass(frozen=True)
 class Marches:
-    """Marches of a scenario that workers compute: from starts and after disturbances, each a case.
+    """Marches of a scenario that workers compute, from starts and after disturbances; each is a case.
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind coexisting.
+    scenario : scenario with a ``sweep`` section of kind coexisting.
     """
 
     scenario: Scenario
 
     @property
     def settings(self) -> Coexisting:
-        """The section."""
+        """Section ``sweep`` of the scenario."""
         if not isinstance(self.scenario.sweep, Coexisting):
             example = "write `sweep: {kind: coexisting, at: [68 Hz], starts: {kind: phases, number: 100}}`"
             raise ScenarioError.at("sweep.kind", "is not coexisting", example)
@@ -434,33 +433,33 @@ class Marches:
 
     @cached_property
     def model(self) -> ResponseModel:
-        """The structure under its loads, for all frequencies at which branches may be followed."""
+        """Structure under its loads, for all frequencies over which branches may be traced."""
         low, high = self.settings.ends
         followed = Continuation.model_construct(from_=low / REACH, to=high * REACH)
         return response_model(self.scenario.model_copy(update={"sweep": followed, "run": None}))
 
     @cached_property
     def flow(self) -> PeriodicFlow:
-        """The flow of that structure at the first of these frequencies."""
+        """Flow of the structure at the first of these frequencies."""
         problem = of_kind(ForcedOrbits, self.model.problem(self.model.levels[0]))
         return problem.flow
 
     def flow_at(self, hz: float) -> PeriodicFlow:
-        """The flow at a frequency, Hz."""
+        """Flow at a frequency, Hz."""
         return self.flow.with_loads(2.0 * np.pi * hz)
 
     def drawn_states(self) -> Floats:
-        """(starts, coordinates) that are drawn, the same at every frequency."""
+        """(starts, coordinates) random starts, the same at every frequency."""
         starts = self.settings.starts
         low, high = np.array([ends for _, _, *ends in starts.ranges]).T
         u = np.random.default_rng(starts.seed).random((starts.number, low.size))
         return np.asarray(low + u * (high - low))
 
     def __call__(self, case: Case) -> CaseOutcome:
-        """A case, begun at a frequency: the destination of a start, or the smallest disturbance that leaves a motion.
+        """Compute a case at a frequency: the destination of a start, or the smallest disturbance of a motion.
 
-        Its values are the frequency, Hz, and either 0 and what is drawn of the start, or the number of the disturbance
-        from 1 and the states of the motion at phase zero.
+        Its values are the frequency, Hz, and either 0 and the coordinates of the start, or the number of the
+        disturbance from 1 and the states of the motion at phase zero.
         """
         hz, number, *values = case.values
         flow, begin, found = self.flow_at(float(hz)), clock.thread_time(), dict[str, Any]()
@@ -475,7 +474,7 @@ class Marches:
         return CaseOutcome(case.number, found, outcome, clock.thread_time() - begin, given=case.values)
 
     def _from_row(self, flow: PeriodicFlow, row: Floats) -> Destination:
-        """Where a start with these coordinates ends."""
+        """Destination of a start with these coordinates."""
         starts, y = self.settings.starts, np.zeros(flow.size)
         y[: self.model.system.initial_state.size] = self.model.system.initial_state
         if isinstance(starts, HistoryStarts):
@@ -486,19 +485,19 @@ class Marches:
         return self.destination(flow, y, float(row[0]) / flow.omega if isinstance(starts, PhaseStarts) else 0.0)
 
     def _moving(self, flow: PeriodicFlow, each: BoxCoordinate) -> Floats:
-        """(n,) coordinates in which a probe moves by a unit: of a mode, or deflected by a force.
+        """(n,) coordinates that displace a probe by one unit, in a mode or by a static force.
 
         Raises
         ------
         ScenarioError
-            Where no such coordinates exist.
+            If no such coordinates exist.
         """
         row, stiffness = self._row(each.probe), flow.system.stiffness
         with np.errstate(divide="ignore", invalid="ignore"):
             shape = row / stiffness if each.mode is None else 1.0 * (np.arange(1, row.size + 1) == each.mode)
         if not abs(row @ shape) > 1e-6 * np.linalg.norm(row) * np.linalg.norm(shape) or np.isinf(shape).any():
             where = "the static deflection" if each.mode is None else f"mode {each.mode}"
-            remedy = f"give a mode from 1 to {row.size} in which it moves, or another probe"
+            remedy = f"give a mode from 1 to {row.size} in which the probe moves, or another probe"
             raise ScenarioError.at("sweep.starts.box", f"has {each.probe}, which {where} does not move", remedy)
         return np.asarray(shape / (row @ shape))
 
@@ -506,7 +505,7 @@ class Marches:
         return next(each.shape for each in self.model.system.probes if each.name == probe)
 
     def _swept(self, flow: PeriodicFlow, y: Floats, starts: HistoryStarts, hz: float) -> Floats:
-        """The state where a sweep ends whose frequency stays for a cycle each; the phase goes on between them."""
+        """Final state of a stepped sweep with one cycle per frequency and a continuous phase."""
         last = flow.omega / (2.0 * np.pi)
         sign = 1.0 if last > hz else -1.0
         while sign * (last - hz) > 0.0 and not stop_requested():
@@ -517,14 +516,14 @@ class Marches:
         return y
 
     def destination(self, flow: PeriodicFlow, y: Floats, time: float = 0.0, *, named: bool = True) -> Destination:
-        """Where a state ends.
+        """March a state until it settles.
 
         Parameters
         ----------
-        flow : at the frequency.
-        y : (N,) state.
-        time : s, of the excitation's cycle, at that state.
-        named : whether what does not repeat gets its exponent.
+        flow : flow at the frequency.
+        y : (N,) initial state.
+        time : time of that state in the excitation's cycle, s.
+        named : True to compute the exponent of a motion that is not periodic.
 
         Returns
         -------
@@ -544,10 +543,10 @@ class Marches:
         return Destination(found.period, found.cycles, state, exponent.kind, exponent.value)
 
     def _smallest(self, flow: PeriodicFlow, known: OrbitSection, disturbance: Any) -> tuple[float, float]:
-        """The smallest disturbance found, over phases of the motion and both signs: by rising amplitudes, then halves.
+        """Smallest disturbance over phases of the motion and both signs, by increasing amplitudes and then bisection.
 
-        A disturbance is a change of the velocities at once. Between the amplitudes tried smaller ones may leave as well
-        where basins are fractal.
+        A disturbance is an instantaneous change of the velocities. If basins are fractal, smaller disturbances between
+        the tested amplitudes may also make the motion leave.
         """
         n, period, change = flow.system.size, 2.0 * np.pi / flow.omega, np.zeros(flow.size)
         probe = disturbance.probe

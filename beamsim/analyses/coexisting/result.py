@@ -1,4 +1,4 @@
-"""The result of a search for coexisting motions."""
+"""Result of a search for coexisting motions."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ DISTURBANCE = record({
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CoexistingResult(ContinuationResult):
-    """Everything `beamsim sweep` of kind coexisting computes: each motion is a branch of one point.
+    """Result of ``beamsim sweep`` of kind coexisting: each motion is a branch of one point.
 
-    Of a motion that is not periodic the branch has many cycles.
+    A motion that is not periodic is represented by many cycles.
     """
 
     KIND = "coexisting"
@@ -117,13 +117,13 @@ class CoexistingResult(ContinuationResult):
     DATASETS = (MODES, BRANCHES, POINTS, SPECIAL_POINTS, MOTIONS, STARTS, DISTURBANCES)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if entry.name == "disturbances" and keys[0] in ("amplitude", "largest_tried"):
             return str(record["unit"])
         return super().unit_of(entry, place, keys, record)
 
     @property
     def not_settled(self) -> Ints:
-        """(F,) number of starts at each frequency that have not settled."""
+        """(F,) number of starts at each frequency that did not settle."""
         starts = self["starts"]
         return np.asarray(np.sum((starts["destination"].values == 0) & (starts["cycles"].values > 0), axis=1))

@@ -193,7 +193,7 @@ class Fit:
     ----------
     numbers : p parameters.
     measured : function of (p,) x and a flag, which is True for a small step from the last x (difference quotient).
-    Returns (r,) weighted residuals, or raises `UnpredictableError`.
+        Returns (r,) weighted residuals, or raises `UnpredictableError`.
     """
 
     def __init__(self, numbers: Sequence[FitParameter], residual_function: Callable[[Floats, bool], Floats]) -> None:

@@ -239,7 +239,7 @@ def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, l
         if missed:
             part = Outcome.of(
                 OutcomeKind.INCOMPLETE, "values_not_passed",
-                f"no branch passes the requested {plural}", at=Where(missed, unit),
+                f"no branch passes the requested {plural}:", at=Where(missed, unit),
                 remedy="extend the range, or request values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
             outcome = (

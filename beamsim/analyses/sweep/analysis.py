@@ -66,16 +66,16 @@ def sweep(
 
     Parameters
     ----------
-    scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
-    progress : called with the fraction done.
+    scenario : scenario with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
+    progress : called with the completed fraction.
     save : called with the partial result after the first level and repeatedly later.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
     Returns
     -------
     SweepResult
-        The curves of all levels that were computed, with their peaks; where it was asked to stop (between cycles,
-        frequencies or levels), up to there, which may be none.
+        Curves of all completed levels, with their peaks; after an interruption (between cycles, frequencies or levels),
+        as far as they were computed.
 
     Raises
     ------
@@ -115,19 +115,19 @@ def sweep(
 
 
 def _levels(scenario: Scenario, settings: SweptSine | SteppedSine) -> tuple[float, ...]:
-    """The levels of a sweep; of a profile the factor 1."""
+    """Levels of a sweep; for a profile the factor 1."""
     by_profile = isinstance(settings, SweptSine) and settings.profile
     return settings.levels or (1.0 if by_profile else scenario.sine.level,)
 
 
 def demand_consistent(result: SweepResult) -> None:
-    """Refuse an earlier result whose curves and summary are not those of one sweep, before it is gone on with.
+    """Check that curves and summary of a stored result belong to one sweep, before it is resumed.
 
     Raises
     ------
     ValueError
-        If its levels are not those of its scenario, or the summary differs from what follows from its curves: says in
-        which entry. Missing parts of a curve cause other exceptions.
+        If the levels are not those of the scenario, or an entry of the summary does not follow from the curves (it is
+        named). Missing data of a curve cause other exceptions.
     """
     levels, computed = _levels(result.scenario, sweep_settings(result.scenario)), result["levels"].labels("level_index")
     for curve in result.curves.values():
@@ -141,16 +141,16 @@ def demand_consistent(result: SweepResult) -> None:
     for entry, value in _summary(result).items():
         if entry != "margins" and not _equal_values(
             result.summary.get(entry), value
-        ):  # a check with a finer model changes it
+        ):  # a check with a finer model changes these entries
             raise ValueError(f"{entry} of its summary is not that of its curves")
 
 
-ROUND_OFF = 1e-9  # relative difference of values that are computed again on another processor
+ROUND_OFF = 1e-9  # relative difference of values computed on another processor
 
 
 def _equal_values(value: Any, other: Any) -> bool:
-    """Whether two values of summaries, with all that they contain, are equal but for round-off."""
-    value, other = (math.nan if each is None or each == {} else each for each in (value, other))  # files leave it out
+    """True if two summary values, with all that they contain, are equal up to round-off."""
+    value, other = (math.nan if each is None or each == {} else each for each in (value, other))  # files omit these
     if isinstance(value, Mapping) and isinstance(other, Mapping):
         return all(_equal_values(value.get(key), other.get(key)) for key in {**value, **other})
     if isinstance(value, list | tuple) and isinstance(other, list | tuple):
@@ -161,7 +161,7 @@ def _equal_values(value: Any, other: Any) -> bool:
 
 
 def _completed_level(index: int, earlier: SweepResult) -> LevelRun | None:
-    """A level of an interrupted sweep, if that completed it."""
+    """Completed level of an earlier, interrupted sweep; None if it is not complete."""
     levels = earlier["levels"]
     known = levels.labels("level_index")
     if index not in known:
@@ -178,7 +178,7 @@ def _completed_level(index: int, earlier: SweepResult) -> LevelRun | None:
 
 
 def outcomes_of(levels: Dataset) -> list[Outcome]:
-    """How the computation of each level ended."""
+    """Outcome of each level."""
     columns = {name: levels[name].values.tolist() for name in ("outcome", "outcome_numbers")}
     rows = zip(*columns.values(), strict=True)
     return [Outcome.from_texts(dict(zip(columns, row, strict=True))) for row in rows]
@@ -191,7 +191,7 @@ def _result(
     runs: dict[int, LevelRun],
     count: int,
 ) -> SweepResult:
-    """The result of the levels computed so far, of ``count`` in all."""
+    """Result of the levels computed so far, out of ``count``."""
     curves = [curve for run in runs.values() for curve in run.curves]
     levels = join_tables([run.level for run in runs.values()], level_index=list(runs))
     unit = levels["level"].unit
@@ -229,13 +229,13 @@ def _result(
 
 
 def _peaks(curves: Iterable[SweepCurve], modes: Dataset) -> list[ResponsePeak]:
-    """The peaks of all curves, at all probes."""
+    """Peaks of all curves at all probes."""
     places = [(curve, probe) for curve in curves for probe in curve.places("displacement")]
     return [peak for curve, probe in places for peak in find_peaks(curve, probe, modes)]
 
 
 def _largest_correction(levels: Dataset) -> CorrectionSize | None:
-    """The largest correction of a swept base, relative to its level; None where the base is not swept."""
+    """Largest correction of a swept base motion, relative to its level; None if the base is not swept."""
     if "base_correction_share" not in levels:
         return None
     at = int(np.argmax(levels["base_correction_share"].values))
@@ -244,7 +244,7 @@ def _largest_correction(levels: Dataset) -> CorrectionSize | None:
 
 
 def swept_scenario(scenario: Scenario) -> Scenario:
-    """The scenario of whose system a sweep is: reduced for its highest frequency."""
+    """Copy of the scenario with the model reduced for the highest frequency of the sweep."""
     settings = sweep_settings(scenario)
     highest = max(settings.from_, settings.to)
     # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
@@ -253,7 +253,7 @@ def swept_scenario(scenario: Scenario) -> Scenario:
 
 
 def sweep_system(scenario: Scenario) -> StructuralSystem:
-    """The system of a sweep.
+    """Build the system of a sweep.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
 
 
 def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> Dataset:
-    """The steady response with open and with closed snubbers; resonances, open and at rest, are among its points."""
+    """Steady linear response with all snubbers open and all closed, with points at the resonances."""
     between = np.geomspace if logarithmic else np.linspace
     modes = system.modes
     resting = modes["resting_frequencies_hz"].values if "resting_frequencies_hz" in modes else np.zeros(0)
@@ -303,7 +303,7 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
 
 
 def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
-    """The section of the sweep, with the table of the file that it names."""
+    """Section of the sweep, with the table of a profile file loaded."""
     settings = scenario.sweep
     if settings is None:
         raise ScenarioError.at(
@@ -323,7 +323,7 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
 
 
 def _summary(result: SweepResult) -> dict[str, Any]:
-    """Entries of the summary that follow from the datasets of a result."""
+    """Summary entries that follow from the datasets of a result."""
     scenario, curves, levels = result.scenario, result.curves, result["levels"]
     contact, correction = _gapping(scenario, result["linear"], curves), _largest_correction(levels)
     found = [
@@ -364,7 +364,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
 
 
 def _values_without_limit(curve: SweepCurve) -> Iterator[str]:
-    """``entry.place`` of the largest values of a curve that have no limit as the number of modes grows."""
+    """``entry.place`` of the largest values of a curve that diverge as the number of modes grows."""
     of_quantities = (
         ("acceleration_jump", "absolute_acceleration", ("peak_acceleration_g", "response_over_limit")),
         ("output_jump", "output", ("peak_output",)),
@@ -376,7 +376,7 @@ def _values_without_limit(curve: SweepCurve) -> Iterator[str]:
 
 
 def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:
-    """Largest values of impacts along a curve, by snubber; none where the sweep does not look at them."""
+    """Largest values of impacts along a curve, by snubber; empty if the sweep does not evaluate them."""
     entries = {
         "most_per_cycle": "impact_number", "longest_mean_contact_time_s": "impact_contact_time",
         "largest_impulse_n_s": "impact_impulse", "largest_energy_lost_j": "impact_energy_lost",
@@ -391,7 +391,7 @@ def _impacts(curve: SweepCurve) -> dict[str, dict[str, float]]:
 
 
 def _sliding_summary(curve: SweepCurve) -> dict[str, dict[str, float]]:
-    """Largest values of sliding along a curve, by friction contact; none where the sweep does not look at it."""
+    """Largest values of sliding along a curve, by friction contact; empty if the sweep does not evaluate it."""
     entries = {
         "most_slides_per_cycle": "friction_slides", "largest_distance_m": "friction_distance",
         "largest_energy_lost_j": "friction_energy_lost", "largest_wear_power_w": "friction_wear_power",
@@ -407,7 +407,7 @@ def _sliding_summary(curve: SweepCurve) -> dict[str, dict[str, float]]:
 
 
 def _notches(curve: SweepCurve) -> dict[str, Any]:
-    """Limits of the level by name, and the ranges in which it is lowered; nothing where it has no limits."""
+    """Limits of the level by name, and the ranges with a lowered level; empty without limits."""
     notching = curve.notching
     if notching is None:
         return {}
@@ -420,7 +420,7 @@ def _notches(curve: SweepCurve) -> dict[str, Any]:
 
 
 def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """The largest values of every curve by name, and units of the outputs, for the summary."""
+    """Largest values of every curve by name, and units of the outputs."""
     units = {
         name: str(unit.item())
         for curve in curves.values()
@@ -442,7 +442,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
 
 
 def _curve_summary(curve: SweepCurve) -> dict[str, Any]:
-    """Direction, level and points of a curve; of a stepped one how many steady motions of each kind it has."""
+    """Direction, level and number of points of a curve; for a stepped curve, steady motions by kind."""
     steady = curve.tables.get("steady_states")
     kinds = [] if steady is None else steady["kind"].values.tolist()
     counts = {"steady": {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}} if kinds else {}
@@ -450,7 +450,7 @@ def _curve_summary(curve: SweepCurve) -> dict[str, Any]:
 
 
 def _gapping(scenario: Scenario, linear: Dataset, curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """Where the linear motion first changes contact, and where the sweep did, for the summary."""
+    """Summary of where the linear motion first changes contact, and where the sweep did."""
     levels, frequency_hz = contact_levels_of(linear), linear["frequency_hz"].values
     if not levels or not curves:
         return {}
@@ -479,18 +479,18 @@ def _gapping(scenario: Scenario, linear: Dataset, curves: dict[str, SweepCurve])
 
 
 def _gap(curve: SweepCurve, snubber: str) -> Floats:
-    """(C,) m, largest opening of a snubber in every cycle; NaN where it is not looked at."""
+    """(C,) largest opening of a snubber in every cycle, m; NaN if it is not evaluated."""
     if "peak_gap" not in curve.cycles:
         return np.full(1, np.nan)
     return curve["peak_gap"].sel(snubber=snubber).values
 
 
 def _unsupported_requests(system: StructuralSystem, margins: Margins) -> Iterator[str]:
-    """Requests that a sweep does not follow: energies, and limits on energies and accelerations left out."""
+    """Notes on requests that a sweep does not support: energies, and limits on values it does not evaluate."""
     for output in system.outputs:
         if output.squared:
             remedy = "use `beamsim run` or kind: continuation"
-            yield f"outputs: {output.name} is an energy, which sweeps do not follow; {remedy}"
+            yield f"outputs: {output.name} is an energy, which sweeps do not compute; {remedy}"
     for name, item in margins.items():
         if math.isnan(item["value"]):
-            yield f"limits.{name} is not checked: this sweep does not follow its value"
+            yield f"limits.{name} is not checked: this sweep does not compute its value"

@@ -1,4 +1,4 @@
-"""The motion at the highest peak of a sweep, for animations: the sweep is computed again up to there."""
+"""Animation of the highest peak of a sweep; the sweep is computed again up to that peak."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-SAMPLES = 1200  # of the cycles shown, which say where there is contact
+SAMPLES = 1200  # of the shown cycles, for the states of the contacts
 
 
 def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | None:
-    """Three cycles at the largest displacement from equilibrium of all probes, levels and directions.
+    """Frames of three cycles at the largest displacement of all probes, levels and directions.
 
     Parameters
     ----------
-    result : of a swept or stepped sine; of the steady motion of a step whole periods are shown.
-    progress : called with the share of the whole sweep that is done.
+    result : result of a swept or stepped sine; for a steady motion, whole periods are shown.
+    progress : called with the completed fraction of the sweep.
 
     Returns
     -------
     Frames or None
-        None where no curve was computed.
+        None if no curve was computed.
 
     Raises
     ------
     ScenarioError
-        If the model cannot be built again.
+        If the model can no longer be built.
     """
     settings = sweep_settings(result.scenario)
     if not result.curves:
@@ -55,7 +55,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     else:
         f = float(curve.frequency_hz[cycle])
         sampled = _steady_motion(level, curve.direction, f, progress)
-        system = replace(system, forcing=loads_at(level, f)[0])  # supports follow it
+        system = replace(system, forcing=loads_at(level, f)[0])  # imposed support motion follows the forcing
     times = np.linspace(*sampled.span, SAMPLES)
     instants = paced_by_contact(times, sampled.at(times)[1])
     return frames_at(system, instants, *sampled.at(instants[0]), sampled.at(between_frames(instants[0]))[0])
@@ -63,13 +63,13 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
 
 @dataclass(frozen=True)
 class _ShownMotion:
-    """The part of a motion that is shown.
+    """Part of a motion shown in an animation.
 
     Parameters
     ----------
-    system : that moves.
-    parts : one after the other, each with the time at which its own begins, s.
-    span : s, begin and end.
+    system : moving system.
+    parts : trajectories in order, each with its start time, s.
+    span : start and end, s.
     """
 
     system: StructuralSystem
@@ -77,7 +77,7 @@ class _ShownMotion:
     span: tuple[float, float]
 
     def at(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """(nt, n) coordinates, (nt, snubbers) forces, N, and openings, m, at increasing times, s, of the span."""
+        """(nt, n) coordinates, (nt, snubbers) forces, N, and openings, m, at increasing times within the span, s."""
         number = np.searchsorted([since for since, _ in self.parts], times, side="right") - 1
         n, snubbers = self.system.dynamics.size, len(self.system.snubbers)
         rows = []
@@ -92,7 +92,7 @@ class _ShownMotion:
 
 
 def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _ShownMotion:
-    """A part of a swept sine, as far as it goes."""
+    """Part of a swept sine, if it reaches that far."""
     march = swept_march(level, curve.notching, progress).motion
     parts: list[tuple[float, Trajectory]] = []
     for chunk in march.chunks():
@@ -106,7 +106,7 @@ def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], prog
 
 
 def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
-    """The steady motion of a step, over whole periods where it has one."""
+    """Steady motion of a step, over whole periods if it is periodic."""
     steps, (stepper, motion) = steps_of(level), stepper_of(level)
     upto = steps.index((direction, f)) + 1
     period = 0
@@ -119,7 +119,7 @@ def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progre
 
 
 def _response(curve: SweepCurve) -> Floats:
-    """(C,) the largest displacement from equilibrium of any probe in each cycle; without probes the first output."""
+    """(C,) largest displacement of any probe from equilibrium in each cycle; without probes the first output."""
     responses = [np.nan_to_num(curve.response(name)) for name in curve.places("displacement")]
     outputs = [np.nan_to_num(curve.channel("output", name).peak) for name in curve.places("output")[:1]]
     return np.asarray(np.max(responses or outputs or [np.zeros(curve.frequency_hz.size)], axis=0))

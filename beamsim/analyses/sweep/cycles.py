@@ -19,29 +19,32 @@ from beamsim.responses.jumps import contact_jumps
 from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out
+NEGLIGIBLE = 1e-11  # power of a tracking filter that is neglected
 
 
 @dataclass(frozen=True)
 class SinePhase:
-    """Phase of a sine, ``2 pi (turns + part) + omega sigma + deviation(sigma)``, sigma since ``time``."""
+    """Phase of a sine, ``2 pi (turns + part) + omega sigma + deviation(sigma)``, with sigma since ``time``.
+
+    The fields describe W windows.
+    """
 
     start: Floats  # (W,) s
     time: Floats  # (W,) s
     omega: Floats  # (W,) rad/s
-    turns: Ints  # (W,) whole ones
-    part: Floats  # (W,) of a turn
+    turns: Ints  # (W,) complete turns
+    part: Floats  # (W,) fraction of a turn
     deviation: Floats  # (W, D + 1) rad
 
     @classmethod
     def of_windows(cls, windows: SweepWindows) -> SinePhase:
-        """The record of cycles of a swept sine."""
+        """Phase of a swept sine."""
         middle = windows.start + 0.5 * windows.length
         return cls(windows.start, middle, windows.omega, windows.cycle, windows.fraction, windows.deviation)
 
     @classmethod
     def constant(cls, omega: float) -> SinePhase:
-        """The record of cycles of a sine of one frequency, from t = 0."""
+        """Phase of a sine with constant frequency, from t = 0."""
         zero, none = np.zeros(1), np.zeros(1, dtype=np.int64)
         return cls(zero, zero, np.array([omega]), none, zero, zero[None])
 
@@ -50,15 +53,15 @@ class SinePhase:
 
         Parameters
         ----------
-        order : multiple of the phase; of order 0 it is 1 in place of the phase's rate.
-        time, length : (n,) s, of segments, none of which crosses an end of an interval. The exponents are those of the
-            frequencies in their middles, the polynomials of the time since they began.
+        order : multiple of the phase; for order 0 the phase's rate is replaced by 1.
+        time, length : (n,) start and length of segments, s, none of which crosses a window boundary. Exponents refer to
+            the frequency at the middle of a segment, polynomials to the time since its start.
 
         Returns
         -------
         exponent : (n,) 1/s.
-        polynomial : (n, D + 1) coefficients, 1/s, of the powers of the time in s from 0 on; fewer columns where the
-            highest powers are negligible.
+        polynomial : (n, D + 1) coefficients, 1/s, of increasing powers of the time in s; negligible highest powers are
+        dropped.
         """
         if order == 0.0:
             return np.zeros(time.size, dtype=complex), np.ones((time.size, 1), dtype=complex)
@@ -89,37 +92,37 @@ class SinePhase:
 
 @dataclass(frozen=True)
 class CycleRecord:
-    """Values of K outputs in C cycles; R orders, m contacts, p of them pressed by others."""
+    """Values of K outputs in C cycles, with R orders, m contacts, and p contacts pressed by others."""
 
-    high: Floats  # (C, K) nan where it is not sought
+    high: Floats  # (C, K); nan if not searched
     low: Floats  # (C, K)
-    mean_square: Floats  # (C, K), over the cycle's time
-    harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin; of order 0 the mean
+    mean_square: Floats  # (C, K), time average over the cycle
+    harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin; for order 0 the mean
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
-    imbalance: Floats  # (C,) J, dissipated energy and change of the stored one, less the work in
-    energy: Floats  # (C,) J, largest kinetic and strain energy of the structure where segments end
+    imbalance: Floats  # (C,) J, dissipated energy plus change of the stored energy minus work of the loads
+    energy: Floats  # (C,) J, largest kinetic and strain energy of the structure at ends of segments
     jumps: Floats  # (C, 2, m) largest jump of each contact's force, N, and sum of the squares of all, N^2
-    pressing: Floats  # (C, 2, p) sums of the force that presses a contact that begins to slide, N, and of its square
+    pressing: Floats  # (C, 2, p) sums of the normal force where a contact begins to slide, N, and of its square
     duration: Floats  # (C,) s
-    cycles: Ints  # (C,) that a row stands for
+    cycles: Ints  # (C,) cycles that a row represents
 
     @property
     def count(self) -> int:
-        """C."""
+        """Number of cycles, C."""
         return int(self.energy.size)
 
     @classmethod
     def join(cls, parts: Sequence[CycleRecord]) -> CycleRecord:
-        """Several records of cycles that follow each other, as one."""
+        """Concatenate records of successive cycles."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
     def select(self, which: Ints | slice) -> CycleRecord:
-        """The record of some of the cycles."""
+        """Record of selected cycles."""
         return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
 
     def merge(self) -> CycleRecord:
-        """One row for all cycles together."""
+        """Combine all cycles into one row."""
         weight = self.duration / self.duration.sum()
         return CycleRecord(
             high=self.high.max(axis=0, keepdims=True),
@@ -137,15 +140,15 @@ class CycleRecord:
         )
 
     def with_rest_in_last(self) -> CycleRecord:
-        """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
+        """Merge the last, incomplete cycle into the one before (except its harmonics)."""
         whole = CycleRecord.join([self.select(slice(-2)), self.select(slice(-2, None)).merge()])
         harmonic = np.concatenate([whole.harmonic[:, :, :1], self.harmonic[:-1, :, 1:]], axis=2)
         return replace(whole, harmonic=harmonic, cycles=self.cycles[:-1])
 
     def tracked(self, orders: Sequence[float]) -> Complexes:
-        """(R, C, K) complex amplitudes of the R orders: projections over the fewest whole cycles that they repeat in.
+        """(R, C, K) complex amplitudes of the R orders, each over the fewest cycles in which the order repeats.
 
-        An order p/q repeats after q cycles: row c covers the cycles c - q + 1 to c, the rows before q - 1 are nan.
+        An order p/q repeats after q cycles: row c covers the cycles c - q + 1 to c; rows before q - 1 are nan.
         """
         out = np.moveaxis(self.harmonic, 2, 0).copy()
         for one, order in zip(out, orders, strict=True):
@@ -165,21 +168,21 @@ def record_cycles(
     phase: SinePhase,
     searched: Ints | slice = slice(None),
 ) -> CycleRecord:
-    """Values of a motion between edges, at which segments end.
+    """Evaluate a motion cycle by cycle.
 
     Parameters
     ----------
-    motion : of which no segment crosses an edge.
-    edge : (C + 1,) s, ends of the cycles.
-    output_of : K outputs by the phases of the contacts.
-    orders : R harmonics that are tracked, multiples of the instantaneous frequency.
-    phase : of the sine.
-    searched : outputs whose extremes are sought; all by default.
+    motion : motion without segments across cycle ends.
+    edge : (C + 1,) ends of the cycles, s.
+    output_of : rows of the K outputs as a function of the contacts' phases.
+    orders : R tracked harmonics, multiples of the instantaneous frequency.
+    phase : phase of the sine.
+    searched : outputs whose extremes are searched; all by default.
 
     Returns
     -------
     CycleRecord
-        What of the motion was not computed is left out.
+        Contains only the cycles that were computed.
     """
     count = edge.size - 1
     cycle = np.clip(np.searchsorted(edge, motion.time, side="right") - 1, 0, count - 1)
@@ -217,9 +220,9 @@ def record_cycles(
 
 
 def _products(motion: Trajectory, output_of: RowsOf) -> tuple[Floats, Floats]:
-    """Integrals over each segment of the squares of outputs (S, K), and its imbalance (S,), J.
+    """Integrals over each segment of the squared outputs (S, K), and its energy imbalance (S,), J.
 
-    What is lost at once where the next segment begins belongs to this one.
+    A loss at the instant where the next segment begins belongs to this segment.
     """
     flow = motion.flow
     left, right, weight = power_factors(flow)
@@ -233,7 +236,7 @@ def _products(motion: Trajectory, output_of: RowsOf) -> tuple[Floats, Floats]:
 
         return both
 
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
+    with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite show in the balance
         integrals = motion.segment_integrals(above(left), above(right), weights)
         dissipated, work_in = integrals[:, outputs:].T
         lost = np.append(motion.event_losses().sum(axis=1)[1:], 0.0)
@@ -241,7 +244,7 @@ def _products(motion: Trajectory, output_of: RowsOf) -> tuple[Floats, Floats]:
 
 
 def _harmonics(motion: Trajectory, output_of: RowsOf, orders: Sequence[float], phase: SinePhase) -> Complexes:
-    """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
+    """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; over time for order 0."""
     filters = [phase.filters(order, motion.time, motion.length) for order in orders]
     longest = max((polynomial.shape[1] for _, polynomial in filters), default=1)
     exponent = np.array([exponent for exponent, _ in filters]).reshape(len(filters), motion.time.size)
@@ -251,7 +254,7 @@ def _harmonics(motion: Trajectory, output_of: RowsOf, orders: Sequence[float], p
 
 
 def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
-    """(C,) largest kinetic and strain energy of the structure, J, where segments end."""
+    """(C,) largest kinetic plus strain energy of the structure at ends of segments, J."""
     n, ends = motion.flow.system.size, np.vstack([motion.y[1:], motion.final_y])
     with np.errstate(over="ignore", invalid="ignore"):
         energy = 0.5 * (ends[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * ends[:, :n] ** 2 @ motion.flow.system.stiffness
@@ -261,7 +264,7 @@ def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
 
 
 def _jumps(motion: Trajectory, edge: Floats) -> Floats:
-    """(C, 2, m) largest jump of each contact's force between edges, N, and sum of the squares of all, N^2."""
+    """(C, 2, m) largest jump of each contact's force between cycle ends, N, and sum of all squared jumps, N^2."""
     time, size = contact_jumps(motion)
     cycle = np.clip(np.searchsorted(edge, time, side="right") - 1, 0, edge.size - 2)
     found = np.zeros((edge.size - 1, 2, size.shape[1]))
@@ -271,9 +274,9 @@ def _jumps(motion: Trajectory, edge: Floats) -> Floats:
 
 
 def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
-    """(S, 2, p) pressing forces, N, and their squares, where a contact begins to slide and loses energy of its spring.
+    """(S, 2, p) normal forces, N, and their squares, where a contact begins to slide and loses spring energy.
 
-    What is lost at once follows the force that presses the contact there. Zero where a segment begins otherwise.
+    The loss follows the normal force at that instant. Zero for segments that begin otherwise.
     """
     contacts = motion.flow.system.contacts
     force = np.zeros((motion.time.size, contacts.pressed_contacts.size))
@@ -287,19 +290,19 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
 
 
 def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = None) -> Floats:
-    """Imbalance that has added up until each complete cycle, over the largest energy of all of them.
+    """Accumulated energy imbalance at each complete cycle, relative to the largest energy.
 
-    The last one answers for what follows it, too: the end of a sweep may be less than a cycle, which has no row.
+    The last complete cycle includes what follows it: a sweep may end within a cycle, which has no row.
 
     Parameters
     ----------
-    imbalance, energy : (C,) of all cycles, J.
-    complete : (C,) which of them are whole; all by default.
+    imbalance, energy : (C,) values of all cycles, J.
+    complete : (C,) True for complete cycles; all by default.
 
     Returns
     -------
     (n,) array
-        Of the complete cycles, relative; in J where there is no energy.
+        Relative, for the complete cycles; in J if there is no energy.
     """
     missing = np.abs(np.cumsum(imbalance))
     scale = float(np.max(energy, initial=0.0))
@@ -312,7 +315,7 @@ def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = No
 
 
 def check_balance(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
-    """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
+    """Mark the outcome of a level as not reliable if a curve violates the energy balance."""
     parts = []
     for curve in curves:
         error = curve["energy_error"].values
@@ -323,7 +326,7 @@ def check_balance(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
             first = float(curve.frequency_hz[bad[0]])
             part = Outcome.of(
                 OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
-                f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
+                f"sweeping {curve.direction}, the energy balance is off by {error.max():.2g} of the energy, from "
                 f"{first:.6g} Hz on by more than {LARGEST_ERROR:g}",
                 at=Where(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
                 error=float(error.max()), frequency=first,

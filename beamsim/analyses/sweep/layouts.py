@@ -18,7 +18,7 @@ UNITS = {value.quantity: value.unit for value in reversed(VALUES) if value.in_sw
 
 
 def _statistics(quantity: str) -> dict[str, Variable]:
-    """Variables of a quantity in every cycle; empty if a sweep leaves the quantity out."""
+    """Variables of a quantity in every cycle; optional, since a sweep may not evaluate the quantity."""
     place, unit, name = (FOLLOWED[quantity],), UNITS[quantity], quantity.replace("_", " ")
     each, harmonics = place + _CYCLE, (*place, "order", *_CYCLE)
     return {
@@ -45,7 +45,7 @@ def _statistics(quantity: str) -> dict[str, Variable]:
 
 CURVES = Layout(
     "curves",
-    "The ways through the frequencies, each at one level.",
+    "The curves: one direction at one level each.",
     {
         "curve": Variable(_CURVE, "1", "name of the curve: direction and number of the level, up_0", str),
         "kind": Variable(_CURVE, "", "swept_sine or stepped", str),
@@ -151,7 +151,7 @@ CYCLES = Layout(
 )  # fmt: skip
 STEADY_STATES = Layout(
     "steady_states",
-    "What the stepped sweep found at every frequency, in the order of the rows of cycles.",
+    "Steady motions of a stepped sweep at every frequency, in the order of the rows of cycles.",
     {
         "cycle": Variable(_CYCLE, "1", ROW, int),
         **_OF_CURVE,
@@ -201,7 +201,7 @@ NOTCHES = Layout(
 )  # fmt: skip
 NOTCH_LIMITS = Layout(
     "notch_limits",
-    "The limits to which the level is lowered, and the largest values that they meet.",
+    "The limits to which the level is lowered, and the largest values of the limited quantities.",
     {
         "limit_number": Variable(("limit_number",), "1", ROW, int),
         "curve": Variable(("limit_number",), "1", "number of the curve, from 0", int, names="curves/curve"),
@@ -233,7 +233,7 @@ OF_CURVES = (CYCLES, STEADY_STATES, POINCARE, NOTCHES, NOTCH_LIMITS, NOTCH_RANGE
 """The tables of which a curve has rows, numbered by their column ``curve``."""
 PEAKS = Layout(
     "peaks",
-    "Local maxima of the response curves, with what kind of resonance each is.",
+    "Local maxima of the response curves, with the kind of resonance.",
     {
         "peak": Variable(("peak",), "1", "number of the peak", int),
         "curve": Variable(("peak",), "", "name of the curve", str),
@@ -291,7 +291,7 @@ LEVELS = Layout(
 )  # fmt: skip
 HISTORIES = Layout(
     "histories",
-    "The time histories of all directions at a level, those of one level after those of another.",
+    "The time histories of all directions at a level, level by level.",
     {
         "sample": Variable(_SAMPLE, "1", ROW, int),
         "level": Variable(_SAMPLE, "1", "number of the level, from 0", int, names="levels/level_index"),

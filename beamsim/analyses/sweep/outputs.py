@@ -1,4 +1,4 @@
-"""One level of a sweep: its channels, and the curve that is made of their values in every cycle."""
+"""Channels of one level of a sweep, and the curve of their values in every cycle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from beamsim.typing import Floats, Ints
 
 @dataclass(frozen=True)
 class LevelRun:
-    """One level, all its directions."""
+    """Results of one level in all directions."""
 
     curves: tuple[SweepCurve, ...]
     level: Dataset  # its row of `LEVELS`
@@ -43,14 +43,14 @@ class LevelRun:
 def level_row(
     level: SweepLevel, outcome: Outcome, columns: Mapping[str, Any], aliased: Mapping[str, Any] | None = None
 ) -> Dataset:
-    """The row of `LEVELS` of a level.
+    """Row of `LEVELS` for one level.
 
     Parameters
     ----------
     level : the level.
-    outcome : how its computation ended.
-    columns : the work of the solver, and what else is known of it.
-    aliased : of a kept history, see `SweepLevel.aliased_columns`.
+    outcome : outcome of the level.
+    columns : work of the solver and other columns.
+    aliased : aliased content of a stored history, see `SweepLevel.aliased_columns`.
     """
     values = {
         "level_index": level.index, "level": float(level.value), **outcome.as_texts(), "status": outcome.of_part,
@@ -63,17 +63,16 @@ def level_row(
 
 @dataclass(frozen=True)
 class SweepLevel:
-    """One level of a sweep, and the channels that are looked at: what impacts and sliding follow from comes after them.
+    """One level of a sweep with its evaluated channels, followed by the columns for impacts and sliding.
 
     Parameters
     ----------
-    system : displacements of its probes, forces of its snubbers and the outputs that are no energies are looked at.
-    settings : whether the probes' accelerations are, too, and the rates and losses of impacts with the sliding speeds
-        of friction contacts.
-    value : of the excitation; with a profile the factor applied to it.
-    index : number of the level.
-    limited : names of the limits: openings of the snubbers where it holds "gap", and the stress along the bodies
-        where it holds "bending_stress".
+    system : its probe displacements, snubber forces, and outputs other than energies are evaluated.
+    settings : whether probe accelerations, and rates and losses of impacts with sliding speeds, are evaluated too.
+    value : level of the excitation; with a profile, the factor on it.
+    index : index of the level.
+    limited : names of limited quantities: "gap" adds the openings of the snubbers, "bending_stress" the stress along
+        the bodies.
     """
 
     system: StructuralSystem
@@ -89,12 +88,12 @@ class SweepLevel:
 
     @property
     def level_unit(self) -> str:
-        """SI unit of the level; empty where it is the factor of a profile."""
+        """SI unit of the level; empty if it is the factor on a profile."""
         return "" if isinstance(self.settings, SweptSine) and self.settings.profile else level_unit(self.quantity)
 
     @cached_property
     def channels(self) -> ChannelSet:
-        """Channels whose extremes, means and harmonics are evaluated."""
+        """Channels with extremes, means and harmonics."""
         asked = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in self.limited}
         if not self.settings.accelerations:
             asked.discard(ACCELERATION)
@@ -105,7 +104,7 @@ class SweepLevel:
         return self.system.channels.select(wanted)
 
     def rows(self, template: ExactFlow) -> RowsOf:
-        """All columns by the phases of the contacts, written for a flow."""
+        """Rows of all columns as a function of the contacts' phases, in the form that a flow takes."""
         count, rubbing = len(self.system.snubbers), self.system.friction_contacts
         channels = outputs_of(template, self.channels.linear)
         if not self.settings.impacts:
@@ -119,7 +118,7 @@ class SweepLevel:
 
     @cached_property
     def _columns_after_channels(self) -> tuple[Ints, ...]:
-        """Columns of impacts, sliding speeds and wear, which come after those of the channels in `rows`."""
+        """Columns of impacts, sliding speeds and wear, which follow the channels in `rows`."""
         contacts, first = self.system.dynamics.contacts, self.channels.order.size
         impacts = len(self.system.snubbers) + loss_owner(contacts).size
         sizes = [impacts, self.system.friction_contacts.size, 2 * _dissipative_contacts(contacts).size]
@@ -127,25 +126,25 @@ class SweepLevel:
 
     @property
     def searched_columns(self) -> Ints:
-        """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
+        """Columns whose extremes are searched: the channels, and the rates of impacts."""
         return np.arange(self.channels.order.size + len(self.system.snubbers) * self.settings.impacts)
 
     def _columns_by_name(self, key: Key, unit: str = "") -> dict[str, int]:
-        """Columns of channels that are alike, by name of probe, snubber or output; of one unit, if given."""
+        """Columns of one key by name of the probe, snubber or output; of one unit if it is given."""
         return {c.name: k for c, k in self.channels.first_columns if c.key == key and unit in ("", c.unit)}
 
     def curve(
         self, record: CycleRecord, direction: str, values: Mapping[str, Any],
         tables: Mapping[str, Dataset] | None = None,
     ) -> SweepCurve:  # fmt: skip
-        """The curve of one way.
+        """Build the curve of one direction.
 
         Parameters
         ----------
-        record : values of its C cycles.
-        direction : up or down.
-        values : the columns of `CYCLES` that are no quantities of the motion: frequency_hz, time ...
-        tables : what else of `OF_CURVES` the curve has.
+        record : values of the C cycles.
+        direction : "up" or "down".
+        values : further columns of `CYCLES`, such as frequency_hz and time.
+        tables : further datasets of the curve, from `OF_CURVES`.
 
         Returns
         -------
@@ -193,7 +192,7 @@ class SweepLevel:
         )  # fmt: skip
 
     def _of_quantities(self, record: CycleRecord, frequency_hz: Floats) -> dict[str, Any]:
-        """Extremes, means, harmonics and limits over frequency of the quantities that sweeps follow."""
+        """Extremes, means, harmonics and limits over frequency."""
         scenario, columns = self.system.scenario, dict[str, Any]()
         called = {each.unit: name for name, each in Limits.curves["response"].items()}
         for quantity, dim in FOLLOWED.items():
@@ -211,7 +210,7 @@ class SweepLevel:
         return columns
 
     def _jumps(self, record: CycleRecord, time: Floats) -> dict[str, Any]:
-        """Jumps of accelerations (k, C) that follow from jumps of contact forces."""
+        """Jumps of accelerations, (k, C), from the jumps of contact forces."""
         system, waves = self.system, Waves.of(self.system)
         of_contacts = [force for force in system.jumping_forces if force.contact >= 0]
         jumps = [ForceJumps(force, time, *record.jumps[:, :, force.contact].T) for force in of_contacts]
@@ -252,9 +251,9 @@ class SweepLevel:
         }
 
     def _statistics(self, record: CycleRecord, columns: list[int]) -> dict[str, Any]:
-        """Of k columns the extremes (k, C), root mean square and mean, and the parts of the harmonics (k, R, C).
+        """Statistics of k columns: extremes, root mean square and mean (k, C), harmonics (k, R, C).
 
-        By name of the variable, where ``{}`` stands for the quantity.
+        Keys are names of variables with ``{}`` in place of the quantity.
         """
         high, low, harmonic = record.high[:, columns].T, record.low[:, columns].T, record.harmonic[:, columns]
         amplitudes = np.moveaxis(harmonic[:, :, 1:], 0, 2)
@@ -265,10 +264,10 @@ class SweepLevel:
         }  # fmt: skip
 
     def _impacts(self, record: CycleRecord) -> dict[str, Any]:
-        """Impacts at the snubbers, (m, C) each.
+        """Impacts at the m snubbers, (m, C) each.
 
-        They follow from rates in contact and from outputs whose squares are the power lost, or from the product of rate
-        and force that a snubber which yields loses.
+        They follow from rates in contact and from outputs whose squares are the dissipated power; for a snubber that
+        yields, from the product of rate and dissipated force.
         """
         force = self._columns_by_name(FORCE)
         yielding = self._mean_products(record)
@@ -290,7 +289,7 @@ class SweepLevel:
         return _stack_rows(rows)
 
     def _mean_products(self, record: CycleRecord) -> dict[int, Floats]:
-        """Mean powers lost, W, of `_dissipative_contacts`; of friction under a snubber for a coefficient of 1."""
+        """Mean dissipated powers of `_dissipative_contacts`, W; for friction under a snubber, per unit coefficient."""
         square = record.mean_square[:, self._columns_after_channels[2]]
         return dict(
             zip(
@@ -301,10 +300,10 @@ class SweepLevel:
         )
 
     def _sliding(self, record: CycleRecord) -> dict[str, Any]:
-        """Sliding of the friction contacts, (k, C) each, from mean speeds of sliding and from how often it ends.
+        """Sliding of the k friction contacts, (k, C) each, from mean sliding speeds and numbers of sliding phases.
 
-        Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
-        begins; of a force that falls with the speed what is lost is the mean of both.
+        Under the force of a snubber: from the mean of force times speed, and from the force at the start of sliding. If
+        the friction force falls with speed, the loss is the mean of both.
         """
         which, contacts = self.system.friction_contacts, self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
@@ -318,7 +317,7 @@ class SweepLevel:
             loss, pressed_loss = law.arrays.event_loss[STICK, FORWARDS]
             slides = record.closings[:, j] / record.cycles
             moved = record.harmonic[:, column, 0].real * period
-            if normal is None:  # numbers are those of a unit of the force
+            if normal is None:  # in units of the normal force
                 force, squared = begun[j]
                 distance = moved + begins * force
                 lost = sliding * wear[j] * period + pressed_loss * squared
@@ -335,7 +334,7 @@ class SweepLevel:
         return {"friction": names, **_stack_rows(rows)} if names else {}
 
     def history(self, time: Floats, values: Floats) -> Dataset:
-        """The time history of all columns (nt, K)."""
+        """Time history of all columns, (nt, K)."""
         columns: dict[str, Any] = {
             "sample": 1 + np.arange(time.size), "level": np.zeros(time.size, dtype=np.int64), "time": time,
         }  # fmt: skip
@@ -349,29 +348,32 @@ class SweepLevel:
         return HISTORIES.dataset(columns, {"snubber": units})
 
     def aliased_columns(self, shares: Floats) -> dict[str, Any]:
-        """The columns of `LEVELS` with shares (K,) of the columns above half the rate of a history."""
+        """Columns of `LEVELS` with the shares (K,) of each column above half the sample rate of a history."""
         located = self._columns_by_name(DISPLACEMENT)
         return {"probe": list(located), "aliased_displacement": shares[None, list(located.values())]}
 
 
 def _stack_rows(rows: list[dict[str, Floats]]) -> dict[str, Any]:
-    """The values of all rows, by name; none without rows."""
+    """Values of all rows, by name; empty without rows."""
     return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else {}
 
 
 def loss_owner(contacts: Contacts) -> Ints:
-    """(m + r,) contact of each output whose square is a power lost: the dashpots, then the internal states."""
+    """(m + r,) contact of each output whose square is a dissipated power: dashpots, then internal states."""
     return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.state_counts)])
 
 
 def _dissipative_contacts(contacts: Contacts) -> Ints:
-    """Contacts that lose work by forces that vary: friction that a snubber presses, then what yields or falls."""
+    """Contacts that dissipate by varying forces: friction under a snubber, then those that yield or weaken."""
     return np.concatenate([contacts.pressed_contacts, contacts.lossy])
 
 
 def _wear_rows(at: StateEquations) -> Floats:
-    """Of each friction contact that a snubber presses two rows, the difference of whose squares is the normal force
-    times the speed at which it slides, N m/s; of those that yield or fall the lost force times its speed."""
+    """Rows for the mean dissipated powers.
+
+    For each friction contact under a snubber two rows, whose squares differ by the normal force times the sliding
+    speed, N m/s; for contacts that yield or weaken, the dissipated force times their speed.
+    """
     contacts = at.equations.contacts
     pressed, lossy = contacts.pressed_contacts, contacts.lossy
     slides = np.abs(contacts.sliding_directions(at.phases)[pressed, None])
@@ -382,7 +384,7 @@ def _wear_rows(at: StateEquations) -> Floats:
 
 
 def _impact_rows(at: StateEquations, snubbers: int) -> Floats:
-    """Penetration rates of the snubbers in contact, 0 elsewhere, and rows whose squares are the power lost."""
+    """Penetration rates of the snubbers in contact (else 0), and rows whose squares are the dissipated power."""
     rate = at.equations.penetration_rate
     touching = at.equations.contacts.closed(at.phases)[:snubbers, None]
     size = np.sqrt(np.maximum(at.lost_by_rate, 0.0))[:, None]

@@ -1,13 +1,12 @@
 """Peaks of a response curve and their classification.
 
 A peak is classified by the harmonic with the largest increase: the excitation frequency itself (a resonance, linear if
-contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic resonance), or a fraction
-(a subharmonic resonance). A linear motion has neither: there it is a beat of the free motion, which a fast sweep
-leaves behind a resonance, and any sweep where it begins, with the excitation. So is a peak of the excitation frequency
-itself where the structure has no natural frequency that the sweep has just passed. Where the motion jumps off a
-resonance, the excitation frequency itself loses more than any other harmonic gains: a hardening resonance is flat
-before its jump, which excites the others. Where the level has a step (the edge of a notch, a held profile), a peak of a
-linear motion is that step's.
+no contact opens or closes, otherwise nonlinear), a multiple of it (superharmonic resonance), or a fraction (subharmonic
+resonance). A linear motion has neither; such a peak is then a beat with the free motion, which remains after a fast
+passage through a resonance, or after the start of any sweep. A peak of the excitation frequency is also a beat if the
+sweep has not just passed a natural frequency. Where the motion jumps off a resonance, the excitation frequency loses
+more than any other harmonic gains: a hardening resonance is flat before its jump, which excites the others. At a step
+of the level (edge of a notch, a stepped profile), a peak of a linear motion belongs to the step.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response
 NEIGHBOURHOOD = 1.25  # frequency ratio within which the increase of a harmonic is measured
-MOST_PEAKS = 12  # of a curve
-LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which the level has a step between them
+MOST_PEAKS = 12  # in a curve
+LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles that counts as a step
 # Behind a natural frequency fn that is passed at a rate r, its free motion beats with the excitation (f - fn)² / 2 r
 # times. The largest response is 0.37 beats behind it (undamped: F. M. Lewis, Trans. ASME 54 (1932) 253), the next
 # maximum 1.4.
@@ -31,18 +30,18 @@ NARROWEST = 0.03  # width of a resonance over its frequency
 
 
 def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[ResponsePeak]:
-    """Peaks in the displacement of a probe from static equilibrium.
+    """Find the peaks in the displacement of a probe from static equilibrium.
 
     Parameters
     ----------
-    curve : of a swept or stepped sine.
-    probe : its name.
-    modes : of the structure; without them beats at the excitation frequency are not distinguished from resonances.
+    curve : curve of a swept or stepped sine.
+    probe : name of the probe.
+    modes : modes of the structure; without them beats are not distinguished from resonances.
 
     Returns
     -------
     list
-        The largest first, `MOST_PEAKS` at most; empty where fewer than five values are known.
+        The largest first, at most `MOST_PEAKS`; empty if fewer than five values are known.
     """
     from scipy import signal
 
@@ -78,7 +77,7 @@ def _named(
     f = frequency[at]
 
     def median(r: int, part: Ints) -> float:
-        """NaN where there is no number: order 1/2 has no value in the first cycle."""
+        """Median over cycles; NaN if there is no number, as for order 1/2 in the first cycle."""
         numbers = np.abs(harmonics[r, index[part]])
         numbers = numbers[~np.isnan(numbers)]
         return float(np.median(numbers)) if numbers.size else np.nan
@@ -89,11 +88,11 @@ def _named(
     rise, fall = np.empty(curve.orders.size), np.empty(curve.orders.size)
     for r in range(curve.orders.size):
         sides = [median(r, part) for part in (below, above) if part.size]
-        # the higher side counts: a harmonic that merely grows with frequency has no peak
+        # use the higher of both sides: a harmonic that merely grows with frequency has no peak
         of_peak = median(r, here)
         rise[r], fall[r] = of_peak - max(sides, default=0.0), of_peak - min(sides, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
-    order, strength = 1.0, np.nan  # where no order is tracked: the peak is at the frequency of the excitation
+    order, strength = 1.0, np.nan  # without tracked orders: the peak is at the excitation frequency
     if known := rise.size > 0:
         r = int(np.argmax(rise))
         off = np.flatnonzero((curve.orders == 1.0) & (rise > 0.0) & (fall > rise[r]))
@@ -122,9 +121,9 @@ def _around(frequency: Floats, low: float, high: float, fallback: int | None) ->
 
 
 def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
-    """Whether a peak of a linear motion is that of a natural frequency, by how far the sweep is behind it.
+    """True if a peak of a linear motion belongs to a natural frequency, by its distance behind that frequency.
 
-    A stepped sine has no beats. Where some contacts stay open and others closed the natural frequencies are not known.
+    A stepped sine has no beats. If some contacts stay open and others closed, the natural frequencies are unknown.
     """
     shares = curve["contact_share"].values[:, cycle] if "contact_share" in curve.cycles else np.zeros(0)
     if curve.kind == "stepped" or (min(shares.tolist(), default=0.0) < 0.5 < max(shares.tolist(), default=0.0)):
@@ -140,7 +139,7 @@ def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
 
 
 def _linear(curve: SweepCurve, part: Ints) -> bool:
-    """Whether no contact is made or lost and no breakpoint of a spring is passed in these cycles."""
+    """True if no contact opens or closes, and no breakpoint of a spring is passed, in these cycles."""
     if "spring_changes" in curve.cycles and np.any(curve["spring_changes"].values[part]):
         return False
     shares = curve["contact_share"].values[:, part] if "contact_share" in curve.cycles else np.zeros((0, 0))
@@ -148,5 +147,5 @@ def _linear(curve: SweepCurve, part: Ints) -> bool:
 
 
 def cycles_with_breakpoint(share: Floats) -> Bools:
-    """(C,) cycles with a breakpoint, from the share of each cycle (C, springs) with the spring beyond it."""
+    """(C,) True for cycles with a breakpoint, from the time share (C, springs) beyond it."""
     return np.asarray(np.any((share > ALWAYS) & (share < 1 - ALWAYS), axis=1))

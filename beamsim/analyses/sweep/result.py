@@ -1,4 +1,4 @@
-"""The result of a sweep: a curve for every direction and level, the peaks in them, and a summary."""
+"""Result of a sweep: a curve for every direction and level, their peaks, and a summary."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from beamsim.summaries import ByName, Entry, Number, Plain, Text, by_name, list_
 from beamsim.system.structural import MODES
 from beamsim.typing import Complexes, Floats
 
-OFFSET = 1e-6  # of the peak
+OFFSET = 1e-6  # relative to the peak
 _OF_QUANTITY = ("max_{}", "min_{}", "rms_{}", "mean_{}", "harmonic_{}_real", "harmonic_{}_imag")
 _OF_OUTPUT = (
     "output_maximum", "output_minimum", "output_rms", "output_mean", "output_harmonics_real", "output_harmonics_imag",
@@ -48,80 +48,80 @@ _OF_OUTPUT = (
 
 
 class NotchLimit(NamedTuple):
-    """A limit to which the level is lowered, and the largest value it meets: a row of `NOTCH_LIMITS`."""
+    """Limit that lowers the level, and the largest value of its quantity: a row of `NOTCH_LIMITS`."""
 
     name: str
     unit: str
     limit: float
     largest: float
-    share: float  # of the largest over the limit
-    frequency_hz: float  # of that cycle
+    share: float  # largest value over the limit
+    frequency_hz: float  # of the cycle with the largest value
 
 
 class NotchedRange(NamedTuple):
-    """A range of frequencies in which the level is lowered: a row of `NOTCH_RANGES`."""
+    """Frequency range with a lowered level: a row of `NOTCH_RANGES`."""
 
-    limit: str  # the one that governs, in most of the range
+    limit: str  # limit that governs most of the range
     from_hz: float
     to_hz: float
-    at_hz: float  # where the level is lowered most
-    level: float  # there
+    at_hz: float  # frequency of the largest reduction
+    level: float  # level at that frequency
     reduction_db: float
 
 
 @dataclass(frozen=True)
 class Notching:
-    """The level that keeps the limits: a table that is interpolated on log-log axes."""
+    """Level that keeps the limits: a table for interpolation on log-log axes."""
 
     quantity: str  # of the levels: acceleration, velocity or displacement of the base, or force
     frequency_hz: Floats  # (P,) Hz, excitation frequency
     level: Floats  # (P,) zero to peak
-    specified: Floats  # (P,) without notches, its steps drawn out over a cycle
+    specified: Floats  # (P,) specification without notches; its steps take one cycle
     limits: Sequence[NotchLimit] = ()
     ranges: Sequence[NotchedRange] = ()
-    trials: int = 0  # motions of a few cycles that were computed to choose the level
+    trials: int = 0  # short motions computed to choose the level
 
     @property
     def unit(self) -> str:
-        """SI unit of the levels; 1 where they multiply several forces."""
+        """SI unit of the levels; "1" if they multiply several forces."""
         return level_unit(self.quantity)
 
 
 @dataclass(frozen=True)
 class SweepCurve:
-    """One way through the frequencies at one level: a row of `curves`, and what it has in the other tables."""
+    """Curve of one direction at one level: a row of `curves`, with its rows of the other datasets."""
 
-    name: str  # direction and number of the level, up_0
+    name: str  # direction and index of the level, such as up_0
     kind: str  # swept_sine or stepped
     direction: str  # up or down
     level_index: int
-    level: float  # with a profile the factor applied to it
-    level_unit: str  # empty where it is the factor of a profile
-    quantity: str  # that is prescribed
-    tables: Mapping[str, Dataset]  # its rows of `OF_CURVES`, by name
+    level: float  # with a profile, the factor on it
+    level_unit: str  # empty if the level is the factor on a profile
+    quantity: str  # prescribed quantity
+    tables: Mapping[str, Dataset]  # rows of `OF_CURVES`, by name
 
     @property
     def cycles(self) -> Dataset:
-        """Its C cycles, or frequencies."""
+        """Its C cycles; for a stepped sweep, frequencies."""
         return self.tables["cycles"]
 
     def __getitem__(self, name: str) -> LabelledArray:
-        """A variable of its cycles, ``curve["peak_force"].sel(snubber="tip")``."""
+        """Variable of the cycles, such as ``curve["peak_force"].sel(snubber="tip")``."""
         return self.cycles[name]
 
     @property
     def frequency_hz(self) -> Floats:
-        """(C,) Hz, of the excitation."""
+        """(C,) excitation frequency, Hz."""
         return self["frequency_hz"].values
 
     @property
     def time(self) -> Floats:
-        """(C,) s, at which the cycles begin."""
+        """(C,) start time of the cycles, s."""
         return self["time"].values
 
     @property
     def excitation_amplitude(self) -> Floats:
-        """(C,) of the base's acceleration or of the force, zero to peak."""
+        """(C,) amplitude of the base acceleration or of the force, zero to peak."""
         return self["excitation_amplitude"].values
 
     @property
@@ -135,16 +135,16 @@ class SweepCurve:
         return self["order"].values
 
     def places(self, quantity: str) -> list[str]:
-        """Names of the probes, snubbers or outputs of which a quantity is followed; none where it is left out."""
+        """Names of the probes, snubbers or outputs with a quantity; empty if it was not evaluated."""
         kept = quantity == "output" or f"peak_{quantity}" in self.cycles
         return self.cycles.labels(FOLLOWED.get(quantity, quantity)) if kept else []
 
     def channel(self, quantity: str, place: str) -> CycleValues:
-        """A quantity at a place in every cycle.
+        """Values of a quantity at a place in every cycle.
 
         Parameters
         ----------
-        quantity : that sweeps follow, or ``output``.
+        quantity : evaluated quantity, or ``output``.
         place : name of the probe, snubber or output.
 
         Returns
@@ -159,33 +159,33 @@ class SweepCurve:
         return CycleValues(arrays[0].unit, maximum, minimum, rms, mean, real + 1j * imaginary)
 
     def limited_values(self, of: LimitedQuantity) -> CycleValues:
-        """What a limit on the level applies to."""
+        """Values that a limit on the level applies to."""
         quantity = "absolute_acceleration" if of.quantity == "acceleration" else of.quantity or "output"
         return self.channel(quantity, of.item)
 
     def response(self, probe: str) -> Floats:
-        """(C,) m, largest distance of a probe from static equilibrium."""
+        """(C,) largest distance of a probe from static equilibrium, m."""
         high, low = (self[f"{end}_displacement"].sel(probe=probe).values for end in ("max", "min"))
         at_rest = self["static_displacement"].sel(probe=probe).item()
         return np.asarray(np.maximum(np.abs(high - at_rest), np.abs(low - at_rest)))
 
     def offset(self, probe: str) -> float:
-        """Displacement of a probe at static equilibrium where it is none of round-off, which text names; else 0."""
+        """Displacement of a probe at static equilibrium if it exceeds round-off, else 0."""
         at_rest = float(self["static_displacement"].sel(probe=probe).item())
         peak = self["peak_displacement"].sel(probe=probe).values
         return at_rest if abs(at_rest) > OFFSET * np.nanmax(peak, initial=0.0) else 0.0
 
     def largest(self) -> Iterator[tuple[Value, str, float, float]]:
-        """The values that have limits, and outputs: by name the largest of all cycles, and at which frequency, Hz."""
+        """Largest limited quantities and outputs: value, name, maximum over the cycles, and its frequency, Hz."""
         return largest_in([self.cycles], "frequency_hz")
 
     def amplitude_at(self, frequency_hz: Floats) -> Floats:
-        """Amplitude of the excitation at any frequencies, Hz, that of the ends beyond them."""
+        """Excitation amplitude at any frequencies, Hz; constant beyond the ends."""
         rising = np.argsort(self.frequency_hz, kind="stable")
         return np.interp(frequency_hz, self.frequency_hz[rising], np.abs(self.excitation_amplitude[rising]))
 
     def rate_at(self, frequency_hz: Floats) -> Floats | None:
-        """(n,) Hz/s, rate at which the frequency passes others, that of the ends beyond them; None if stepped."""
+        """(n,) sweep rate at given frequencies, Hz/s, constant beyond the ends; None for a stepped sweep."""
         if self.kind == "stepped" or self.time.size < 2:
             return None
         rising, rate = np.argsort(self.frequency_hz, kind="stable"), np.abs(np.gradient(self.frequency_hz, self.time))
@@ -193,7 +193,7 @@ class SweepCurve:
 
     @property
     def notching(self) -> Notching | None:
-        """The lowered level, with its limits and where each governs; None where the sweep does not ask for it."""
+        """Lowered level with its limits and ranges; None if the sweep has no notching."""
         if "notches" not in self.tables:
             return None
         table = self.tables["notches"]
@@ -204,19 +204,19 @@ class SweepCurve:
 
     @property
     def has_transmissibility(self) -> bool:
-        """Whether the base moves, and accelerations and the fundamental were kept."""
+        """True if the base moves, and accelerations with their fundamental were evaluated."""
         kept = bool(self.places("absolute_acceleration")) and bool(np.any(self.orders == 1.0))
         return kept and self.excitation_unit == "m/s^2"
 
     def transmissibility(self, probe: str) -> Floats:
-        """(C,) fundamental of a probe's absolute acceleration over that of the base, where there is one."""
+        """(C,) fundamental of a probe's absolute acceleration over that of the base."""
         (first,) = np.flatnonzero(self.orders == 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             harmonics = self.channel("absolute_acceleration", probe).harmonics
             return np.asarray(np.abs(harmonics[first]) / np.abs(self.excitation_amplitude))
 
     def resonance(self, probe: str) -> QualityPeak | None:
-        """Highest peak of the transmissibility, whose Q is known where its half-power band is; None without peaks."""
+        """Highest peak of the transmissibility, with Q if its half-power band is covered; None without peaks."""
         order = np.argsort(self.frequency_hz)
         peaks = peaks_of(
             self.frequency_hz[order], self.transmissibility(probe)[order], self.rate_at(self.frequency_hz[order])
@@ -225,7 +225,7 @@ class SweepCurve:
 
     @property
     def weights(self) -> Floats:
-        """(C,) shares of the cycles in the time of a swept sine; of a stepped one all frequencies count the same."""
+        """(C,) time shares of the cycles of a swept sine; equal weights for a stepped sine."""
         if self.kind == "stepped" or self.time.size == 0:
             return np.full(self.time.size, 1.0 / max(self.time.size, 1))
         duration = np.diff(self.time, append=self.time[-1] + 1.0 / self.frequency_hz[-1])
@@ -233,12 +233,12 @@ class SweepCurve:
 
 
 class CycleValues(NamedTuple):
-    """A quantity at a place in C cycles."""
+    """Values of a quantity at a place in C cycles."""
 
     unit: str
     maximum: Floats  # (C,)
     minimum: Floats  # (C,)
-    rms: Floats  # (C,) mean included
+    rms: Floats  # (C,) with the mean
     mean: Floats  # (C,)
     harmonics: Complexes  # (R, C) amplitudes of cos(order phase) minus i times those of sin
 
@@ -249,7 +249,7 @@ class CycleValues(NamedTuple):
 
 
 def tables_of(curves: Sequence[SweepCurve]) -> dict[str, Dataset]:
-    """The datasets of curves and of what they have, the rows of one curve after those of another."""
+    """Datasets of several curves, with the rows of one curve after those of another."""
     units = [{"level_unit": curve.level_unit or "1"} for curve in curves]
     tables = {"curves": CURVES.table(curves, units, curve=[curve.name for curve in curves])}
     for layout in OF_CURVES:
@@ -263,12 +263,12 @@ def tables_of(curves: Sequence[SweepCurve]) -> dict[str, Dataset]:
 
 
 def curves_of(tables: Mapping[str, Dataset]) -> dict[str, SweepCurve]:
-    """The curves that are in datasets, by name.
+    """Curves contained in datasets, by name.
 
     Raises
     ------
     ValueError
-        If the rows of a table are not those of one curve after another.
+        If the rows are not ordered by curve.
     """
     described = tables["curves"]
     names, parts = described.labels("curve"), dict[str, list[Dataset]]()
@@ -291,7 +291,7 @@ def curves_of(tables: Mapping[str, Dataset]) -> dict[str, SweepCurve]:
 
 
 def contact_levels_of(linear: Dataset) -> dict[str, ContactLevels]:
-    """By snubber the levels at which the linear motion makes or loses contact."""
+    """Levels at which the linear motion makes or loses contact, by snubber."""
     columns = [f"contact_{name}" for name in ("onset", "loss", "preload_needed", "preload_alone", "before")]
     units = {name: "rad" if of.item() else "m" for name, of in linear.by_label("contact_turns").items()}
     return {
@@ -301,7 +301,7 @@ def contact_levels_of(linear: Dataset) -> dict[str, ContactLevels]:
 
 
 class ResponsePeak(NamedTuple):
-    """A local maximum of a response curve and its classification, a row of `PEAKS`."""
+    """Local maximum of a response curve with its classification: a row of `PEAKS`."""
 
     curve: str
     probe: str
@@ -318,7 +318,7 @@ OF_PEAKS: dict[str, Any] = {
     "frequency_hz": Number, "value_m": Number, "kind": Text, "direction": Text, "level": Number, "order": Number,
     "probe": Text, "curve": Text,
 }  # fmt: skip
-"""What the summary lists of each peak, with the types."""
+"""Columns of the peaks in the summary, with their types."""
 CURVE = record({"direction": Text, "level": Number, "points": Number}, {"steady": ByName})
 _SUMMARY = (
     STATUS,
@@ -357,7 +357,7 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SweepResult(Result):
-    """Everything one `beamsim sweep` of one design computes."""
+    """Result of a swept or stepped ``beamsim sweep``."""
 
     KIND = "sweep"
     SUMMARY = _SUMMARY
@@ -365,16 +365,16 @@ class SweepResult(Result):
 
     @cached_property
     def curves(self) -> dict[str, SweepCurve]:
-        """The curves by name, each with its rows of the datasets."""
+        """Curves by name, each with its rows of the datasets."""
         return curves_of(self.datasets)
 
     @cached_property
     def peaks(self) -> list[ResponsePeak]:
-        """The peaks of all curves."""
+        """Peaks of all curves."""
         return self["peaks"].records("peak", ResponsePeak)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if keys == ("level",) and entry.name in ("curves", "peaks"):
             return str(self["curves"]["level_unit"].sel(curve=record.get("curve") or place[0]).item())
         if entry.name == "notches" and keys[-1] in ("limit", "largest", "level") and keys != ("limit",):

@@ -1,4 +1,4 @@
-"""``beamsim sweep``, kind stepped: the steady motion at each frequency, started from the previous one."""
+"""``beamsim sweep``, kind stepped: the steady motion at each frequency, each started from the previous one."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from beamsim.typing import Floats, of_kind
 
 MOST_MEASURED = 240
 
-_SteadyPoint = tuple[float, Periodicity, Exponent | None, CycleRecord]  # Hz, and the steady motion there
+_SteadyPoint = tuple[float, Periodicity, Exponent | None, CycleRecord]  # frequency, Hz, and its steady motion
 
 
 def frequencies_of(settings: SteppedSine) -> Floats:
-    """Frequencies of the steps, increasing."""
+    """Frequencies of the steps, in increasing order."""
     if settings.spacing == "logarithmic":
         return np.geomspace(settings.from_, settings.to, settings.points)
     return np.linspace(settings.from_, settings.to, settings.points)
@@ -57,13 +57,13 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
 
     Parameters
     ----------
-    level : the level, of a stepped sine.
-    progress : called with the share of the frequencies that is done.
+    level : level of a stepped sine.
+    progress : called with the completed fraction of the frequencies.
 
     Returns
     -------
     LevelRun
-        Up to a frequency at which the motion could not be computed, or to where it was stopped.
+        Curves up to an interruption, or a frequency at which the motion could not be computed.
     """
     begin, outcome, steps = processor_time(), COMPLETE, steps_of(level)
     stepper, motion = stepper_of(level)
@@ -87,7 +87,7 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
 
 
 def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
-    """What carries a motion from step to step, and the motion at its start."""
+    """Stepper that advances a motion cycle by cycle, and the motion at its start."""
     _, first = steps_of(level)[0]
     forcing, observers = loads_at(level, first)
     flow = ExactFlow(level.system.dynamics, forcing, 1.0 / first, observers)
@@ -95,13 +95,13 @@ def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
 
 
 def loads_at(level: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
-    """The loads of a level at a frequency, Hz, see `harmonic_loads`."""
+    """Loads of a level at a frequency, Hz; see `harmonic_loads`."""
     omega = 2 * np.pi * f
     return harmonic_loads(level.system, omega, sine_of(level.system.scenario.sine, omega, level.value))
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
-    """At least `measured_cycles`: a whole number of periods of the motion and, if possible, of the orders."""
+    """Number of measured cycles: at least `measured_cycles`, a multiple of the motion's period and of the orders."""
     repeat = period
     for order in settings.tracked_orders:
         longer = math.lcm(repeat, Fraction(order).limit_denominator(12).denominator)
@@ -113,18 +113,18 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
 def steady_at(
     level: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
 ) -> tuple[Periodicity, Exponent | None, CycleRecord]:
-    """The steady motion at the next frequency, with the exponent of one that does not repeat.
+    """March to the steady motion at the next frequency; with the Lyapunov exponent if it is not periodic.
 
     Parameters
     ----------
-    level : the level.
-    f : the frequency, Hz.
-    stepper, motion : as the step before left them; changed in place.
+    level : level of the sweep.
+    f : frequency, Hz.
+    stepper, motion : state after the previous step; changed in place.
 
     Raises
     ------
     ArithmeticError
-        If the work exceeds that of the stepper.
+        If the limit of the stepper's work is exceeded.
     """
     settings, (forcing, observers) = of_kind(SteppedSine, level.settings), loads_at(level, f)
     stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / f), 1.0 / f, motion)
@@ -132,7 +132,7 @@ def steady_at(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,
     )  # fmt: skip
-    cycles = _cycles_to_measure(settings, settled.period) if settled.period else 64  # measured if there is no period
+    cycles = _cycles_to_measure(settings, settled.period) if settled.period else 64  # 64 if not periodic
     exponent = None if settled.period else largest_exponent(stepper, motion, min(400, settings.most_cycles))
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, level.rows(stepper.flow),

@@ -1,6 +1,6 @@
-"""``beamsim sweep``, kind swept_sine: a continuous sweep, evaluated cycle by cycle; its notches.
+"""``beamsim sweep``, kind swept_sine: a continuous sweep, evaluated cycle by cycle, with notching.
 
-A notched level is that under which limits on responses and forces are met; the result states which of them governs.
+A notched level keeps the limits on responses and forces; the result names the limit that governs each range.
 """
 
 from __future__ import annotations
@@ -35,25 +35,25 @@ from beamsim.system.equations import Forcing, RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
-CONTROL = 0.8  # share of the work of a notched sweep that chooses the level
+CONTROL = 0.8  # share of the work of a notched sweep spent on the choice of the level
 
 
 def legs_of(settings: SweptSine) -> list[Leg]:
-    """The legs of the sweep, up or down, in order."""
+    """Legs of the sweep, up or down, in order."""
     up = make_leg(settings.from_, settings.to, settings.rate)
     down = make_leg(settings.to, settings.from_, settings.rate)
     return {"up": [up], "down": [down], "both": [up, down]}[settings.direction]
 
 
 def swept_loads(system: StructuralSystem) -> SweptLoads:
-    """The loads of a built system whose sine is replaced by the swept one; observed is the base's acceleration."""
+    """Loads of a system with the swept sine in place of its sine; the observed signal is the base acceleration."""
     moves, forcing = system.base_acceleration, system.forcing
 
     def loads(windows: SweepWindows, carrier: float) -> tuple[Forcing, tuple[Signal, ...]]:
         if moves is None:
             factors = not_none(system.sine).at(
                 windows.omega
-            )  # supports that move are known at constant frequency alone
+            )  # supports with imposed motion are known only at constant frequency
             sines = (replace(windows, coefficient=factor[:, None] * windows.coefficient) for factor in factors.T)
             return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
         acceleration, _, displacement = swept_signals(windows, carrier)
@@ -65,7 +65,7 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 
 
 def sweep_profile(level: SweepLevel) -> tuple[Profile, float]:
-    """The level over frequency, a table of which the level is a factor, and the phase of the sine at the start."""
+    """Level over frequency (a table that the level multiplies), and the phase of the sine at the start."""
     settings = of_kind(SweptSine, level.settings)
     profile = make_profile(level.value, level.quantity, settings.profile, settings.between, settings.notches)
     return profile, level.system.scenario.sine.phase + phase_of_acceleration(
@@ -74,21 +74,21 @@ def sweep_profile(level: SweepLevel) -> tuple[Profile, float]:
 
 
 class SweptMarch(NamedTuple):
-    """The motion of a level, to be marched, and what drives it."""
+    """Motion of a level to be marched, and its excitation."""
 
     motion: SweptMotion
     profile: Profile
-    corrections: tuple[Correction, ...] | None  # of a base's acceleration
+    corrections: tuple[Correction, ...] | None  # of the base acceleration
 
 
 def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress = None) -> SweptMarch:
-    """The motion of a level in all directions.
+    """Set up the motion of a level in all directions.
 
     Parameters
     ----------
-    level : the level, of a swept sine.
-    notching : its table, where it is lowered to limits.
-    progress : as of `sweep_level`.
+    level : level of a swept sine.
+    notching : lowered level, if limits are to be kept.
+    progress : see `sweep_level`.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress
     """
     system, settings = level.system, of_kind(SweptSine, level.settings)
     legs, (profile, phase) = legs_of(settings), sweep_profile(level)
-    if notching is not None:  # as the same table in a file would give it
+    if notching is not None:  # with the same result as the table in a file
         table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
         profile = Profile.log_log([(f, value, notching.quantity) for f, value in table])
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
@@ -112,13 +112,13 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
 
     Parameters
     ----------
-    level : the level, of a swept sine.
-    progress : called with the share of the work that is done.
+    level : level of a swept sine.
+    progress : called with the completed fraction of the work.
 
     Returns
     -------
     LevelRun
-        The directions up to where it ended, the last of which may be incomplete.
+        Curves up to where the computation ended; the last may be incomplete.
     """
     settings = of_kind(SweptSine, level.settings)
     beginning = 0.0 if settings.notch_to is None else CONTROL
@@ -151,12 +151,12 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
 def _record_cycles(
     level: SweepLevel, march: SweptMotion
 ) -> tuple[list[CycleRecord], Dataset | None, Mapping[str, Any] | None]:
-    """March and record the cycles of each chunk, and the time history if one is requested.
+    """March and record the cycles of each chunk, and the time history if requested.
 
     Returns
     -------
-    parts : of the cycles.
-    history, aliased : rows of `HISTORIES`, and what lies above half their rate, see `SweepLevel.aliased_columns`.
+    parts : records of the cycles, in order.
+    history, aliased : rows of `HISTORIES`, and the content above half their rate, see `SweepLevel.aliased_columns`.
     """
     settings, windows = of_kind(SweptSine, level.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
@@ -176,13 +176,13 @@ def _record_cycles(
     if rate is None:
         return parts, None, None
     values = np.concatenate(samples)
-    values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # it may end between two samples
+    values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # the history may end between two samples
     history = level.history(times[: values.shape[0] : 2], values[::2])
     return parts, history, level.aliased_columns(share_above_half_rate(values))
 
 
 def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
-    """The curves of the legs that were reached."""
+    """Curves of the completed legs."""
     settings = of_kind(SweptSine, level.settings)
     tracked = replace(record, harmonic=np.moveaxis(record.tracked((0.0, *settings.tracked_orders)), 0, 2))
     curves = []
@@ -203,17 +203,17 @@ def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: 
     return tuple(curves)
 
 
-ALLOWED_EXCESS = 0.05  # of a limit
+ALLOWED_EXCESS = 0.05  # relative to a limit
 NOTCH_NOT_HELD = "notch_not_held"
-LEVEL_KNOWN = 1e-3  # relative, to which the table is the level that was followed
-LOWERED = 0.995  # of the specification; a higher level is none that is notched
-NARROW = 0.01  # relative width below which a range is not distinguished from its neighbours
-SAME_STEP = 1e-9  # relative change of the specification that is no step
+LEVEL_KNOWN = 1e-3  # relative tolerance of the table against the followed level
+LOWERED = 0.995  # times the specification; at higher levels there is no notch
+NARROW = 0.01  # relative width below which a range is merged with its neighbours
+SAME_STEP = 1e-9  # relative change of the specification that does not count as a step
 
 
 @dataclass(frozen=True)
 class LimitColumn:
-    """A limit and the column of the sweep's outputs to which it applies."""
+    """Limit with the output column of the sweep that it applies to."""
 
     name: str
     limit: float
@@ -222,7 +222,7 @@ class LimitColumn:
 
 
 def with_limited_outputs(scenario: Scenario) -> Scenario:
-    """The scenario with the force of its base among the outputs, where a limit needs it."""
+    """Copy of the scenario with the base force among the outputs, if a limit needs it."""
     limits = scenario.sweep.notch_to if isinstance(scenario.sweep, SweptSine) else None
     if limits and "base.force" in limits and scenario.base_force is None:
         return scenario.model_copy(update={"outputs": (*scenario.outputs, BASE_FORCE)})
@@ -230,12 +230,12 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
 
 
 def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitColumn, ...]:
-    """The limits with the columns of a level to which they apply.
+    """Limits with the columns of a level that they apply to.
 
     Parameters
     ----------
-    limits : by name, such as ``probes.tip.acceleration``, in SI units.
-    level : the level.
+    limits : limits by name, such as ``probes.tip.acceleration``, in SI units.
+    level : level of the sweep.
 
     Returns
     -------
@@ -245,7 +245,7 @@ def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitCol
     Raises
     ------
     KeyError
-        Where a limit is on what the sweep does not follow, which `beamsim.scenario` has refused.
+        If a limit is on a quantity that the sweep does not evaluate (refused earlier by `beamsim.scenario`).
     """
     columns = {
         LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
@@ -259,18 +259,18 @@ def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitCol
 
 
 def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: Progress) -> Notching:
-    """Follow the first leg and lower its level to the limits; what the response is then is left to `compared`.
+    """Follow the first leg and lower its level to the limits; the response is computed afterwards.
 
     Parameters
     ----------
-    level : the level, of a swept sine.
-    limited : the limits.
-    progress : called with the share of the leg that is done.
+    level : level of a swept sine.
+    limited : limits with their columns.
+    progress : called with the completed fraction of the leg.
 
     Returns
     -------
     Notching
-        The table of the level, in the quantity with which the sweep begins, without limits and ranges.
+        Table of the level, in the quantity at the start of the sweep, without limits and ranges.
     """
     system, settings, quantity = level.system, of_kind(SweptSine, level.settings), level.quantity
     if settings.profile:
@@ -293,7 +293,7 @@ def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: P
 
 
 def continuous(profile: Profile, leg: Leg) -> Profile:
-    """A profile with the ends of a leg among its points, whose steps take a cycle."""
+    """Profile with the ends of a leg among its points, and with steps that take one cycle."""
     low, high = sorted((leg.first_hz, leg.last_hz))
     edges = profile.edge[(profile.edge > low) & (profile.edge < high)]
     points = [low]
@@ -310,14 +310,14 @@ def continuous(profile: Profile, leg: Leg) -> Profile:
 
 
 def values_that_lower_level(scenario: Scenario) -> set[tuple[str, str]]:
-    """Limit and place of the values that the level of a sweep is lowered for, as ``peak_force`` and a snubber."""
+    """Entries and places of the values for which the level is lowered, such as ``peak_force`` and a snubber."""
     limits = getattr(scenario.sweep, "notch_to", None) or {}
     of = [limited_quantity(name, scenario.base_force or BASE_FORCE.name) for name in limits]
     return {(f"peak_{each.quantity}" if each.quantity else each.section, each.item) for each in of if each is not None}
 
 
 def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
-    """Margins of which those that the level keeps say how closely: within what a trial of the level is accepted."""
+    """Margins with the accepted tolerance for limits that the lowered level keeps."""
     held = values_that_lower_level(scenario)
 
     def of_level(name: str, at: str) -> bool:
@@ -333,18 +333,18 @@ def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
 def with_notching(
     notching: Notching, limited: Sequence[LimitColumn], curve: SweepCurve
 ) -> tuple[SweepCurve, Outcome | None]:
-    """The response under a notched level, with its largest values, and which limit governs where.
+    """Curve with its notching: largest values, and the governing limit of each range.
 
     Parameters
     ----------
-    notching : without limits and ranges.
-    limited : the limits.
-    curve : the response.
+    notching : notching without limits and ranges.
+    limited : limits with their columns.
+    curve : response to the notched level.
 
     Returns
     -------
-    curve : with the notching.
-    not_held : what to say where a limit is exceeded by more than is allowed; None where all are met.
+    curve : response with the notching.
+    not_held : outcome if a limit is exceeded by more than the tolerance; None if all are kept.
     """
     values = [curve.limited_values(each.of) for each in limited]
     share = np.array([of.peak / each.limit for of, each in zip(values, limited, strict=True)])  # (limits, C)
@@ -394,10 +394,10 @@ def _not_held(curve: SweepCurve, limited: Sequence[LimitColumn], shares: Floats)
 
 
 def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
-    """The outcome of a sweep from those of its levels, each with the name of its level.
+    """Combine the outcomes of the levels of a sweep.
 
-    The first that is incomplete stands for all, but of limits that are exceeded the largest excess does, and every
-    other level that has an excess is named with it.
+    The first incomplete outcome stands for all. For exceeded limits, the largest excess does, and the other levels
+    with an excess are named.
     """
     over = [(each, name) for each, name in zip(outcomes, names, strict=True) if each.code == NOTCH_NOT_HELD]
     if len(outcomes) == 1 or not over:
@@ -420,7 +420,7 @@ def _number(outcome: Outcome, name: str) -> float:
 def _ranges(
     notching: Notching, limited: Sequence[LimitColumn], curve: SweepCurve, share: Floats
 ) -> Sequence[NotchedRange]:
-    """Ranges of frequency in which the level is lowered, each with the limit that governs most of it."""
+    """Frequency ranges with a lowered level, each with the limit that governs most of it."""
     order = np.argsort(curve.frequency_hz)
     f = curve.frequency_hz[order]
     reduction = np.interp(np.log(f), np.log(notching.frequency_hz), np.log(notching.level / notching.specified))
