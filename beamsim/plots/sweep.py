@@ -403,7 +403,7 @@ def notching(result: SweepResult, curve: SweepCurve) -> Picture:
     notched = curve.notching
     assert notched is not None
     drawn = [
-        Curve("specified", notched.frequency_hz, notched.specified, {"color": "0.5", "linestyle": "--"}),
+        Curve("specified", notched.frequency_hz, notched.specification, {"color": "0.5", "linestyle": "--"}),
         Curve("notched", notched.frequency_hz, notched.level, {"color": DARK, "linestyle": "-", "linewidth": 1.4}),
     ]
     limits = sorted(notched.limits, key=lambda limit: -limit.share)[:MOST_LEVELS]

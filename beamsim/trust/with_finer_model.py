@@ -333,7 +333,7 @@ def _least_of_level(result: SweepResult) -> Errors:
 
     Every level that holds them as well would do, and each model finds another one.
     """
-    from beamsim.analyses.sweep.swept_sine import LEVEL_KNOWN, values_that_lower_level
+    from beamsim.analyses.sweep.swept_sine import LEVEL_TOLERANCE, values_that_lower_level
 
     held, least = values_that_lower_level(result.scenario), dict[str, dict[str, float]]()
     for name, curve in result.curves.items():
@@ -342,7 +342,7 @@ def _least_of_level(result: SweepResult) -> Errors:
         excess = max([CLOSE, *(limit.share - 1.0 for limit in curve.notching.limits)])
         for value, of in peaks_in(curve.cycles):
             least.setdefault(value.entry, {}).update(
-                (f"{name} {place}".strip(), LEVEL_KNOWN if (value.limit, place) in held else excess) for place in of
+                (f"{name} {place}".strip(), LEVEL_TOLERANCE if (value.limit, place) in held else excess) for place in of
             )
         least.setdefault("contact_share", {}).update(
             (f"{name} {place}", excess if 0.0 < curve.weights @ x.values < 1.0 else 0.0)

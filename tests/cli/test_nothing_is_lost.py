@@ -14,7 +14,7 @@ import pytest
 from sampling import first_apart
 
 import beamsim
-from beamsim.analyses.sweep.analysis import outcomes_of
+from beamsim.analyses.sweep.analysis import level_outcomes
 from beamsim.files import protected_files
 from beamsim.labelled import Dataset
 from tests.helpers.commands import invoke
@@ -147,7 +147,7 @@ def half_swept(here):
     Path("case.yaml").write_text(text)
     stop = iter([False] * 5)
     part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
-    assert [outcome.complete for outcome in outcomes_of(part["levels"])] == [True, False]
+    assert [outcome.complete for outcome in level_outcomes(part["levels"])] == [True, False]
     with protected_files([]):
         return beamsim.write_result(part, "case.h5")
 

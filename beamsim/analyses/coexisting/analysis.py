@@ -57,7 +57,7 @@ from beamsim.scenario.base import count_text
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
 from beamsim.typing import TINY, Floats, of_kind
 
-SAME = 1e-6  # relative distance within which two converged motions are the same
+SAME_MOTION = 1e-6  # relative distance within which two converged motions are the same
 MEASURED_CYCLES = 256  # of a motion that is not periodic
 SHARE_OF_STARTS = 0.6  # of the progress; the rest is for the later steps
 MOST_POINTS, MOST_SECONDS = 4000, 300.0  # limits for the branches traced from the motions
@@ -68,7 +68,7 @@ LONGEST_SIDE = 4  # longest traced motion, in periods of the excitation
 class _Motion:
     """Motion at a frequency; a motion that is not periodic is represented by many cycles."""
 
-    hz: float
+    frequency_hz: float
     problem: ForcedOrbits
     point: BranchPoint
     kind: str = "periodic"
@@ -91,15 +91,15 @@ class _Motion:
         """Sort key: motions with most starts first, unstable ones last by their size."""
         return not self.stable, -len(self.starts), float(np.abs(self.point.u[:-1]).max())
 
-    def is_of(self, end: Destination, within: float) -> bool:
+    def attracts(self, end: Destination, tolerance: float) -> bool:
         """True if a start has reached this motion."""
         if self.kind != "periodic" or end.kind != "periodic":
             return end.kind == self.kind
-        return self.section.contains(end, within)
+        return self.section.contains(end, tolerance)
 
     def is_same_motion(self, other: _Motion) -> bool:
         """True if two periodic motions are the same."""
-        return self.is_of(Destination(other.problem.multiple, 0, other.point.u[:-1]), SAME)
+        return self.attracts(Destination(other.problem.multiple, 0, other.point.u[:-1]), SAME_MOTION)
 
 
 _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
@@ -158,7 +158,7 @@ def coexisting(
         motions = {f: _attracting_motions(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not stop_requested():
             _add_unstable(marches, motions, budget)
-        order = _in_order(motions)
+        order = _number_motions(motions)
         branches = [_measure(marches, motion) for _, motion in order]
         result = _result_of_starts(marches, order, branches, rows, ends)
         result = replace(result, datasets=result.datasets | _disturbances(marches, order, evaluate))
@@ -167,7 +167,7 @@ def coexisting(
     return result.with_summary(**_summary(marches, result, branches), processor_time_s=processor_time() - processor)
 
 
-def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
+def _number_motions(motions: Mapping[float, list[_Motion]]) -> _Order:
     """Number all motions.
 
     Raises
@@ -188,7 +188,7 @@ def _attracting_motions(marches: Marches, hz: float, ends: Mapping[int, Destinat
     motions: list[_Motion] = []
     flow = marches.flow_at(hz)
     for number, end in sorted(ends.items()):
-        motion = next((m for m in motions if m.is_of(end, NEAR * marches.settings.steady_to)), None)
+        motion = next((m for m in motions if m.attracts(end, NEAR_FACTOR * marches.settings.steady_to)), None)
         if motion is None and end.period:
             problem = ForcedOrbits(flow, "frequency", end.period)
             point = solve_at(problem, np.append(end.state, flow.omega), SETTINGS, flow.omega)
@@ -208,7 +208,7 @@ def _attracting_motions(marches: Marches, hz: float, ends: Mapping[int, Destinat
 def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budget: Budget) -> None:
     """Trace branches from the periodic motions over all frequencies, and add motions that the starts did not find."""
     low, high = marches.settings.ends
-    reach = (2.0 * np.pi * low / REACH, 2.0 * np.pi * high * REACH)
+    reach = (2.0 * np.pi * low / RANGE_FACTOR, 2.0 * np.pi * high * RANGE_FACTOR)
     branches: list[OrbitBranch] = []
     followed = [m for of in motions.values() for m in of if m.kind == "periodic" and m.problem.multiple <= LONGEST_SIDE]
     for m in followed:
@@ -248,11 +248,11 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> dict[
     ]
     first, smallest = len(evaluate.rows), list[_Disturbance]()
     with suppress(StopEvaluation):
-        evaluate([(m.hz, k + 1, *m.section.states.ravel().tolist()) for _, m, k in asked])
+        evaluate([(m.frequency_hz, k + 1, *m.section.states.ravel().tolist()) for _, m, k in asked])
     for index, (number, m, k) in enumerate(asked, first):
         if index in evaluate.outcomes and not evaluate.outcomes[index].failed:
             each, found = marches.settings.disturbances[k], dict[str, Any](evaluate.outcomes[index].values)
-            about = m.hz, number, each.kind, each.probe, "N s" if each.probe else "m/s"
+            about = m.frequency_hz, number, each.kind, each.probe, "N s" if each.probe else "m/s"
             smallest.append(_Disturbance(*about, found["amplitude"], found["time"], each.to))
     units = [{"unit": each.unit} for each in smallest]
     return {"disturbances": DISTURBANCES.table(smallest, units)} if smallest else {}
@@ -295,7 +295,7 @@ def _result_of_starts(
         cycles[at, list(of)] = [end.cycles for end in of.values()]
     motions = list[_MotionRow]()
     for (number, m), branch in zip(order, branches, strict=True):
-        at = hz.index(m.hz)
+        at = hz.index(m.frequency_hz)
         destination[at, m.starts] = number
         share = probability(destination[at, cycles[at] > 0] == number) if m.stable and cycles[at].any() else {}
         part, low, high = (float(share.get(name, np.nan)) for name in ("share", "low", "high"))
@@ -303,9 +303,9 @@ def _result_of_starts(
             float(np.abs(branch.multipliers[0, 0])),
             m.problem.multiple if m.kind == "periodic" else 0,
         )
-        exponent = m.exponent if period == 0 else float(np.log(max(size, TINY))) * m.hz / period
+        exponent = m.exponent if period == 0 else float(np.log(max(size, TINY))) * m.frequency_hz / period
         found = len(m.starts), part, low, high, exponent, size
-        motions.append(_MotionRow(m.hz, number, m.kind, period, m.stable, *found))
+        motions.append(_MotionRow(m.frequency_hz, number, m.kind, period, m.stable, *found))
     names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
     starts = {
         "frequency_hz": np.array(hz), "start_number": np.arange(1, len(rows) + 1),
@@ -345,7 +345,9 @@ def _rows_as_dicts(table: Dataset, dim: str) -> list[dict[str, Any]]:
     return table.rows(dim, *(name for name in table if name != dim))
 
 
-def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed: Sequence[CaseOutcome]) -> Outcome:
+def _outcome(
+    marches: Marches, result: CoexistingResult, budget: Budget, failed_cases: Sequence[CaseOutcome]
+) -> Outcome:
     """Outcome: incomplete or unreliable parts, and starts that did not settle."""
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
     fewer = "request fewer frequencies at once, or exclude unstable motions (sweep.unstable: false)"
@@ -364,9 +366,9 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
         remedy = "raise sweep.most_cycles or sweep.longest_period"
         sentence = f"{count_text(int(left.sum()), 'start')} did not settle"
         remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
-    if failed:
-        of = "1 start or disturbance" if len(failed) == 1 else f"{len(failed)} starts or disturbances"
-        sentence = f"{of} could not be computed; the first: {failed[0].outcome.text}"
+    if failed_cases:
+        of = "1 start or disturbance" if len(failed_cases) == 1 else f"{len(failed_cases)} starts or disturbances"
+        sentence = f"{of} could not be computed; the first: {failed_cases[0].outcome.text}"
         remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
     outcome = first_with_others(remarks)
     if stop_requested():
@@ -375,12 +377,12 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
     return check_reduction(check_balance(outcome, result["points"]), marches.scenario, modes)
 
 
-REACH = 1.15  # ratio by which branches are traced beyond the frequencies
-NEAR = 100.0  # times the tolerance of a settled motion, within which states belong to the same motion
+RANGE_FACTOR = 1.15  # ratio by which branches are traced beyond the frequencies
+NEAR_FACTOR = 100.0  # times the tolerance of a settled motion, within which states belong to the same motion
 EXPONENT_CYCLES = 400
-PHASES = 8  # phases of a cycle at which a motion is disturbed
-FINER, LEVELS = 2.0**0.5, 13  # ratio of successive disturbance amplitudes, and their number
-SHARP = 0.01  # relative accuracy of the smallest disturbance
+PHASE_COUNT = 8  # phases of a cycle at which a motion is disturbed
+AMPLITUDE_RATIO, AMPLITUDE_COUNT = 2.0**0.5, 13  # ratio of successive disturbance amplitudes, and their number
+DISTURBANCE_TOLERANCE = 0.01  # relative accuracy of the smallest disturbance
 
 
 class Destination(NamedTuple):
@@ -405,11 +407,11 @@ class OrbitSection(NamedTuple):
     states: Floats
     weight: Floats  # (N,) factors that make the entries of a state comparable
 
-    def contains(self, end: Destination, within: float) -> bool:
+    def contains(self, end: Destination, tolerance: float) -> bool:
         """True if a start has reached this motion: within a distance relative to the size of the motion."""
         away = np.abs((self.states - end.state) * self.weight).max(axis=1).min()
         size = max(float(np.abs(self.states * self.weight).max()), TINY)
-        return end.period == self.states.shape[0] and bool(away <= within * size)
+        return end.period == self.states.shape[0] and bool(away <= tolerance * size)
 
 
 @dataclass(frozen=True)
@@ -435,7 +437,7 @@ class Marches:
     def model(self) -> ResponseModel:
         """Structure under its loads, for all frequencies over which branches may be traced."""
         low, high = self.settings.ends
-        followed = Continuation.model_construct(from_=low / REACH, to=high * REACH)
+        followed = Continuation.model_construct(from_=low / RANGE_FACTOR, to=high * RANGE_FACTOR)
         return response_model(self.scenario.model_copy(update={"sweep": followed, "run": None}))
 
     @cached_property
@@ -465,26 +467,26 @@ class Marches:
         flow, begin, found = self.flow_at(float(hz)), clock.thread_time(), dict[str, Any]()
         if number:
             known = OrbitSection(np.reshape(values, (-1, flow.size)), velocity_weights(flow, flow.omega))
-            amplitude, time = self._smallest(flow, known, self.settings.disturbances[int(number) - 1])
+            amplitude, time = self._smallest_disturbance(flow, known, self.settings.disturbances[int(number) - 1])
             found = {"amplitude": amplitude, "time": time}
         else:
-            end = self._from_row(flow, np.array(values, dtype=float))
+            end = self._destination_of_start(flow, np.array(values, dtype=float))
             found = end._asdict() | {"state": end.state.tolist()}
         outcome = interruption("before it was known") if stop_requested() else COMPLETE
         return CaseOutcome(case.number, found, outcome, clock.thread_time() - begin, given=case.values)
 
-    def _from_row(self, flow: PeriodicFlow, row: Floats) -> Destination:
+    def _destination_of_start(self, flow: PeriodicFlow, row: Floats) -> Destination:
         """Destination of a start with these coordinates."""
         starts, y = self.settings.starts, np.zeros(flow.size)
         y[: self.model.system.initial_state.size] = self.model.system.initial_state
         if isinstance(starts, HistoryStarts):
-            y = self._swept(flow, y, starts, float(row[0]))
+            y = self._state_after_sweep(flow, y, starts, float(row[0]))
         if isinstance(starts, StateStarts):
             for moved, each in zip(row.reshape(-1, 2), starts.box, strict=True):
-                y[: 2 * flow.system.size] += np.outer(moved, self._moving(flow, each)).ravel()
+                y[: 2 * flow.system.size] += np.outer(moved, self._unit_displacement(flow, each)).ravel()
         return self.destination(flow, y, float(row[0]) / flow.omega if isinstance(starts, PhaseStarts) else 0.0)
 
-    def _moving(self, flow: PeriodicFlow, each: BoxCoordinate) -> Floats:
+    def _unit_displacement(self, flow: PeriodicFlow, coordinate: BoxCoordinate) -> Floats:
         """(n,) coordinates that displace a probe by one unit, in a mode or by a static force.
 
         Raises
@@ -492,19 +494,21 @@ class Marches:
         ScenarioError
             If no such coordinates exist.
         """
-        row, stiffness = self._row(each.probe), flow.system.stiffness
+        row, stiffness = self._row(coordinate.probe), flow.system.stiffness
         with np.errstate(divide="ignore", invalid="ignore"):
-            shape = row / stiffness if each.mode is None else 1.0 * (np.arange(1, row.size + 1) == each.mode)
+            shape = (
+                row / stiffness if coordinate.mode is None else 1.0 * (np.arange(1, row.size + 1) == coordinate.mode)
+            )
         if not abs(row @ shape) > 1e-6 * np.linalg.norm(row) * np.linalg.norm(shape) or np.isinf(shape).any():
-            where = "the static deflection" if each.mode is None else f"mode {each.mode}"
+            where = "the static deflection" if coordinate.mode is None else f"mode {coordinate.mode}"
             remedy = f"give a mode from 1 to {row.size} in which the probe moves, or another probe"
-            raise ScenarioError.at("sweep.starts.box", f"has {each.probe}, which {where} does not move", remedy)
+            raise ScenarioError.at("sweep.starts.box", f"has {coordinate.probe}, which {where} does not move", remedy)
         return np.asarray(shape / (row @ shape))
 
     def _row(self, probe: str) -> Floats:
         return next(each.shape for each in self.model.system.probes if each.name == probe)
 
-    def _swept(self, flow: PeriodicFlow, y: Floats, starts: HistoryStarts, hz: float) -> Floats:
+    def _state_after_sweep(self, flow: PeriodicFlow, y: Floats, starts: HistoryStarts, hz: float) -> Floats:
         """Final state of a stepped sweep with one cycle per frequency and a continuous phase."""
         last = flow.omega / (2.0 * np.pi)
         sign = 1.0 if last > hz else -1.0
@@ -515,7 +519,9 @@ class Marches:
             hz = hz * 2.0**change if starts.rate.unit == "oct/s" else hz + change
         return y
 
-    def destination(self, flow: PeriodicFlow, y: Floats, time: float = 0.0, *, named: bool = True) -> Destination:
+    def destination(
+        self, flow: PeriodicFlow, y: Floats, time: float = 0.0, *, with_exponent: bool = True
+    ) -> Destination:
         """March a state until it settles.
 
         Parameters
@@ -523,7 +529,7 @@ class Marches:
         flow : flow at the frequency.
         y : (N,) initial state.
         time : time of that state in the excitation's cycle, s.
-        named : True to compute the exponent of a motion that is not periodic.
+        with_exponent : True to compute the exponent of a motion that is not periodic.
 
         Returns
         -------
@@ -537,12 +543,12 @@ class Marches:
             stepper, motion, tolerance=s.steady_to, longest_period=s.longest_period, most_cycles=s.most_cycles
         )
         state = motion.y.copy()
-        if found.period or not named:
+        if found.period or not with_exponent:
             return Destination(found.period, found.cycles, state)
         exponent = largest_exponent(stepper, motion, EXPONENT_CYCLES)
         return Destination(found.period, found.cycles, state, exponent.kind, exponent.value)
 
-    def _smallest(self, flow: PeriodicFlow, known: OrbitSection, disturbance: Any) -> tuple[float, float]:
+    def _smallest_disturbance(self, flow: PeriodicFlow, section: OrbitSection, disturbance: Any) -> tuple[float, float]:
         """Smallest disturbance over phases of the motion and both signs, by increasing amplitudes and then bisection.
 
         A disturbance is an instantaneous change of the velocities. If basins are fractal, smaller disturbances between
@@ -551,23 +557,23 @@ class Marches:
         n, period, change = flow.system.size, 2.0 * np.pi / flow.omega, np.zeros(flow.size)
         probe = disturbance.probe
         change[n : 2 * n] = self._row(probe) if probe else self.model.system.forcing.load[0]
-        times = [(k, j * period / PHASES) for k in range(len(known.states)) for j in range(PHASES)]
-        states = [(k * period + t, flow.end(known.states[k], t) if t else known.states[k]) for k, t in times]
+        times = [(k, j * period / PHASE_COUNT) for k in range(len(section.states)) for j in range(PHASE_COUNT)]
+        states = [(k * period + t, flow.end(section.states[k], t) if t else section.states[k]) for k, t in times]
 
-        def leaving(amplitude: float) -> Iterator[tuple[float, float]]:
+        def phases_that_leave(amplitude: float) -> Iterator[tuple[float, float]]:
             for t, z in states:
                 for size in (amplitude, -amplitude):
-                    end = self.destination(flow, z + size * change, t, named=False)
-                    if not stop_requested() and not known.contains(end, NEAR * self.settings.steady_to):
+                    end = self.destination(flow, z + size * change, t, with_exponent=False)
+                    if not stop_requested() and not section.contains(end, NEAR_FACTOR * self.settings.steady_to):
                         yield size, t
 
-        amplitudes = (disturbance.to * FINER ** np.arange(1.0 - LEVELS, 1.0)).tolist()
+        amplitudes = (disturbance.to * AMPLITUDE_RATIO ** np.arange(1.0 - AMPLITUDE_COUNT, 1.0)).tolist()
         low, found = next(
-            ((low, first) for low, high in pairwise([0.0, *amplitudes]) for first in leaving(high)),
+            ((low, first) for low, high in pairwise([0.0, *amplitudes]) for first in phases_that_leave(high)),
             (0.0, (np.nan, np.nan)),
         )
-        while abs(found[0]) - low > SHARP * abs(found[0]) and not stop_requested():
+        while abs(found[0]) - low > DISTURBANCE_TOLERANCE * abs(found[0]) and not stop_requested():
             middle = 0.5 * (low + abs(found[0]))
-            first = next(leaving(middle), None)
+            first = next(phases_that_leave(middle), None)
             low, found = (middle, found) if first is None else (low, first)
         return found

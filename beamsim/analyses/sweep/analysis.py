@@ -13,9 +13,21 @@ import numpy as np
 from beamsim.analyses.sweep.layouts import LINEAR, PEAKS
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
-from beamsim.analyses.sweep.result import OF_PEAKS, ResponsePeak, SweepCurve, SweepResult, contact_levels_of, tables_of
+from beamsim.analyses.sweep.result import (
+    PEAK_COLUMNS,
+    ResponsePeak,
+    SweepCurve,
+    SweepResult,
+    contact_levels_of,
+    tables_of,
+)
 from beamsim.analyses.sweep.stepped import step_level
-from beamsim.analyses.sweep.swept_sine import of_levels, sweep_level, with_held_limits, with_limited_outputs
+from beamsim.analyses.sweep.swept_sine import (
+    combine_level_outcomes,
+    sweep_level,
+    with_limited_outputs,
+    with_notched_tolerance,
+)
 from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
@@ -91,7 +103,7 @@ def sweep(
         limited = tuple(dict.fromkeys((*limited, "gap")))
     runs: dict[int, LevelRun] = {}
 
-    def done() -> SweepResult:
+    def current_result() -> SweepResult:
         result = _result(scenario, settings, system, runs, len(levels))
         return replace(result, wall_time_s=clock.perf_counter() - begin)
 
@@ -108,10 +120,10 @@ def sweep(
             break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
-            save(done())
+            save(current_result())
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(1.0, 10.0 * (clock.perf_counter() - started))
-    return done()
+    return current_result()
 
 
 def _levels(scenario: Scenario, settings: SweptSine | SteppedSine) -> tuple[float, ...]:
@@ -160,24 +172,24 @@ def _equal_values(value: Any, other: Any) -> bool:
     return bool(value == other)
 
 
-def _completed_level(index: int, earlier: SweepResult) -> LevelRun | None:
+def _completed_level(index: int, previous_result: SweepResult) -> LevelRun | None:
     """Completed level of an earlier, interrupted sweep; None if it is not complete."""
-    levels = earlier["levels"]
+    levels = previous_result["levels"]
     known = levels.labels("level_index")
     if index not in known:
         return None
     row = known.index(index)
     level = levels.isel(level_index=slice(row, row + 1))
-    if not outcomes_of(level)[0].complete:
+    if not level_outcomes(level)[0].complete:
         return None
-    curves, history = (curve for curve in earlier.curves.values() if curve.level_index == index), None
-    if "histories" in earlier.datasets:
-        first, end = np.searchsorted(earlier["histories"]["level"].values, [row, row + 1]).tolist()
-        history = earlier["histories"].isel(sample=slice(first, end))
+    curves, history = (curve for curve in previous_result.curves.values() if curve.level_index == index), None
+    if "histories" in previous_result.datasets:
+        first, end = np.searchsorted(previous_result["histories"]["level"].values, [row, row + 1]).tolist()
+        history = previous_result["histories"].isel(sample=slice(first, end))
     return LevelRun(tuple(curves), level, history)
 
 
-def outcomes_of(levels: Dataset) -> list[Outcome]:
+def level_outcomes(levels: Dataset) -> list[Outcome]:
     """Outcome of each level."""
     columns = {name: levels[name].values.tolist() for name in ("outcome", "outcome_numbers")}
     rows = zip(*columns.values(), strict=True)
@@ -195,7 +207,9 @@ def _result(
     curves = [curve for run in runs.values() for curve in run.curves]
     levels = join_tables([run.level for run in runs.values()], level_index=list(runs))
     unit = levels["level"].unit
-    outcome = of_levels(outcomes_of(levels), [Where(value, unit, "level") for value in levels["level"].values.tolist()])
+    outcome = combine_level_outcomes(
+        level_outcomes(levels), [Where(value, unit, "level") for value in levels["level"].values.tolist()]
+    )
     if len(runs) < count:
         doubts = () if outcome.trusted else (outcome,)
         outcome = interruption(f"after {len(runs)} of {count} levels of the sweep", *doubts)
@@ -342,7 +356,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
         **contact,
         "dashpots": dashpots_of(result["modes"]),
         **({} if correction is None else correction.summary()),
-        "peaks": [{name: getattr(peak, name) for name in OF_PEAKS} for peak in result.peaks],
+        "peaks": [{name: getattr(peak, name) for name in PEAK_COLUMNS} for peak in result.peaks],
         "curves": {name: _curve_summary(curve) for name, curve in curves.items()},
         "contact_share": {
             curve.name: {
@@ -359,7 +373,7 @@ def _summary(result: SweepResult) -> dict[str, Any]:
         "truncation": float(levels["truncation"].values.max()),
         **{name: int(levels[name].values.sum()) for name in ("cycles", "events")},
         "processor_time_s": float(levels["processor_time_s"].values.sum()),
-        "margins": with_held_limits(scenario, margins_along(scenario.limits, found)),
+        "margins": with_notched_tolerance(scenario, margins_along(scenario.limits, found)),
     }
 
 

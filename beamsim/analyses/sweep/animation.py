@@ -62,7 +62,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
 
 
 @dataclass(frozen=True)
-class _ShownMotion:
+class _MotionExcerpt:
     """Part of a motion shown in an animation.
 
     Parameters
@@ -73,16 +73,16 @@ class _ShownMotion:
     """
 
     system: StructuralSystem
-    parts: Sequence[tuple[float, Trajectory]]
+    trajectories: Sequence[tuple[float, Trajectory]]
     span: tuple[float, float]
 
     def at(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """(nt, n) coordinates, (nt, snubbers) forces, N, and openings, m, at increasing times within the span, s."""
-        number = np.searchsorted([since for since, _ in self.parts], times, side="right") - 1
+        number = np.searchsorted([since for since, _ in self.trajectories], times, side="right") - 1
         n, snubbers = self.system.dynamics.size, len(self.system.snubbers)
         rows = []
         for k in np.unique(number):
-            since, motion = self.parts[k]
+            since, motion = self.trajectories[k]
             here = np.minimum(times[number == k] - since, motion.end)
             forces = motion.sample(here, lambda of, flow=motion.flow: flow.at(of).force)
             openings = motion.sample(here, lambda of, flow=motion.flow: flow.at(of).openings)
@@ -91,7 +91,7 @@ class _ShownMotion:
         return states, forces, openings
 
 
-def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _ShownMotion:
+def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _MotionExcerpt:
     """Part of a swept sine, if it reaches that far."""
     march = swept_march(level, curve.notching, progress).motion
     parts: list[tuple[float, Trajectory]] = []
@@ -102,10 +102,10 @@ def _swept(level: SweepLevel, curve: SweepCurve, span: tuple[float, float], prog
         if since + motion.end > span[1]:
             break
     since, last = parts[-1]
-    return _ShownMotion(level.system, parts, (span[0], min(span[1], since + last.end)))
+    return _MotionExcerpt(level.system, parts, (span[0], min(span[1], since + last.end)))
 
 
-def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
+def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progress) -> _MotionExcerpt:
     """Steady motion of a step, over whole periods if it is periodic."""
     steps, (stepper, motion) = steps_of(level), stepper_of(level)
     upto = steps.index((direction, f)) + 1
@@ -115,7 +115,7 @@ def _steady_motion(level: SweepLevel, direction: str, f: float, progress: Progre
         report_progress(progress, done / upto)
     cycles = math.ceil(CYCLES_SHOWN / max(period, 1)) * max(period, 1)
     steady = stepper.trajectory(motion, cycles)
-    return _ShownMotion(level.system, [(0.0, steady)], (0.0, steady.end))
+    return _MotionExcerpt(level.system, [(0.0, steady)], (0.0, steady.end))
 
 
 def _response(curve: SweepCurve) -> Floats:

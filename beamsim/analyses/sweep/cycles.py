@@ -19,7 +19,7 @@ from beamsim.responses.jumps import contact_jumps
 from beamsim.system.equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-NEGLIGIBLE = 1e-11  # power of a tracking filter that is neglected
+NEGLIGIBLE_POWER = 1e-11  # power of a tracking filter that is neglected
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SinePhase:
     time: Floats  # (W,) s
     omega: Floats  # (W,) rad/s
     turns: Ints  # (W,) complete turns
-    part: Floats  # (W,) fraction of a turn
+    turn_fraction: Floats  # (W,) fraction of a turn
     deviation: Floats  # (W, D + 1) rad
 
     @classmethod
@@ -69,7 +69,7 @@ class SinePhase:
         since, deviation = time + 0.5 * length - self.time[at], self.deviation[at]
         move(deviation, since)
         turns, omega, D = order * self.turns[at], self.omega[at], deviation.shape[1] - 1
-        angle = 2 * np.pi * (turns - np.floor(turns) + order * self.part[at]) + order * omega * since
+        angle = 2 * np.pi * (turns - np.floor(turns) + order * self.turn_fraction[at]) + order * omega * since
         angle += order * deviation[:, 0]
         if D > 0:
             omega = omega + deviation[:, 1]
@@ -83,7 +83,7 @@ class SinePhase:
             carrier[:, p] = terms.sum(axis=1) * (-1j * order / p)
         polynomial = np.stack([(carrier[:, : p + 1] * rate[:, p::-1]).sum(axis=1) for p in range(D + 1)], axis=1)
         size = np.abs(polynomial) * (0.5 * length[:, None]) ** np.arange(D + 1)
-        used = np.flatnonzero(np.any(size > NEGLIGIBLE * size[:, :1], axis=0))
+        used = np.flatnonzero(np.any(size > NEGLIGIBLE_POWER * size[:, :1], axis=0))
         polynomial = polynomial[:, : int(used.max()) + 1]
         move(polynomial, -0.5 * length)
         exponent = np.asarray(-1j * order * omega)
@@ -117,9 +117,9 @@ class CycleRecord:
         """Concatenate records of successive cycles."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
-    def select(self, which: Ints | slice) -> CycleRecord:
+    def select(self, cycles: Ints | slice) -> CycleRecord:
         """Record of selected cycles."""
-        return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
+        return CycleRecord(*(getattr(self, f.name)[cycles] for f in fields(self)))
 
     def merge(self) -> CycleRecord:
         """Combine all cycles into one row."""
@@ -139,7 +139,7 @@ class CycleRecord:
             cycles=self.cycles.sum(keepdims=True),
         )
 
-    def with_rest_in_last(self) -> CycleRecord:
+    def merge_incomplete_cycle(self) -> CycleRecord:
         """Merge the last, incomplete cycle into the one before (except its harmonics)."""
         whole = CycleRecord.join([self.select(slice(-2)), self.select(slice(-2, None)).merge()])
         harmonic = np.concatenate([whole.harmonic[:, :, :1], self.harmonic[:-1, :, 1:]], axis=2)
@@ -162,59 +162,59 @@ class CycleRecord:
 
 def record_cycles(
     motion: Trajectory,
-    edge: Floats,
+    cycle_ends: Floats,
     output_of: RowsOf,
     orders: Sequence[float],
     phase: SinePhase,
-    searched: Ints | slice = slice(None),
+    searched_outputs: Ints | slice = slice(None),
 ) -> CycleRecord:
     """Evaluate a motion cycle by cycle.
 
     Parameters
     ----------
     motion : motion without segments across cycle ends.
-    edge : (C + 1,) ends of the cycles, s.
+    cycle_ends : (C + 1,) ends of the cycles, s.
     output_of : rows of the K outputs as a function of the contacts' phases.
     orders : R tracked harmonics, multiples of the instantaneous frequency.
     phase : phase of the sine.
-    searched : outputs whose extremes are searched; all by default.
+    searched_outputs : outputs whose extremes are searched; all by default.
 
     Returns
     -------
     CycleRecord
         Contains only the cycles that were computed.
     """
-    count = edge.size - 1
-    cycle = np.clip(np.searchsorted(edge, motion.time, side="right") - 1, 0, count - 1)
-    duration = np.diff(edge)[:, None]
+    count = cycle_ends.size - 1
+    cycle = np.clip(np.searchsorted(cycle_ends, motion.time, side="right") - 1, 0, count - 1)
+    duration = np.diff(cycle_ends)[:, None]
 
-    def summed(values: NDArray[Any]) -> NDArray[Any]:
+    def sum_over_cycles(values: NDArray[Any]) -> NDArray[Any]:
         out = np.zeros((count, *values.shape[1:]), dtype=values.dtype)
         np.add.at(out, cycle, values)
         return out
 
-    harmonic: Complexes = summed(_harmonics(motion, output_of, orders, phase))
+    harmonic: Complexes = sum_over_cycles(_harmonics(motion, output_of, orders, phase))
     square, imbalance = _products(motion, output_of)
     high, low = np.full((2, count, square.shape[1]), np.nan)
-    found = motion.extrema(lambda phases: output_of(phases)[searched], edge)
-    low[:, searched], high[:, searched] = found.low, found.high
+    found = motion.extrema(lambda phases: output_of(phases)[searched_outputs], cycle_ends)
+    low[:, searched_outputs], high[:, searched_outputs] = found.low, found.high
     touching = motion.flow.system.contacts.closed(motion.phases)
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
     closes = motion.touch_changes > 0
-    of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)
+    of_event = np.clip(np.searchsorted(cycle_ends, motion.event_time[closes], side="right") - 1, 0, count - 1)
     np.add.at(closings, (of_event, motion.event_contact[closes]), 1)
     return CycleRecord(
         high=high,
         low=low,
-        mean_square=summed(square) / duration,
+        mean_square=sum_over_cycles(square) / duration,
         harmonic=np.asarray(harmonic / np.where(np.asarray(orders) == 0.0, duration[:, :, None], np.pi)),
-        contact_share=summed(touching * motion.length[:, None]) / duration,
+        contact_share=sum_over_cycles(touching * motion.length[:, None]) / duration,
         closings=closings,
-        imbalance=summed(imbalance),
+        imbalance=sum_over_cycles(imbalance),
         energy=_largest_energy(motion, cycle, count),
-        jumps=_jumps(motion, edge),
-        pressing=summed(_pressing_where_sliding_begins(motion)),
-        duration=np.diff(edge),
+        jumps=_jumps(motion, cycle_ends),
+        pressing=sum_over_cycles(_normal_force_at_sliding_start(motion)),
+        duration=np.diff(cycle_ends),
         cycles=np.ones(count, dtype=np.int64),
     )  # fmt: skip
 
@@ -231,10 +231,10 @@ def _products(motion: Trajectory, output_of: RowsOf) -> tuple[Floats, Floats]:
     weights[:outputs, :outputs], weights[outputs:, outputs:] = np.eye(outputs), weight
 
     def above(factors: RowsOf) -> RowsOf:
-        def both(phases: Ints) -> Floats:
+        def row_products(phases: Ints) -> Floats:
             return np.vstack([output_of(phases), factors(phases)])
 
-        return both
+        return row_products
 
     with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite show in the balance
         integrals = motion.segment_integrals(above(left), above(right), weights)
@@ -263,17 +263,17 @@ def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
     return largest
 
 
-def _jumps(motion: Trajectory, edge: Floats) -> Floats:
+def _jumps(motion: Trajectory, cycle_ends: Floats) -> Floats:
     """(C, 2, m) largest jump of each contact's force between cycle ends, N, and sum of all squared jumps, N^2."""
     time, size = contact_jumps(motion)
-    cycle = np.clip(np.searchsorted(edge, time, side="right") - 1, 0, edge.size - 2)
-    found = np.zeros((edge.size - 1, 2, size.shape[1]))
+    cycle = np.clip(np.searchsorted(cycle_ends, time, side="right") - 1, 0, cycle_ends.size - 2)
+    found = np.zeros((cycle_ends.size - 1, 2, size.shape[1]))
     np.maximum.at(found[:, 0], cycle, size)
     np.add.at(found[:, 1], cycle, size**2)
     return found
 
 
-def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
+def _normal_force_at_sliding_start(motion: Trajectory) -> Floats:
     """(S, 2, p) normal forces, N, and their squares, where a contact begins to slide and loses spring energy.
 
     The loss follows the normal force at that instant. Zero for segments that begin otherwise.

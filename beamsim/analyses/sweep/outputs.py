@@ -79,7 +79,7 @@ class SweepLevel:
     settings: SweptSine | SteppedSine
     value: float
     index: int
-    limited: Collection[str] = ()
+    limited_quantities: Collection[str] = ()
 
     @property
     def quantity(self) -> str:
@@ -94,14 +94,14 @@ class SweepLevel:
     @cached_property
     def channels(self) -> ChannelSet:
         """Channels with extremes, means and harmonics."""
-        asked = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in self.limited}
+        asked = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in self.limited_quantities}
         if not self.settings.accelerations:
             asked.discard(ACCELERATION)
 
-        def wanted(channel: Channel) -> bool:
+        def is_evaluated(channel: Channel) -> bool:
             return channel.key in asked or (channel.section == "outputs" and not channel.squared)
 
-        return self.system.channels.select(wanted)
+        return self.system.channels.select(is_evaluated)
 
     def rows(self, template: ExactFlow) -> RowsOf:
         """Rows of all columns as a function of the contacts' phases, in the form that a flow takes."""
@@ -153,8 +153,8 @@ class SweepLevel:
         snubbers, count = self.system.snubbers, record.count
         columns: dict[str, Any] = {
             "cycle": 1 + np.arange(count), "curve": np.zeros(count, dtype=np.int64), **values,
-            "order": np.array(self.settings.tracked_orders), **self._of_quantities(record, values["frequency_hz"]),
-            **self._of_outputs(record),
+            "order": np.array(self.settings.tracked_orders), **self._quantity_columns(record, values["frequency_hz"]),
+            **self._output_columns(record),
         }  # fmt: skip
         if self.system.probes:
             rest = self.system.static_equilibrium
@@ -169,7 +169,7 @@ class SweepLevel:
         if record.contact_share.shape[1] > len(snubbers):
             columns["spring_changes"] = cycles_with_breakpoint(record.contact_share[:, len(snubbers) :])
         columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
-        if "gap" in self.limited:
+        if "gap" in self.limited_quantities:
             opening = self._columns_by_name(OPENING, "m")
             unknown = np.full(count, np.nan)
             gaps = [record.high[:, opening[s.name]] if s.name in opening else unknown for s in snubbers]
@@ -191,7 +191,7 @@ class SweepLevel:
             tables={"cycles": cycles, **(tables or {})},
         )  # fmt: skip
 
-    def _of_quantities(self, record: CycleRecord, frequency_hz: Floats) -> dict[str, Any]:
+    def _quantity_columns(self, record: CycleRecord, frequency_hz: Floats) -> dict[str, Any]:
         """Extremes, means, harmonics and limits over frequency."""
         scenario, columns = self.system.scenario, dict[str, Any]()
         called = {each.unit: name for name, each in Limits.curves["response"].items()}
@@ -231,7 +231,7 @@ class SweepLevel:
         named = {"acceleration_jump": probes, "output_jump": outputs}
         return {name: largest(of) for name, of in named.items() if of}
 
-    def _of_outputs(self, record: CycleRecord) -> dict[str, Any]:
+    def _output_columns(self, record: CycleRecord) -> dict[str, Any]:
         """Outputs with their extremes, means and harmonics."""
         outputs = [(c, k) for c, k in self.channels.first_columns if c.section == "outputs"]
         if not outputs:

@@ -26,7 +26,7 @@ LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles that counts 
 # Behind a natural frequency fn that is passed at a rate r, its free motion beats with the excitation (f - fn)² / 2 r
 # times. The largest response is 0.37 beats behind it (undamped: F. M. Lewis, Trans. ASME 54 (1932) 253), the next
 # maximum 1.4.
-NARROWEST = 0.03  # width of a resonance over its frequency
+NARROWEST_RESONANCE = 0.03  # width of a resonance over its frequency
 
 
 def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[ResponsePeak]:
@@ -66,15 +66,15 @@ def find_peaks(curve: SweepCurve, probe: str, modes: Dataset | None) -> list[Res
     tops = [first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]])) for bin_ in inner]
     largest = sorted(tops, key=lambda at: -float(peak[at]))[:MOST_PEAKS]
     of_cycles = response, curve.channel("displacement", probe).harmonics
-    return [_named(curve, probe, modes, of_cycles, index, frequency, at) for at in largest]
+    return [_classify(curve, probe, modes, of_cycles, index, frequency, at) for at in largest]
 
 
-def _named(
-    curve: SweepCurve, probe: str, modes: Dataset | None, of_cycles: tuple[Floats, Complexes], index: Ints,
-    frequency: Floats, at: int,
+def _classify(
+    curve: SweepCurve, probe: str, modes: Dataset | None, cycle_values: tuple[Floats, Complexes], index: Ints,
+    frequency: Floats, peak_index: int,
 ) -> ResponsePeak:  # fmt: skip
-    response, harmonics = of_cycles
-    f = frequency[at]
+    response, harmonics = cycle_values
+    f = frequency[peak_index]
 
     def median(r: int, part: Ints) -> float:
         """Median over cycles; NaN if there is no number, as for order 1/2 in the first cycle."""
@@ -82,9 +82,9 @@ def _named(
         numbers = numbers[~np.isnan(numbers)]
         return float(np.median(numbers)) if numbers.size else np.nan
 
-    here = _around(frequency, f * 0.99, f * 1.01, at)
-    below = _around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
-    above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
+    here = _indices_around(frequency, f * 0.99, f * 1.01, peak_index)
+    below = _indices_around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
+    above = _indices_around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
     rise, fall = np.empty(curve.orders.size), np.empty(curve.orders.size)
     for r in range(curve.orders.size):
         sides = [median(r, part) for part in (below, above) if part.size]
@@ -101,7 +101,7 @@ def _named(
     linear = _linear(curve, index[here])
     if order == 1.0 or not known:
         kind = "linear resonance" if linear else "nonlinear resonance"
-        if linear and modes is not None and not _has_passed_a_mode(curve, modes, int(index[at])):
+        if linear and modes is not None and not _has_passed_a_mode(curve, modes, int(index[peak_index])):
             kind = "beat"
     elif linear:
         kind = "beat"
@@ -110,12 +110,12 @@ def _named(
     steps = np.diff(np.log(np.abs(curve.excitation_amplitude[index[here]])))
     if linear and np.any(np.abs(steps) > np.log(LEVEL_STEP)):
         kind = "level step"
-    value = float(response[index[at]])
+    value = float(response[index[peak_index]])
     share = float(strength / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
 
-def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
+def _indices_around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     return inside if inside.size or fallback is None else np.array([fallback])
 
@@ -131,18 +131,18 @@ def _has_passed_a_mode(curve: SweepCurve, modes: Dataset, cycle: int) -> bool:
     closed = max(shares.tolist(), default=0.0) >= 0.5
     natural = modes["closed_frequencies_hz" if closed else "open_frequencies_hz"].values
     ratios = modes["closed_damping_ratios" if closed else "damping_ratios"].values
-    width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST)
+    width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST_RESONANCE)
     near = slice(max(cycle - 1, 0), cycle + 2)
     rate = np.mean(np.gradient(curve.frequency_hz[near], curve.time[near]))
     behind = np.sign(rate) * (curve.frequency_hz[cycle] - natural)
     return bool(np.any((behind > -width) & (behind < np.maximum(width, np.sqrt(2.0 * 0.9 * np.abs(rate))))))
 
 
-def _linear(curve: SweepCurve, part: Ints) -> bool:
+def _linear(curve: SweepCurve, cycles: Ints) -> bool:
     """True if no contact opens or closes, and no breakpoint of a spring is passed, in these cycles."""
-    if "spring_changes" in curve.cycles and np.any(curve["spring_changes"].values[part]):
+    if "spring_changes" in curve.cycles and np.any(curve["spring_changes"].values[cycles]):
         return False
-    shares = curve["contact_share"].values[:, part] if "contact_share" in curve.cycles else np.zeros((0, 0))
+    shares = curve["contact_share"].values[:, cycles] if "contact_share" in curve.cycles else np.zeros((0, 0))
     return bool(np.all(np.all(shares <= ALWAYS, axis=1) | np.all(shares >= 1 - ALWAYS, axis=1)))
 
 

@@ -40,7 +40,7 @@ from beamsim.summaries import ByName, Entry, Number, Plain, Text, by_name, list_
 from beamsim.system.structural import MODES
 from beamsim.typing import Complexes, Floats
 
-OFFSET = 1e-6  # relative to the peak
+LEAST_OFFSET = 1e-6  # relative to the peak
 _OF_QUANTITY = ("max_{}", "min_{}", "rms_{}", "mean_{}", "harmonic_{}_real", "harmonic_{}_imag")
 _OF_OUTPUT = (
     "output_maximum", "output_minimum", "output_rms", "output_mean", "output_harmonics_real", "output_harmonics_imag",
@@ -76,7 +76,7 @@ class Notching:
     quantity: str  # of the levels: acceleration, velocity or displacement of the base, or force
     frequency_hz: Floats  # (P,) Hz, excitation frequency
     level: Floats  # (P,) zero to peak
-    specified: Floats  # (P,) specification without notches; its steps take one cycle
+    specification: Floats  # (P,) specification without notches; its steps take one cycle
     limits: Sequence[NotchLimit] = ()
     ranges: Sequence[NotchedRange] = ()
     trials: int = 0  # short motions computed to choose the level
@@ -173,7 +173,7 @@ class SweepCurve:
         """Displacement of a probe at static equilibrium if it exceeds round-off, else 0."""
         at_rest = float(self["static_displacement"].sel(probe=probe).item())
         peak = self["peak_displacement"].sel(probe=probe).values
-        return at_rest if abs(at_rest) > OFFSET * np.nanmax(peak, initial=0.0) else 0.0
+        return at_rest if abs(at_rest) > LEAST_OFFSET * np.nanmax(peak, initial=0.0) else 0.0
 
     def largest(self) -> Iterator[tuple[Value, str, float, float]]:
         """Largest limited quantities and outputs: value, name, maximum over the cycles, and its frequency, Hz."""
@@ -314,7 +314,7 @@ class ResponsePeak(NamedTuple):
     share: float
 
 
-OF_PEAKS: dict[str, Any] = {
+PEAK_COLUMNS: dict[str, Any] = {
     "frequency_hz": Number, "value_m": Number, "kind": Text, "direction": Text, "level": Number, "order": Number,
     "probe": Text, "curve": Text,
 }  # fmt: skip
@@ -325,7 +325,8 @@ _SUMMARY = (
     GAPPING,
     CLOSEST_TO_TEST,
     BY_ENTRY["gapping_ratio"].summary_entry("of the strongest sweep, "),
-    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", form=list_of(record(OF_PEAKS))),
+    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks",
+          form=list_of(record(PEAK_COLUMNS))),
     Entry("curves", "",
              "by curve its direction, level and number of points, and of a stepped sweep how many motions of "
              "each kind it has", form=by_name(CURVE)),

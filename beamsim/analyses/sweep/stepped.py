@@ -32,7 +32,7 @@ from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
 from beamsim.typing import Floats, of_kind
 
-MOST_MEASURED = 240
+MOST_MEASURED_CYCLES = 240
 
 _SteadyPoint = tuple[float, Periodicity, Exponent | None, CycleRecord]  # frequency, Hz, and its steady motion
 
@@ -94,9 +94,9 @@ def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
     return CycleStepper(flow, 1.0 / first), start(flow, level.system.initial_state)[0]
 
 
-def loads_at(level: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
+def loads_at(level: SweepLevel, frequency_hz: float) -> tuple[Forcing, tuple[Signal, ...]]:
     """Loads of a level at a frequency, Hz; see `harmonic_loads`."""
-    omega = 2 * np.pi * f
+    omega = 2 * np.pi * frequency_hz
     return harmonic_loads(level.system, omega, sine_of(level.system.scenario.sine, omega, level.value))
 
 
@@ -105,20 +105,22 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
     repeat = period
     for order in settings.tracked_orders:
         longer = math.lcm(repeat, Fraction(order).limit_denominator(12).denominator)
-        if longer <= MOST_MEASURED:
+        if longer <= MOST_MEASURED_CYCLES:
             repeat = longer
-    return max(repeat, min(math.ceil(settings.measured_cycles / repeat) * repeat, MOST_MEASURED // repeat * repeat))
+    return max(
+        repeat, min(math.ceil(settings.measured_cycles / repeat) * repeat, MOST_MEASURED_CYCLES // repeat * repeat)
+    )
 
 
 def steady_at(
-    level: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
+    level: SweepLevel, frequency_hz: float, stepper: CycleStepper, motion: Motion
 ) -> tuple[Periodicity, Exponent | None, CycleRecord]:
     """March to the steady motion at the next frequency; with the Lyapunov exponent if it is not periodic.
 
     Parameters
     ----------
     level : level of the sweep.
-    f : frequency, Hz.
+    frequency_hz : frequency, Hz.
     stepper, motion : state after the previous step; changed in place.
 
     Raises
@@ -126,8 +128,8 @@ def steady_at(
     ArithmeticError
         If the limit of the stepper's work is exceeded.
     """
-    settings, (forcing, observers) = of_kind(SteppedSine, level.settings), loads_at(level, f)
-    stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / f), 1.0 / f, motion)
+    settings, (forcing, observers) = of_kind(SteppedSine, level.settings), loads_at(level, frequency_hz)
+    stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / frequency_hz), 1.0 / frequency_hz, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,

@@ -35,7 +35,7 @@ from beamsim.system.equations import Forcing, RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
-CONTROL = 0.8  # share of the work of a notched sweep spent on the choice of the level
+CONTROL_SHARE = 0.8  # share of the work of a notched sweep spent on the choice of the level
 
 
 def legs_of(settings: SweptSine) -> list[Leg]:
@@ -121,12 +121,12 @@ def sweep_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
         Curves up to where the computation ended; the last may be incomplete.
     """
     settings = of_kind(SweptSine, level.settings)
-    beginning = 0.0 if settings.notch_to is None else CONTROL
+    beginning = 0.0 if settings.notch_to is None else CONTROL_SHARE
     notching: Notching | None = None
     notch_limits: tuple[LimitColumn, ...] = ()
     if settings.notch_to is not None:
-        notch_limits = limited_of(settings.notch_to, level)
-        notching = notched_level(level, notch_limits, part_of(progress, 0.0, CONTROL))
+        notch_limits = limit_columns(settings.notch_to, level)
+        notching = notched_level(level, notch_limits, part_of(progress, 0.0, CONTROL_SHARE))
     march, profile, corrections = swept_march(level, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
     parts, history, aliased = _record_cycles(level, march)
@@ -199,16 +199,16 @@ def _curves(level: SweepLevel, profile: Profile, windows: SweepWindows, record: 
             "energy_error": energy_errors(of_leg.imbalance, of_leg.energy, complete),
         }  # fmt: skip
         direction = "up" if leg.last_hz > leg.first_hz else "down"
-        curves.append(level.curve(of_leg if complete[-1] else of_leg.with_rest_in_last(), direction, values))
+        curves.append(level.curve(of_leg if complete[-1] else of_leg.merge_incomplete_cycle(), direction, values))
     return tuple(curves)
 
 
 ALLOWED_EXCESS = 0.05  # relative to a limit
-NOTCH_NOT_HELD = "notch_not_held"
-LEVEL_KNOWN = 1e-3  # relative tolerance of the table against the followed level
-LOWERED = 0.995  # times the specification; at higher levels there is no notch
-NARROW = 0.01  # relative width below which a range is merged with its neighbours
-SAME_STEP = 1e-9  # relative change of the specification that does not count as a step
+NOTCH_EXCEEDED = "notch_not_held"
+LEVEL_TOLERANCE = 1e-3  # relative tolerance of the table against the followed level
+LARGEST_NOTCHED_RATIO = 0.995  # times the specification; at higher levels there is no notch
+NARROW_RANGE = 0.01  # relative width below which a range is merged with its neighbours
+STEP_TOLERANCE = 1e-9  # relative change of the specification that does not count as a step
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class LimitColumn:
 
     name: str
     limit: float
-    of: LimitedQuantity
+    quantity: LimitedQuantity
     column: int
 
 
@@ -229,7 +229,7 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitColumn, ...]:
+def limit_columns(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitColumn, ...]:
     """Limits with the columns of a level that they apply to.
 
     Parameters
@@ -258,13 +258,13 @@ def limited_of(limits: Mapping[str, float], level: SweepLevel) -> tuple[LimitCol
     return tuple(limited)
 
 
-def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: Progress) -> Notching:
+def notched_level(level: SweepLevel, limits: Sequence[LimitColumn], progress: Progress) -> Notching:
     """Follow the first leg and lower its level to the limits; the response is computed afterwards.
 
     Parameters
     ----------
     level : level of a swept sine.
-    limited : limits with their columns.
+    limits : limits with their columns.
     progress : called with the completed fraction of the leg.
 
     Returns
@@ -276,15 +276,15 @@ def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: P
     if settings.profile:
         quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
     leg, (profile, phase) = legs_of(settings)[0], sweep_profile(level)
-    specification = continuous(profile, leg)
-    columns = np.array([each.column for each in limited])
+    specification = with_leg_ends(profile, leg)
+    columns = np.array([each.column for each in limits])
 
     def limited_outputs(flow: ExactFlow) -> RowsOf:
         rows = level.rows(flow)
         return lambda phases: rows(phases)[columns]
 
     control = LevelControl(
-        system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limited]), leg,
+        system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limits]), leg,
         specification, phase, system.base_acceleration is not None, system.initial_state, stop_requested, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
@@ -292,14 +292,14 @@ def notched_level(level: SweepLevel, limited: Sequence[LimitColumn], progress: P
     return Notching(quantity, frequency, amplitude / divisor, specification(frequency) / divisor, trials=control.trials)
 
 
-def continuous(profile: Profile, leg: Leg) -> Profile:
+def with_leg_ends(profile: Profile, leg: Leg) -> Profile:
     """Profile with the ends of a leg among its points, and with steps that take one cycle."""
     low, high = sorted((leg.first_hz, leg.last_hz))
     edges = profile.edge[(profile.edge > low) & (profile.edge < high)]
     points = [low]
     for edge in edges:
         below = float(profile(np.nextafter(edge, 0.0)))
-        if abs(float(profile(edge)) / below - 1.0) <= SAME_STEP:
+        if abs(float(profile(edge)) / below - 1.0) <= STEP_TOLERANCE:
             points.append(float(edge))
             continue
         turns = float(leg.turns(np.array(edge)))
@@ -316,16 +316,16 @@ def values_that_lower_level(scenario: Scenario) -> set[tuple[str, str]]:
     return {(f"peak_{each.quantity}" if each.quantity else each.section, each.item) for each in of if each is not None}
 
 
-def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
+def with_notched_tolerance(scenario: Scenario, margins: Margins) -> Margins:
     """Margins with the accepted tolerance for limits that the lowered level keeps."""
     held = values_that_lower_level(scenario)
 
-    def of_level(name: str, at: str) -> bool:
+    def is_notched(name: str, at: str) -> bool:
         value, place = limited_value(name)
         return (value.limit, place or at.partition(",")[0]) in held
 
     return with_verdicts({
-        name: item | ({"held_within": CLOSE} if of_level(name, item["at"]) else {})
+        name: item | ({"held_within": CLOSE} if is_notched(name, item["at"]) else {})
         for name, item in margins.items()
     })  # fmt: skip
 
@@ -346,7 +346,7 @@ def with_notching(
     curve : response with the notching.
     not_held : outcome if a limit is exceeded by more than the tolerance; None if all are kept.
     """
-    values = [curve.limited_values(each.of) for each in limited]
+    values = [curve.limited_values(each.quantity) for each in limited]
     share = np.array([of.peak / each.limit for of, each in zip(values, limited, strict=True)])  # (limits, C)
     limits = [
         NotchLimit(
@@ -358,24 +358,24 @@ def with_notching(
     unit = [{"notch_unit": notching.unit}]
     table = {
         "point": 1 + np.arange(points), "curve": np.zeros(points, dtype=np.int64), "quantity": notching.quantity,
-        "frequency_hz": notching.frequency_hz, "level": notching.level, "specified": notching.specified,
+        "frequency_hz": notching.frequency_hz, "level": notching.level, "specified": notching.specification,
     }  # fmt: skip
     tables = {
         "notches": NOTCHES.dataset(table, {"point": unit}),
         "notch_limits": NOTCH_LIMITS.table(limits, curve=np.zeros(len(limits), dtype=np.int64)),
         "notch_ranges": NOTCH_RANGES.table(ranges, unit, curve=np.zeros(len(ranges), dtype=np.int64)),
     }
-    return replace(curve, tables={**curve.tables, **tables}), _not_held(curve, limited, share)
+    return replace(curve, tables={**curve.tables, **tables}), _exceeded_outcome(curve, limited, share)
 
 
-def _not_held(curve: SweepCurve, limited: Sequence[LimitColumn], shares: Floats) -> Outcome | None:
+def _exceeded_outcome(curve: SweepCurve, limits: Sequence[LimitColumn], shares: Floats) -> Outcome | None:
     over = shares > 1.0 + ALLOWED_EXCESS
     if not over.any():
         return None
     row, at = (int(i) for i in np.unravel_index(np.nanargmax(shares), shares.shape))
     where = np.flatnonzero(over.any(axis=0))
     f = np.sort(curve.frequency_hz[where])
-    parts = np.split(f, np.flatnonzero(np.diff(f) > NARROW * f[:-1]) + 1)
+    parts = np.split(f, np.flatnonzero(np.diff(f) > NARROW_RANGE * f[:-1]) + 1)
     share = curve["contact_share"].values[:, where] if "contact_share" in curve.cycles else np.zeros(0)
     moved = bool(np.any((share > 0) & (share < 1)))
     reason = (
@@ -384,22 +384,22 @@ def _not_held(curve: SweepCurve, limited: Sequence[LimitColumn], shares: Floats)
     )  # fmt: skip
     percent = float(100 * (shares[row, at] - 1))
     return Outcome.of(
-        OutcomeKind.NOT_HELD, NOTCH_NOT_HELD,
-        f"notching: {limited[row].name} is exceeded by up to {percent:.3g} % at {curve.frequency_hz[at]:.4g} Hz, where "
+        OutcomeKind.NOT_HELD, NOTCH_EXCEEDED,
+        f"notching: {limits[row].name} is exceeded by up to {percent:.3g} % at {curve.frequency_hz[at]:.4g} Hz, where "
         f"{reason}; limits are exceeded",
         at=Where([(float(part[0]), float(part[-1])) for part in parts], "Hz"),
         remedy="sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
-        limit=limited[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
+        limit=limits[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
     )  # fmt: skip
 
 
-def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
+def combine_level_outcomes(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
     """Combine the outcomes of the levels of a sweep.
 
     The first incomplete outcome stands for all. For exceeded limits, the largest excess does, and the other levels
     with an excess are named.
     """
-    over = [(each, name) for each, name in zip(outcomes, names, strict=True) if each.code == NOTCH_NOT_HELD]
+    over = [(each, name) for each, name in zip(outcomes, names, strict=True) if each.code == NOTCH_EXCEEDED]
     if len(outcomes) == 1 or not over:
         return combined(outcomes)
     over.sort(key=lambda item: -_number(item[0], "percent"))
@@ -409,7 +409,7 @@ def of_levels(outcomes: Sequence[Outcome], names: Sequence[Where]) -> Outcome:
         percent, frequency = _number(each, "percent"), _number(each, "frequency")
         sentence = f"{each.numbers['limit']} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz"
         parts.append(each.copy_with(sentence=sentence, place=None, remedy="", context=at))
-    others = combined([each for each in outcomes if each.code != NOTCH_NOT_HELD])
+    others = combined([each for each in outcomes if each.code != NOTCH_EXCEEDED])
     return largest.copy_with(*parts, *others.unless_complete, context=name)
 
 
@@ -418,18 +418,18 @@ def _number(outcome: Outcome, name: str) -> float:
 
 
 def _ranges(
-    notching: Notching, limited: Sequence[LimitColumn], curve: SweepCurve, share: Floats
+    notching: Notching, limits: Sequence[LimitColumn], curve: SweepCurve, share: Floats
 ) -> Sequence[NotchedRange]:
     """Frequency ranges with a lowered level, each with the limit that governs most of it."""
     order = np.argsort(curve.frequency_hz)
     f = curve.frequency_hz[order]
-    reduction = np.interp(np.log(f), np.log(notching.frequency_hz), np.log(notching.level / notching.specified))
-    governing = np.where(reduction < np.log(LOWERED), np.argmax(share[:, order], axis=0), -1)
+    reduction = np.interp(np.log(f), np.log(notching.frequency_hz), np.log(notching.level / notching.specification))
+    governing = np.where(reduction < np.log(LARGEST_NOTCHED_RATIO), np.argmax(share[:, order], axis=0), -1)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(governing)) + 1])
     runs = [[int(a), int(b), int(governing[a])] for a, b in zip(starts, np.append(starts[1:], f.size), strict=True)]
     merged: list[list[int]] = []
     for run in runs:
-        narrow = f[run[1] - 1] / f[run[0]] - 1.0 < NARROW
+        narrow = f[run[1] - 1] / f[run[0]] - 1.0 < NARROW_RANGE
         if merged and (merged[-1][2] == run[2] or (narrow and run[2] >= 0 and merged[-1][2] >= 0)):
             merged[-1][1] = run[1]
         else:
@@ -442,5 +442,5 @@ def _ranges(
         at = float(f[deepest])
         level = float(on_curve(at, notching.frequency_hz, notching.level))
         decibels = float(20 / np.log(10) * reduction[deepest])
-        ranges.append(NotchedRange(limited[which].name, float(f[first]), float(f[last - 1]), at, level, decibels))
+        ranges.append(NotchedRange(limits[which].name, float(f[first]), float(f[last - 1]), at, level, decibels))
     return ranges
