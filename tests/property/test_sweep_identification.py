@@ -258,7 +258,7 @@ def test_a_level_below_contact_tells_the_structure_and_that_a_sweep_is_too_fast(
     scenario = case(tests)
     test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
     found = test.predict(test.case(scenario), None, SharedBuilds())
-    assert found.numbers == pytest.approx([10.0 * r[np.argmax(amplitude)], amplitude.max()], rel=1e-6)
+    assert found.predicted == pytest.approx([10.0 * r[np.argmax(amplitude)], amplitude.max()], rel=1e-6)
     assert found.bandwidth == pytest.approx(TRUTH[DASHPOT] / (2 * np.pi), rel=1e-9)  # c / m / (2 pi), in Hz
     assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.fit_warnings(found)[-1]  # 0.1 times its square is 0.01
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.analyses.sweep.swept_sine import of_levels
+from beamsim.analyses.sweep.swept_sine import combine_level_outcomes
 from beamsim.cli.motions import in_gravities, notch_texts
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario import load_scenario
@@ -153,13 +153,15 @@ def test_the_largest_excess_of_all_levels_comes_first_and_each_is_named():
         )
         for percent in (6.29, 6.94)
     ]  # fmt: skip
-    outcome = of_levels([over[0], COMPLETE, over[1]], [Where(level, "g", "level") for level in (0.5, 1.0, 2.0)])
+    outcome = combine_level_outcomes(
+        [over[0], COMPLETE, over[1]], [Where(level, "g", "level") for level in (0.5, 1.0, 2.0)]
+    )
     assert outcome.text == (
         "level 2 g: notching: first is exceeded; sweep more slowly; "
         "level 0.5 g: first is exceeded by up to 6.29 % at 20 Hz"
     )
     assert [each.numbers["percent"] for each in outcome.outcomes_with_code("notch_not_held")] == [6.94, 6.29]
-    assert of_levels([COMPLETE, COMPLETE], [Where(1.0, "g", "level")] * 2) is COMPLETE
+    assert combine_level_outcomes([COMPLETE, COMPLETE], [Where(1.0, "g", "level")] * 2) is COMPLETE
 
 
 def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):

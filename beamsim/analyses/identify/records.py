@@ -221,7 +221,7 @@ class Transient(Test):
         time = signal.x - signal.x[0] - test.begin
         part = (time >= 0.0) & (time <= (test.duration or np.inf))
         if part.sum() < FEWEST_SAMPLES:
-            message = f"has {part.sum()} samples after begin = {test.begin:g} s; at least {FEWEST_SAMPLES} are needed"
+            message = f"has {part.sum()} samples after begin = {test.begin:g} s, and {FEWEST_SAMPLES} are needed"
             raise InputFileError(message, "check begin, which counts from the first sample, or give a longer duration")
         free, duration = test.phase == "free", float(time[part][-1])
         reach = DELAY_SHARE * duration if free else 0.0
