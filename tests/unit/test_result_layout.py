@@ -83,7 +83,6 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(kept):
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate dimension names")
-@pytest.mark.parametrize("kept", FILES, indirect=True)
 def test_xarray_opens_every_group_of_every_kind(kept):
     xarray = pytest.importorskip("xarray")
     _, _, path = kept
