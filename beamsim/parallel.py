@@ -19,12 +19,12 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
-from itertools import islice, takewhile
+from itertools import islice
 from multiprocessing import connection, current_process, get_context
 from typing import Any, Generic, TypeVar
 
@@ -41,6 +41,7 @@ WORKER_DIED = f"its worker process ended in {MOST_ATTEMPTS} attempts: killed, ou
 POLLED_S = 0.05  # interval at which it is asked whether to stop
 ASKED_S = 0.5  # interval at which a scheduler is asked for its workers
 NO_WORKERS_S = 30.0  # time without any worker after which the user is warned
+WORTH_STARTING_S = 6.0  # time of the work that is left above which processes are started, each of which takes 2 to 3 s
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -53,9 +54,10 @@ def default_workers() -> int:
         return os.cpu_count() or 1
 
 
-def most_processors(workers: int, scheduler: str | Cluster | None) -> int:
+def most_processors(workers: int | None, scheduler: str | Cluster | None) -> int:
     """Largest number of processors that share the work; how many a cluster has is not known before the start."""
-    return min(max(workers, 1), default_workers()) if scheduler is None else 10_000
+    processors = default_workers()
+    return min(max(workers or processors, 1), processors) if scheduler is None else 10_000
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,7 @@ def _next_tasks(
 @contextmanager
 def worker_pool(
     computation: Computation[Item, Result], most: int, *,
-    workers: int = 1, scheduler: str | Cluster | None = None,
+    workers: int | None = 1, scheduler: str | Cluster | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
     """Who computes items for all of a block: this process, several others, or a cluster.
 
@@ -224,7 +226,8 @@ def worker_pool(
     ----------
     computation : of the items.
     most : items at once; there are no more workers.
-    workers : their number; one is this process.
+    workers : their number; one is this process. None: one for each processor, which start as soon as this process
+        sees that the items will take longer than the start.
     scheduler : Dask scheduler whose workers are used instead, or its address.
 
     Yields
@@ -236,16 +239,53 @@ def worker_pool(
     ScenarioError
         If there are fewer workers than one; else as `processes` and `cluster_workers`.
     """
-    if workers < 1:
+    if workers is not None and workers < 1:
         raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
-    count = max(1, min(workers, most))
-    if scheduler is None and count == 1:
-        function = computation.function()
-        yield lambda items: map(function, takewhile(lambda _: not stop_requested(), items))
+    count = max(1, min(workers or default_workers(), most))
+    if scheduler is None and (count == 1 or workers is None):
+        with ExitStack() as started:
+            yield _ThisProcess(computation, count, started).iterate_results
         return
     cluster = Cluster(scheduler) if isinstance(scheduler, str) else scheduler
     with processes(count) if cluster is None else cluster_workers(cluster) as there:
         yield partial(there.iterate_results, computation)
+
+
+class _ThisProcess(Generic[Item, Result]):
+    """Computes items here; where several workers are allowed, until it is worth while to start them.
+
+    Parameters
+    ----------
+    computation : of the items.
+    count : number of workers; with one there is only this process.
+    started : takes the processes that are started, to end them.
+    """
+
+    def __init__(self, computation: Computation[Item, Result], count: int, started: ExitStack) -> None:
+        self._computation, self._count, self._started = computation, count, started
+        self._function = computation.function()
+        self._workers: Workers | None = None
+        self._done, self._spent_s = 0, 0.0
+
+    def iterate_results(self, items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the result of every item, in the order of completion, until a stop is requested."""
+        left = deque(items)
+        while left and not stop_requested():
+            if self._workers is None and self._worth_starting(len(left)):
+                self._workers = self._started.enter_context(processes(self._count))
+            if self._workers is not None:
+                yield from self._workers.iterate_results(self._computation, left)
+                return
+            begin = clock.perf_counter()
+            result = self._function(left.popleft())
+            self._done, self._spent_s = self._done + 1, self._spent_s + clock.perf_counter() - begin
+            yield result
+
+    def _worth_starting(self, left: int) -> bool:
+        """Whether so many items take longer than the start of processes, or those that are done already have."""
+        if self._count == 1 or left < 2 or not self._done:
+            return False
+        return max(self._spent_s, self._spent_s / self._done * left) > WORTH_STARTING_S
 
 
 class _WorkerFunction(threading.local):

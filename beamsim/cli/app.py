@@ -214,7 +214,7 @@ def sweep(
         typer.Option(
             "--workers",
             min=1,
-            help="Processes for vary or coexisting motions; by default one per core.",
+            help="Processes for vary or coexisting motions; by default one per core where the cases take long enough.",
         ),
     ] = None,
     scheduler: Annotated[

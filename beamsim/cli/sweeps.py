@@ -22,7 +22,7 @@ from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioEr
 from beamsim.files import check_writable, partial_file, replacement_file
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code, stop_requests
-from beamsim.parallel import Cluster, default_workers
+from beamsim.parallel import Cluster
 from beamsim.results.result import used_processor_time
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import as_plain_data
@@ -77,8 +77,7 @@ def swept(options: CommandOptions, own_options: Mapping[str, Any]) -> None:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
     if own_options["wait_for_workers"] is not None and own_options["scheduler"] is None:
         raise ScenarioError(Problem("--wait-for-workers", "applies to the workers of --scheduler", "leave it out"))
-    of_cases = {name: own_options[name] for name in ("scheduler", "wait_for_workers")}
-    of_cases["workers"] = own_options["workers"] or default_workers()
+    of_cases = {name: own_options[name] for name in ("workers", "scheduler", "wait_for_workers")}
     if kind == "designs":
         sweep_designs(scenario, target, options, **of_cases)
     elif kind == "continuation":
@@ -229,7 +228,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
 
 
 def _workers(
-    progress: Progress, *, workers: int, scheduler: str | None, wait_for_workers: float | None
+    progress: Progress, *, workers: int | None, scheduler: str | None, wait_for_workers: float | None
 ) -> dict[str, Any]:
     """Who solves cases, as arguments of what computes them; where there are no workers, no time is estimated."""
 

@@ -119,7 +119,7 @@ def _of_entry(response: str) -> str:
 def design_study(
     scenario: Source | StudyPlan,
     *,
-    workers: int = 1,
+    workers: int | None = 1,
     scheduler: str | Cluster | None = None,
     known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
@@ -138,7 +138,8 @@ def design_study(
     scenario : with ``vary`` or ``optimise``, or what `beamsim.load_scenario` reads; or its plan from `plan_designs`,
         already checked by `check_cases`. Each case is a sweep if there is a section ``sweep``, else a run.
     workers : number of processes on this machine; one is this process, several are started in addition and import the
-        script that calls, so that its call stands below ``if __name__ == "__main__":``.
+        script that calls, so that its call stands below ``if __name__ == "__main__":``. None: one for each processor,
+        if the first cases show that it is worth while to start them.
     scheduler : Dask scheduler whose workers are used instead: its address, or with how long to wait for workers.
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.

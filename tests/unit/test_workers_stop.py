@@ -55,6 +55,24 @@ def test_workers_give_everything_where_nothing_stops_them(count, tmp_path):
         assert sorted(solved(range(50))) == [number**2 for number in range(50)]
 
 
+class NamingProcess:
+    """Makes a function that gives the process it is called in."""
+
+    def __call__(self):
+        return lambda number: (number, os.getpid())
+
+
+@pytest.mark.parametrize(("worth", "here"), [(0.0, 1), (math.inf, 9)])
+def test_processes_start_where_the_work_that_is_left_takes_longer_than_their_start(worth, here, monkeypatch):
+    """As the first item shows, which this process computes; they stay for further items."""
+    monkeypatch.setattr("beamsim.parallel.WORTH_STARTING_S", worth)
+    monkeypatch.setattr("beamsim.parallel.default_workers", lambda: 2)
+    with worker_pool(Computation(NamingProcess(), failed), 9, workers=None) as solved:
+        found = [*solved(range(6)), *solved(range(6, 9))]
+    assert sorted(number for number, _ in found) == list(range(9))
+    assert sum(process == os.getpid() for _, process in found) == here
+
+
 def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
     def interrupt():
         while not (tmp_path / "1").exists():

@@ -106,7 +106,7 @@ _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
 
 
 def coexisting(
-    scenario: Scenario, progress: Progress = None, *, workers: int = 1,
+    scenario: Scenario, progress: Progress = None, *, workers: int | None = 1,
     scheduler: str | Cluster | None = None, known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
