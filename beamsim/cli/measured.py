@@ -82,7 +82,7 @@ def _facts(result: IdentificationResult, tables: Mapping[str, Dataset]) -> Itera
     if s.get("sensitivities"):
         largest = list(s["sensitivities"].items())[:SHOWN]
         parts = (f"{parameter_label(path)} {value:+.2g} %" for path, value in largest)
-        yield f"1 % more changes the stiffness: {', '.join(parts)}"
+        yield f"an increase of 1 % changes the stiffness by: {', '.join(parts)}"
 
 
 def _facts_of_fit(tests: Dataset, summary: Mapping[str, Any]) -> Iterator[str]:

@@ -30,7 +30,7 @@ WIDTH = 160  # characters, above which records stand side by side instead of bel
 MOST_ROWS = 24  # of a table
 NONE = "-"
 SMALLEST_ERROR = 1e-6  # relative; less cannot be distinguished from round-off
-NO_LIMIT = "no limit: grows with the modes"
+NO_LIMIT = "no limit: grows with the number of modes"
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 
 
@@ -98,7 +98,7 @@ def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
     return [key for key in keys if read_first(result.scenario, modes, key)]
 
 
-_WITHOUT_LIMIT = "has no limit, it grows with the modes, since a force jumps at a point with little mass"
+_WITHOUT_LIMIT = "has no limit: it grows with the number of modes, because a force jumps at a point with little mass"
 
 
 class Errors:

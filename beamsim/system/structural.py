@@ -607,9 +607,9 @@ def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[s
     shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other_ratios.values()))
     return (
         f"snubbers: the first mode with all snubbers closed, {frequency_hz:.4g} Hz, has a damping ratio of "
-        f"{100 * ratio:.3g} %, but {shares} % is given for {first_of(list(other_ratios), 4)}: the dashpot "
-        "2 ratio k / Omega damps a mode by the snubber's share of its energy, and Omega is the first natural frequency "
-        "with that snubber alone closed; to set the damping of this mode, give the dashpot in N s/m"
+        f"{100 * ratio:.3g} %, but {shares} % is given for {first_of(list(other_ratios), 4)}: a ratio sets the dashpot "
+        "2 ratio k / Omega, where Omega is the first natural frequency with only that snubber closed, and this mode has "
+        "another frequency or little strain energy in the snubber; to set its damping, give the dashpot in N s/m"
     )
 
 

@@ -66,7 +66,7 @@ MANY = 10.0  # times the modes, for which the error of a count is stated
 COUNTED_PEAKS = ("peaks_over_2_sigma", "peaks_over_3_sigma")  # endings of statistics that are shares of peaks
 COUNTED = (*COUNTED_PEAKS, "crossing_rate_hz")  # endings of statistics that are counts
 FEW_MODES = 60  # of a model without a mesh, all of which the finer one keeps: a march of them takes no longer than ten
-COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
+COMPARISON, NOT_ASKED = "the comparison with a finer model", "not requested"
 _Result = TypeVar("_Result", bound="Result")
 
 

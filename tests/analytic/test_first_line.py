@@ -96,7 +96,7 @@ def test_a_value_without_a_limit_is_marked_where_it_is_printed():
     text = run_screen(result).text(result, ["case.h5"])
     assert "NOT CONVERGED: 1 value" in text.splitlines()[0]
     assert f"{result.summary['peak_acceleration_g']['tip']:.2g} g ^" in text
-    assert "^ has no limit, it grows with the modes" in text
+    assert "^ has no limit: it grows with the number of modes" in text
     filtered = beamsim.run(load_scenario(case.to_yaml(), {"run.low_pass": "2 kHz"}))
     assert "without_limit" not in filtered.summary
     assert "^" not in run_screen(filtered).text(filtered, ["case.h5"])

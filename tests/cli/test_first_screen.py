@@ -86,7 +86,7 @@ def test_what_does_not_converge_is_marked_and_has_fewer_digits(printed):
 
 
 def test_a_comparison_that_was_left_out_is_said(printed):
-    assert "not checked with a finer model (not asked for)" in printed("--set", "run.convergence=off")[0]
+    assert "not checked with a finer model (not requested)" in printed("--set", "run.convergence=off")[0]
 
 
 def test_a_sweep_shows_its_curves(printed):

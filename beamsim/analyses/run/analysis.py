@@ -212,7 +212,7 @@ def pull_warnings(motion: RunMotion) -> list[str]:
     pulls = largest_pulls(forces)
     return [
         f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} {s.item.units[1]} before the contact opens"
-        + ("; law: no_tension opens it before" if not s.item.yields else "")
+        + ("; with law: no_tension it opens before that" if not s.item.yields else "")
         for j, s in enumerate(motion.system.scenario.located_snubbers)
         if pulls[j] > SMALLEST_PULL * forces[2][j] and not s.item.latch
     ]

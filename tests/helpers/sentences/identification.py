@@ -102,7 +102,7 @@ def _starts_agree(facts, found):
         yield f"the file has {s['starts_agreeing']} and {s['nonlinear_degrees_of_freedom']}"
 
 
-@rule("line", r"1 % more changes the stiffness: (.*)")
+@rule("line", r"an increase of 1 % changes the stiffness by: (.*)")
 def _sensitive_stiffness(facts, found):
     known = {called_name(path): value for path, value in facts.summary["sensitivities"].items()}
     said = [re.fullmatch(r"(.*) ([-+][\d.e-]+) %", part).groups() for part in found[1].split(", ")]
