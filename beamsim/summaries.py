@@ -86,7 +86,8 @@ UNITS = {
     "_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_s": "N m s", "_n_m": "N m",
     "_rad_s": "rad/s", "_rad": "rad",
     "_n_per_m": "N/m", "_m_s2": "m/s^2", "_n_s": "N s", "_m_s": "m/s", "_m3": "m^3", "_percent": "%", "_deg": "deg",
-    "_bytes": "B", "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
+    "_bytes": "B",
+    "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
 }  # fmt: skip
 """Of endings of names; longer ones first."""
 

@@ -608,8 +608,8 @@ def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[s
     return (
         f"snubbers: the first mode with all snubbers closed, {frequency_hz:.4g} Hz, has a damping ratio of "
         f"{100 * ratio:.3g} %, but {shares} % is given for {first_of(list(other_ratios), 4)}: a ratio sets the dashpot "
-        "2 ratio k / Omega, where Omega is the first natural frequency with only that snubber closed, and this mode has "
-        "another frequency or little strain energy in the snubber; to set its damping, give the dashpot in N s/m"
+        "2 ratio k / Omega, where Omega is the first natural frequency with only that snubber closed; this mode has "
+        "another frequency, or little strain energy in the snubber; to set its damping, give the dashpot in N s/m"
     )
 
 

@@ -407,7 +407,7 @@ def _tilde(facts, found):
         yield "nothing that is printed is"
 
 
-@rule("line", r"\^ has no limit: it grows with the number of modes, because a force jumps at a point with little mass: .*")
+@rule("line", r"\^ has no limit: it grows with the number of modes, because a force jumps at a point with .*")
 def _caret(facts, found):
     if not facts.printed & facts.keys("without_limit"):
         yield "nothing that is printed does"
