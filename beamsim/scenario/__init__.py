@@ -1,7 +1,7 @@
 """Scenarios: the YAML a user writes, checked, in SI units, with located errors.
 
-Never here: numerics, apart from the units and what a default needs.
-Begin with `scenario`, the whole and how it is read; every section has a module of its own.
+Never here: numerics, apart from unit conversion and what a default value needs.
+Begin with `scenario`, the whole scenario and how it is read; every section has a module of its own.
 
 >>> from beamsim.scenario import load_scenario
 >>> scenario = load_scenario('''

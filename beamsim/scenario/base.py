@@ -1,7 +1,7 @@
-"""The base of every part of a scenario, and the tools its parts share.
+"""Base class of all sections of a scenario, and tools that the sections share.
 
-Every class is frozen, refuses unknown keys, and takes its fields' descriptions from the docstrings below them, through
-which they reach the user by the JSON Schema.
+Every class is frozen and refuses unknown keys. The docstring below a field is its description; users see it in their
+editor through the JSON Schema.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Mark = tuple[str | None, int | None]
 """File and line."""
 NOWHERE: Mark = (None, None)
 Whole = Any
-"""A scenario as a whole, which sections are compared with: its class imports theirs, so that they cannot name it."""
+"""The complete scenario. Sections are checked against it but cannot import its class, which imports theirs."""
 
 
 PAIR = Field(min_length=2, max_length=2)
 LONGEST_VALUE = 60  # characters of a value in a message
 MOST_NAMES = 40  # listed in a message
-LEAST_LIKENESS = 0.65  # of a word and what may be meant by it
+LEAST_LIKENESS = 0.65  # similarity of two words above which one is suggested for the other
 
 _KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"
 _ITEM = r"\[(?:\*|\w(?:[\w .+-]*[\w+-])?)\]"
@@ -45,9 +45,9 @@ _PATH_PART = re.compile(rf"({_KEY})|({_ITEM})")
 
 
 def path_parts(path: str) -> list[str | int]:
-    """Keys, names, indices and ``*`` of a path that a user wrote; empty if it is none.
+    """Split a path as the user wrote it into keys, names, indices and ``*``; empty if it is not a valid path.
 
-    Brackets hold an index, ``*`` for every item, or a name, which may have points there.
+    Brackets hold an index, ``*`` for every item, or a name; such a name may contain points.
 
     >>> path_parts("snubbers.hard stop.gap"), path_parts("bodies.panel.point_masses[*].mass")
     (['snubbers', 'hard stop', 'gap'], ['bodies', 'panel', 'point_masses', '*', 'mass'])
@@ -76,7 +76,7 @@ def path_text(path: Path) -> str:
 
 
 class InvalidValueError(ValueError):
-    """An invalid value; raised by validators, and located by the caller, who knows its path.
+    """An invalid value. Validators raise it; the caller, who knows the path of the value, adds the path.
 
     Parameters
     ----------
@@ -90,19 +90,19 @@ class InvalidValueError(ValueError):
         self.message, self.remedy, self.at = message, remedy, path
 
     def problem(self, path: Path) -> Problem:
-        """It as a problem of the value at a path."""
+        """Convert to a problem of the value at a path."""
         return problem((*path, *self.at), self.message, self.remedy)
 
 
 def problem(path: Path, message: str, remedy: str = "", mark: Mark = NOWHERE) -> Problem:
-    """A problem at a path of the scenario.
+    """Make a problem of the value at a path of the scenario.
 
     Parameters
     ----------
     path : of the value.
-    message : what is wrong; follows the path, as that of `InvalidValueError` does.
+    message : what is wrong, written so that it can follow the path, as in `InvalidValueError`.
     remedy : what to do about it.
-    mark : file and line, where they are known already.
+    mark : file and line, if already known.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def demand_rising(
     path_of: Callable[[int], Path],
     remedy: str = "list them from the lowest to the highest",
 ) -> None:
-    """Refuse numbers of a list that do not increase.
+    """Refuse a list of numbers that does not increase.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def demand_rising(
     Raises
     ------
     InvalidValueError
-        at the first number that does not lie above the one before.
+        At the first number that is not larger than the one before it.
     """
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
@@ -139,17 +139,17 @@ def demand_rising(
 
 
 def _hashable(value: Any) -> Any:
-    """A value of a field, with equal ones for equal mappings."""
+    """A hashable copy of a field's value; equal mappings give equal results."""
     if isinstance(value, dict):
         return frozenset((key, _hashable(part)) for key, part in value.items())
     return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
 class Schema(BaseModel):
-    """A frozen part of a scenario, which holds what was written.
+    """A frozen section of a scenario; it stores what the user wrote.
 
-    A default that follows from other numbers is not stored: the field is called after its key with an underscore behind
-    (``rise_``), is None where nothing was written, and a property with the name of the key (``rise``) gives the value.
+    A default that depends on other numbers is not stored. Its field has the name of the key with an underscore appended
+    (``rise_``) and is None if the key is missing; a property with the name of the key (``rise``) gives the value.
     """
 
     model_config = ConfigDict(
@@ -162,28 +162,29 @@ class Schema(BaseModel):
     )
 
     known_by: ClassVar[tuple[str, ...]] = ()
-    """Keys that distinguish it from the other members of a union, see `Variants`; ``section: sandwich`` where the kind
-    of what is under the key distinguishes it."""
+    """Keys that distinguish this class from the other members of a union, see `Variants`; ``section: sandwich`` if the
+    kind of the section below the key distinguishes it."""
 
     not_compared: ClassVar[tuple[str, ...]] = ()
-    """Keys that make no difference between two of it."""
+    """Keys that are ignored when two sections are compared."""
 
     stated: ClassVar[Mapping[str, str]] = {}
-    """By key the attribute that `as_plain_data` writes there in any case, because units state it; None for nothing."""
+    """For each key the attribute that `as_plain_data` always writes, because a unit implies it; None to write
+    nothing."""
 
     def check(self) -> None:
-        """Compare fields with each other; raises `InvalidValueError`."""
+        """Check the fields against each other; raises `InvalidValueError`."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """What is wrong with it in its scenario, where it is written at a path; its own parts are asked themselves."""
+        """Problems of this section in its scenario, at a path; the sections below it report their own."""
         yield from ()
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A sentence for each questionable value, likewise."""
+        """A sentence for each questionable value of this section in its scenario."""
         yield from ()
 
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
-        """Refuse a key together with one of others."""
+        """Refuse a key that is given together with one of the others."""
         names, fields = self.keys(), type(self).model_fields
         given = []
         for each in (*others, key):
@@ -195,23 +196,23 @@ class Schema(BaseModel):
 
     @classmethod
     def key_of(cls, name: str) -> str:
-        """The key of the field with a name, as it is written in YAML."""
+        """The YAML key of the field with a name."""
         return cls.model_fields[name].alias or name
 
     @classmethod
     @cache
     def keys(cls) -> dict[str, str]:
-        """Map the key as it is written in YAML to the name of its field."""
+        """Map each YAML key to the name of its field."""
         return {field.alias or name: name for name, field in cls.model_fields.items()}
 
     @classmethod
     @cache
     def attributes(cls) -> dict[str, str]:
-        """Map the key as it is written in YAML to the attribute that gives its value, by default or as written."""
+        """Map each YAML key to the attribute that gives its value or its default."""
         return {key: key if hasattr(cls, key) else name for key, name in cls.keys().items()}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other values, given by key or name of the field; they are not checked."""
+        """A copy with other values, given by key or by field name; they are not checked."""
         keys = self.keys()
         changed = {keys.get(name, name): value for name, value in (update or {}).items()}
         return super().model_copy(update=changed, deep=deep)
@@ -227,7 +228,7 @@ class Schema(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_null(cls, data: Any) -> Any:
-        """Read ``null`` as if the key were not there."""
+        """Treat a key with the value ``null`` as missing."""
         if not isinstance(data, dict):
             return data
         known = cls.keys().keys() | cls.model_fields.keys()
@@ -242,9 +243,8 @@ class Schema(BaseModel):
 def descriptions(schema: type[Schema]) -> dict[str, str]:
     """Map the name of every field to the docstring below it.
 
-    They are read from the source when an editor's schema or a message asks for them: pydantic would read them at every
-    start, which takes a third of the time of the imports.
-    """
+    Docstrings are read from the source only when an editor's schema or a message needs them: reading them at every
+    start would take a third of the import time."""
     docstrings: dict[str, str] = {}
     for base in reversed(schema.__mro__):
         if issubclass(base, Schema) and base is not Schema:
@@ -254,7 +254,7 @@ def descriptions(schema: type[Schema]) -> dict[str, str]:
 
 @cache
 def _docstrings(module: str) -> dict[str, dict[str, str]]:
-    """Map class and field to docstring, for a module."""
+    """Map class and field to the docstring, for one module."""
     return {
         item.name: {
             field.target.id: inspect.cleandoc(str(doc.value.value))
@@ -268,7 +268,7 @@ def _docstrings(module: str) -> dict[str, dict[str, str]]:
 
 
 def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
-    """Yield every part of a scenario that is written, not left to its default, with its path."""
+    """Yield every section that the user wrote (no defaults), with its path."""
     parts: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Schema):
         yield path, value
@@ -284,7 +284,7 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
 
 
 def as_plain_data(value: object) -> Any:
-    """A part of a scenario as the plain data that it was read from, numbers in SI units, keys as they are written."""
+    """A section as plain data with its YAML keys, numbers in SI units."""
     if isinstance(value, Schema):
         written = dict[str, Any]()
         for key, name in value.keys().items():
@@ -307,7 +307,7 @@ def as_plain_data(value: object) -> Any:
 
 
 def nested_annotations(annotation: Any) -> Iterator[Any]:
-    """An annotation and all that it is made of: types, metadata, words."""
+    """Yield an annotation and everything nested in it: types, metadata, words."""
     yield annotation
     for inner in get_args(annotation):
         yield from nested_annotations(inner)
@@ -320,19 +320,19 @@ def words_of(annotation: Any) -> tuple[str, ...]:
 
 
 def kind_of(value: Any) -> object:
-    """The kind of a raw value or of a part of a scenario, None without one."""
+    """The value of ``kind`` of raw data or of a section; None if it has none."""
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
 def kinds_of(schema: type[Schema]) -> tuple[str, ...]:
-    """The kinds that a class stands for; none where its kind is a choice with a default."""
+    """The values of ``kind`` that a class accepts; empty if its kind is optional."""
     field = schema.model_fields.get("kind")
     kinds = () if field is None else get_args(field.annotation)
     return kinds if len(kinds) == 1 or (field is not None and field.is_required()) else ()
 
 
 def tag_of(member: Any) -> str:
-    """Name of a member of a union in the location of an error, in angle brackets."""
+    """Tag of a union member in the location of an error, in angle brackets."""
     metadata = getattr(member, "__metadata__", ())
     inner = get_args(member)[0] if metadata else member
     for item in metadata:
@@ -346,16 +346,17 @@ def tag_of(member: Any) -> str:
 
 @dataclass(frozen=True)
 class Variants:
-    """Marks a union whose members are distinguished by the form of the raw value.
+    """Marks a union whose member is chosen by the form of the raw value.
 
-    A mapping by its key ``kind`` where that differs, and by the keys in `Schema.known_by`; the member that has none of
-    these takes every other mapping. Besides there may be words, a list, a mapping by names, and a number or text. With
-    a message, it stands for all errors about the choice itself.
-    """
+    A mapping is chosen by its key ``kind``, if the members differ in it, and by the keys in `Schema.known_by`; a member
+    without such keys takes every other mapping. A union may also contain words, a list, a mapping by names, and a
+    number or text. If there is a message, it replaces all errors about the choice."""
 
     message: str = ""
     remedy: str = ""
-    choose: Callable[[Any], str | None] | None = None  # from raw value or part to tag, where the form does not tell
+    choose: Callable[[Any], str | None] | None = (
+        None  # function that gives the tag of a raw value or section, if the form is not enough
+    )
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         members = {tag_of(member): member for member in get_args(source)}
@@ -376,16 +377,16 @@ class Variants:
 
 @dataclass(frozen=True)
 class _UnionMembers:
-    """The members of a union by their tags, and which of them a value is written as."""
+    """The members of a union by tag; finds the member that a value belongs to."""
 
     sections: dict[str, type[Schema]]
     kinds: dict[str, tuple[str, ...]]  # of the sections
     others: dict[str, Any]  # words, lists, mappings by names, numbers and text
-    by_kind: bool  # whether ``kind`` tells sections apart
-    strict: bool  # whether there is a message for a value that is written as none of them
+    by_kind: bool  # whether ``kind`` distinguishes the sections
+    strict: bool  # whether there is a message for values that match no member
 
     def tag(self, value: Any) -> str | None:
-        """Tag of the member of the union to which a raw value, or a part of a scenario, belongs; None if to none."""
+        """Tag of the union member that a raw value or section belongs to; None if it belongs to none."""
         if isinstance(value, Schema):
             return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
         sections, usual = self.sections, [tag for tag, schema in self.sections.items() if not schema.known_by]
@@ -416,7 +417,7 @@ BY_FORM = Variants()
 
 @dataclass(frozen=True)
 class ShortFor:
-    """Marks mappings that may be written as a text alone, which then is the value of one key."""
+    """Marks a mapping that may be abbreviated to a text, which is then the value of one key."""
 
     key: str
     words: tuple[str, ...] = ()
@@ -466,14 +467,14 @@ def suggestion(name: str, names: Iterable[str], introduction: str) -> str:
 
     Parameters
     ----------
-    name : that was written.
-    names : that there are.
-    introduction : what comes before all of them where none is similar ("the bodies are").
+    name : the unknown name.
+    names : the known names.
+    introduction : text before the list of all names if none is similar ("the bodies are").
 
     Returns
     -------
     str
-        The similar name as a question, else ``introduction`` with all names.
+        A question with the similar name, else ``introduction`` with all names.
     """
     names = list(names)
     meant = closest_name(name, names)
@@ -520,13 +521,13 @@ MEANT = {
     "title": "name heading",
     "youngs_modulus": "e modulus elastic_modulus modulus_of_elasticity",
 }
-"""By key the words that engineers use for it elsewhere."""
+"""For each key, other words that engineers use for it."""
 
 
 def closest_name(name: str, names: Iterable[str]) -> str:
     """The known name that a name probably means: a synonym, else a similar spelling; empty if there is none.
 
-    Another number is no spelling mistake.
+    A name that differs in a number is not taken for a spelling mistake.
 
     >>> closest_name("bottom", ["below", "above", "both"]), closest_name("stop_12", ["stop_1", "stop_2"])
     ('below', '')
@@ -541,20 +542,20 @@ def closest_name(name: str, names: Iterable[str]) -> str:
 
 
 def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_without_any: str = "") -> Iterator[Problem]:
-    """A problem if a name is not one of the known ones.
+    """Yield a problem if a name is not among the known ones.
 
     Parameters
     ----------
     path : where the name is written.
-    name : that was written.
+    name : the name.
     kind : what it names, in the singular ("body").
-    known : the names that there are.
-    remedy_without_any : the remedy where there are none.
+    known : the known names.
+    remedy_without_any : the remedy if there are no known names.
 
     Yields
     ------
     Problem
-        One, or none where the name is known.
+        One problem, or none if the name is known.
     """
     names = list(known)
     if name not in names:
@@ -564,7 +565,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_witho
 
 
 def named_twice(named: Iterable[tuple[Path, Any]]) -> Problems:
-    """Names that are not unique among sections, which are given with their paths."""
+    """Names that are not unique; ``named`` gives each section with its path."""
     first: dict[str, Path] = {}
     for path, item in named:
         if (other := first.setdefault(item.name, path)) is not path:
@@ -591,7 +592,7 @@ def _flow(value: object) -> str:
         return value if value and value == value.strip() and value.isprintable() else repr(value)
     if isinstance(value, float):
         return f"{value:.12g}"
-    if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE:  # Python refuses to write more than 4,300 digits
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE:  # Python refuses to print more than 4,300 digits
         return f"a whole number of about {value.bit_length() * math.log10(2):.0f} digits"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"

@@ -1,4 +1,4 @@
-"""The beam: what makes its segments stiff and heavy, supports, damping, point masses."""
+"""Beams: bending stiffness and mass of their segments, supports, damping, point masses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CrossSection(NamedTuple):
 
 
 def _rectangle(width: float, thickness: float) -> CrossSection:
-    """With the second moment b h^3 / 12."""
+    """A rectangle, with the second moment b h^3 / 12."""
     return CrossSection(width * thickness, width * thickness**3 / 12.0, thickness / 2.0)
 
 
@@ -35,7 +35,7 @@ class RectangleSection(Schema):
     kind: Literal["rectangle"] = "rectangle"
     """Solid rectangle."""
     width: q.Length
-    """Size across the motion."""
+    """Size perpendicular to the motion."""
     thickness: q.Length
     """Size in the direction of the motion."""
 
@@ -55,12 +55,12 @@ class SquareSection(Schema):
 
     @property
     def values(self) -> CrossSection:
-        """With the second moment a^4 / 12."""
+        """A square, with the second moment a^4 / 12."""
         return _rectangle(self.side, self.side)
 
 
 def _without_section(missing: Sequence[str]) -> InvalidValueError:
-    """The error of a body without a section, of whose width and thickness some are missing."""
+    """The error of a beam without section and without width or thickness."""
     remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
     if len(missing) == 1:
         return InvalidValueError("is missing", remedy, tuple(missing))
@@ -68,7 +68,7 @@ def _without_section(missing: Sequence[str]) -> InvalidValueError:
 
 
 def _ring(outside: float, inside: float) -> CrossSection:
-    """Between two diameters."""
+    """The ring between two diameters."""
     return CrossSection(
         math.pi / 4.0 * (outside**2 - inside**2), math.pi / 64.0 * (outside**4 - inside**4), outside / 2.0
     )  # fmt: skip
@@ -84,12 +84,12 @@ class CircleSection(Schema):
 
     @property
     def values(self) -> CrossSection:
-        """With the second moment pi d^4 / 64."""
+        """A circle, with the second moment pi d^4 / 64."""
         return _ring(self.diameter, 0.0)
 
 
 class TubeSection(Schema):
-    """Round tube; a wall of half the diameter makes it a rod."""
+    """Round tube; with a wall of half the diameter it is a solid rod."""
 
     kind: Literal["tube"] = "tube"
     """Round tube."""
@@ -99,7 +99,7 @@ class TubeSection(Schema):
     """Thickness of the wall, at most half the outer diameter."""
 
     def check(self) -> None:
-        """Reject a wall thicker than the tube."""
+        """Refuse a wall that is thicker than half the diameter."""
         if self.wall_thickness > self.outer_diameter / 2.0:
             raise InvalidValueError(
                 f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
@@ -109,17 +109,17 @@ class TubeSection(Schema):
 
     @property
     def values(self) -> CrossSection:
-        """With the second moment pi (D^4 - d^4) / 64."""
+        """A ring, with the second moment pi (D^4 - d^4) / 64."""
         return _ring(self.outer_diameter, max(self.outer_diameter - 2.0 * self.wall_thickness, 0.0))
 
 
 class ISection(Schema):
-    """I of two equal flanges and a web, which stands in the direction of the motion."""
+    """I-section with two equal flanges; the web is parallel to the motion."""
 
     kind: Literal["I"] = "I"
     """Two equal flanges and a web."""
     height: q.Length
-    """Whole size in the direction of the motion."""
+    """Total size in the direction of the motion."""
     width: q.Length
     """Width of the flanges."""
     web_thickness: q.Length
@@ -128,7 +128,7 @@ class ISection(Schema):
     """Thickness of each flange, at most half the height."""
 
     def check(self) -> None:
-        """Reject a web or flanges that do not fit in."""
+        """Refuse a web or flanges that do not fit into the section."""
         for key, largest, what in (
             ("web_thickness", self.width, "width"),
             ("flange_thickness", self.height / 2.0, "half of height"),
@@ -140,7 +140,7 @@ class ISection(Schema):
 
     @property
     def values(self) -> CrossSection:
-        """With the second moment (b H^3 - (b - t_w) h^3) / 12 of a web of height h between the flanges."""
+        """Second moment (b H^3 - (b - t_w) h^3) / 12, with the web height h between the flanges."""
         web = self.height - 2.0 * self.flange_thickness
         area = 2.0 * self.width * self.flange_thickness + self.web_thickness * web
         second_moment = (self.width * self.height**3 - (self.width - self.web_thickness) * web**3) / 12.0
@@ -148,7 +148,7 @@ class ISection(Schema):
 
 
 class GeneralSection(Schema):
-    """Any section, given by its properties."""
+    """Any cross-section, given by its properties."""
 
     kind: Literal["general"] = "general"
     """Section given by its area and second moment."""
@@ -161,7 +161,7 @@ class GeneralSection(Schema):
 
     @property
     def values(self) -> CrossSection:
-        """As they are given."""
+        """The given properties."""
         return CrossSection(self.area, self.second_moment, self.extreme_fibre)
 
 
@@ -186,18 +186,18 @@ class Core(Schema):
     thickness: q.Length
     """Thickness of the core alone."""
     youngs_modulus: q.NonNegativeModulus = 0.0
-    """Young's modulus along the beam; 0, as of a honeycomb, by default."""
+    """Young's modulus along the beam; 0 by default, as for a honeycomb."""
     density: q.Density
     """Density."""
 
 
 class SandwichSection(Schema):
-    """Two equal faces on a core, with plane sections: the shear of the core is neglected."""
+    """Two equal faces on a core; sections stay plane: the shear deformation of the core is neglected."""
 
     kind: Literal["sandwich"] = "sandwich"
     """Two equal faces on a core."""
     width: q.Length
-    """Size across the motion."""
+    """Size perpendicular to the motion."""
     faces: Faces
     """The faces: thickness of each, youngs_modulus, density."""
     core: Core
@@ -205,16 +205,16 @@ class SandwichSection(Schema):
 
 
 class Bending(NamedTuple):
-    """Bending stiffness and mass of a segment of a beam, whatever they are given by."""
+    """Bending stiffness and mass of a beam segment, however they are given."""
 
     bending_stiffness: float  # E I, N m^2
     mass_per_length: float  # kg/m
-    stress_per_moment: float | None = None  # at the outermost fibre, Pa per N m; None where that is unknown
-    depth: float | None = None  # twice the distance of the outermost fibre, m; None where that is unknown
+    stress_per_moment: float | None = None  # at the outermost fibre, Pa per N m; None if unknown
+    depth: float | None = None  # twice the distance of the outermost fibre, m; None if unknown
 
 
 class Bent(Schema):
-    """Source of the bending stiffness and mass of a segment of a beam."""
+    """Common part of all ways to give the bending stiffness and mass of a segment."""
 
     @property
     def bending(self) -> Bending:
@@ -222,15 +222,15 @@ class Bent(Schema):
         raise NotImplementedError
 
     def material_warnings(self, body_path: Path) -> Iterator[str]:
-        """A sentence for each doubtful number."""
+        """A warning for each doubtful number."""
         yield from ()
 
 
 class SolidBending(Bent):
-    """A section of one material."""
+    """One material and a cross-section."""
 
     width: q.BodyWidth | None = None
-    """Width of a rectangular section (across the motion)."""
+    """Width of a rectangular section (perpendicular to the motion)."""
     thickness: q.BodyThickness | None = None
     """Thickness of a rectangular section (in the direction of the motion)."""
     section: Section | None = None
@@ -241,7 +241,7 @@ class SolidBending(Bent):
     """Density."""
 
     def check(self) -> None:
-        """Reject a section that is missing or given twice."""
+        """Refuse a section that is missing or given twice."""
         super().check()
         self.exclude("section", "width", "thickness", remedy="keep section, or width and thickness, not both")
         if self.section is None and (missing := [key for key in ("width", "thickness") if getattr(self, key) is None]):
@@ -283,9 +283,9 @@ class SandwichBending(Bent):
 
     @property
     def bending(self) -> Bending:
-        """b (E_f (H^3 - h^3) + E_c h^3) / 12 of a core h thick in a sandwich H thick, and E_f c / (E I).
+        """Sandwich of thickness H with a core of thickness h: E I = b (E_f (H^3 - h^3) + E_c h^3) / 12.
 
-        H^3 - h^3 = (H - h)(H^2 + H h + h^2), which thin faces do not cancel.
+        H^3 - h^3 is computed as (H - h)(H^2 + H h + h^2), which stays accurate for thin faces.
         """
         width, faces, core = self.section.width, self.section.faces, self.section.core
         depth = 2.0 * faces.thickness + core.thickness
@@ -297,7 +297,7 @@ class SandwichBending(Bent):
 
 
 class StatedBending(Bent):
-    """Bending stiffness and mass per length as they are stated, such as those of a sandwich panel."""
+    """Bending stiffness and mass per length as numbers, for example those of a sandwich panel."""
 
     known_by: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
 
@@ -308,18 +308,19 @@ class StatedBending(Bent):
     extreme_fibre: q.Length | None = None
     """Distance of the outermost fibre from the neutral axis, for the bending stress."""
     youngs_modulus: q.Modulus | None = None
-    """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
+    """Young's modulus of the outermost fibre; the bending stress needs it, because the section gives only the
+    strain."""
 
     @property
     def bending(self) -> Bending:
-        """As they are given, and the stress E c / (E I) where distance and modulus of the fibre are known."""
+        """The given values, and the stress E c / (E I) if the distance and modulus of the fibre are known."""
         fibre, modulus = self.extreme_fibre, self.youngs_modulus
         stress = None if fibre is None or modulus is None else modulus * fibre / self.bending_stiffness
         depth = None if fibre is None else 2.0 * fibre
         return Bending(self.bending_stiffness, self.mass_per_length, stress, depth)
 
     def material_warnings(self, body_path: Path) -> Iterator[str]:
-        """Half of what the bending stress needs."""
+        """Warn if only one of the two values for the bending stress is given."""
         given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
         missing = [name for name, value in given.items() if value is None]
         if len(missing) == 1:
@@ -331,14 +332,14 @@ class StatedBending(Bent):
 
 
 class SegmentBase(Schema):
-    """A segment of a beam with properties of its own."""
+    """Common part of the segments of a beam."""
 
     from_: q.PositionOrShare = Field(alias="from")
-    """Where it begins: distance from the left end of the beam, or the share of its length: 40 %."""
+    """Where the segment begins: distance from the left end of the beam, or share of its length: 40 %."""
     to: q.PositionOrShare
-    """Where it ends; the next segment begins there."""
+    """Where the segment ends; the next one begins there."""
     added_mass_per_length: q.NonNegativeMassPerLength = 0.0
-    """Mass per length that adds no stiffness, such as cables or cells; none by default."""
+    """Mass per length without stiffness, such as cables; none by default."""
 
 
 class SolidSegment(SolidBending, SegmentBase):
@@ -350,21 +351,21 @@ class SandwichSegment(SandwichBending, SegmentBase):
 
 
 class StatedSegment(StatedBending, SegmentBase):
-    """A segment by its bending stiffness and mass per length."""
+    """A segment given by its bending stiffness and mass per length."""
 
 
 Segment = Annotated[SolidSegment | SandwichSegment | StatedSegment, BY_FORM]
 
 
 class UniformSegment(NamedTuple):
-    """A segment of a beam along which nothing changes."""
+    """A length of a beam along which nothing changes."""
 
     path: Path  # below the beam
     start: float  # m
     end: float  # m
     length: float  # m
     section: Bent
-    bending: Bending  # what its section gives
+    bending: Bending  # properties that its section gives
     bending_stiffness: float  # E I, N m^2
     mass_per_length: float  # with what is added, kg/m
 

@@ -1,4 +1,4 @@
-"""Bodies: places on them, their damping, and what every kind of body answers about itself."""
+"""Bodies: places on them, their damping, and the checks and defaults of every kind of body."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ _REMEDY = (
 Point = float | tuple[float, float]
 """Metres along a beam, [x, y] on a plate, or the number of a mass or node."""
 WrittenPosition = float | q.Share | tuple[float | q.Share, float | q.Share]
-"""A position as it is written, shares of lengths among it; `beamsim.scenario.body.Body.point` gives it in metres."""
+"""A position as the user wrote it, possibly a share of a length; `beamsim.scenario.body.Body.point` converts it to
+metres."""
 
 PlatePoint = tuple[q.PositionOrShare, q.PositionOrShare]
 """x and y on a plate."""
 
 
 def same_position(a: float, b: float) -> bool:
-    """Whether positions differ by round-off only: 55 % of 200 mm is not 110 mm in the last digit."""
+    """True if two positions differ only by round-off (55 % of 200 mm is not exactly 110 mm)."""
     return math.isclose(a, b, rel_tol=1e-12)
 
 
@@ -53,22 +54,22 @@ OwnDirection = Literal["local_x", "local_y", "local_z", "local_rx", "local_ry", 
 
 
 class PointOfBody(Schema):
-    """A point of a body, by its position or the number of a mass."""
+    """A point of a body, given by its position, or by the number of a mass or node."""
 
     position: PointPosition | None = None
-    """Distance from the left end of a beam, or the share of its length: 60 %; [x, y] on a plate."""
+    """Distance from the left end of a beam, or share of its length: 60 %; [x, y] on a plate."""
     mass: q.Count | None = None
     """Number of the mass of the chain, from 1."""
     node: q.Count | None = None
     """Number of a node of imported matrices."""
     direction: NodeDirection | OwnDirection | None = None
-    """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations; local_x ... local_rz are
-    those of the node's own system."""
+    """Direction at the node, z by default. x, y, z are displacements, rx, ry, rz rotations; local_x ... local_rz are
+    the directions of the node's own coordinate system."""
 
     def check(self) -> None:
-        """Demand exactly one point."""
+        """Require exactly one point."""
         super().check()
-        if getattr(self, "at", None) is not None:  # the place of what is somewhere, in its long form
+        if getattr(self, "at", None) is not None:  # the long form, with the key at
             for key in ("position", "mass", "node", "direction"):
                 self.exclude(key, "at", remedy="keep at: it names the place")
             return
@@ -82,27 +83,27 @@ class PointOfBody(Schema):
 
 
 class AtPlace(PointOfBody):
-    """A point of a body."""
+    """A point of a body, with the body's name."""
 
     known_by: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
     level_quantities: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: q.Name | None = None
-    """Name of the body; may be left out where there is only one."""
+    """Name of the body; may be omitted if there is only one."""
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """Itself: what sits somewhere names one place or two."""
+        """The place itself, as a tuple; other items have one or two places."""
         return (self,)
 
     def problems(self, scenario: Whole, path: Path, number: Path = ()) -> Problems:
-        """A body that is unknown or of another kind, a point that is not on it or cannot move.
+        """Problems: an unknown body, a body of another kind, a point that is not on the body or cannot move.
 
         Parameters
         ----------
-        scenario : that has the bodies.
-        path : where it is written, or what sits there.
-        number : where its mass is written, by default below that.
+        scenario : the scenario with the bodies.
+        path : path of the place, or of the item at the place.
+        number : path of the number of the mass; by default the key mass below ``path``.
 
         Yields
         ------
@@ -136,11 +137,11 @@ _SITS = {
     "joints": "",
     "friction": "a friction contact",
 }
-"""What sits at places of a section; nothing for what may sit on a support."""
+"""For each section what its items need a moving point for; empty if they may be at a support."""
 
 
 def body_problems(scenario: Whole, path: Path, body: str | None, example: str) -> Problems:
-    """A body that there is not, or none named where there are several; ``example`` shows how with BODY for its name."""
+    """Problems: an unknown or missing name of a body; ``example`` shows the remedy, with BODY as its name."""
     bodies = scenario.all_bodies
     if body is not None:
         yield from unknown((*path, "body"), body, "body", bodies)
@@ -154,10 +155,10 @@ BaseOrPlace = Literal["base"] | AtPlace
 
 
 class Sited(PointOfBody):
-    """Something at a place: ``at``, or its short form ``position`` or ``mass`` where there is one body."""
+    """An item at a place: the key ``at``, or its short form ``position`` or ``mass`` if there is only one body."""
 
     at: AtPlace | None = None
-    """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be left out where there is only one."""
+    """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be omitted if there is only one."""
 
     @property
     def place(self) -> AtPlace:
@@ -168,27 +169,27 @@ class Sited(PointOfBody):
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """The one place."""
+        """The place, as a tuple."""
         return (self.place,)
 
     @property
     def probed_places(self) -> tuple[AtPlace, ...]:
-        """Places of default probes."""
+        """Places of the default probes."""
         return self.places
 
     @property
     def place_paths(self) -> tuple[Path, ...]:
-        """Paths of the place in the scenario, below the item that is there."""
+        """Paths of the place below the item."""
         return (() if self.at is None else ("at",),)
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Problems of a place in the short form; a place under ``path`` reports its own."""
+        """Problems of a place in the short form; a place under the key ``at`` reports its own."""
         yield from super().problems(scenario, path)
         if self.at is None:
             yield from self.place.problems(scenario, path)
 
     def support_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A warning if it is at a support of its body, and so does not move."""
+        """A warning if the item is at a support of its body and therefore does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
         if body is not None and place.position is not None and body.support_at(place.position):
@@ -196,7 +197,7 @@ class Sited(PointOfBody):
 
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
-    """Refuse a displacement and a rotation at the two places of one thing."""
+    """Refuse a displacement at one of two places and a rotation at the other."""
     turns = [(place.direction or "z").removeprefix("local_").startswith("r") for place in places]
     if any(turns) and not all(turns):
         directions = " and ".join(place.direction or "z" for place in places)
@@ -215,20 +216,20 @@ def _placed(ends: Iterable[AtPlace | int]) -> tuple[AtPlace, ...]:
 
 
 class BetweenPlaces(Schema):
-    """Something between two places of two bodies or of one."""
+    """An item between two places, of two bodies or of one."""
 
     known_by: ClassVar[tuple[str, ...]] = ("between",)
 
     between: TwoPlaces
-    """The two places; of a chain the numbers of two masses are enough: [1, 2]."""
+    """The two places; for two masses of a chain their numbers are enough: [1, 2]."""
 
     @property
     def ends(self) -> tuple[str, TwoPlaces]:
-        """The key that names both places, and what it names."""
+        """The key that gives both places, and its value."""
         return "between", self.between
 
     def check(self) -> None:
-        """Demand two different places."""
+        """Require two different places."""
         super().check()
         key, ends = self.ends
         if ends[0] == ends[1]:
@@ -237,23 +238,23 @@ class BetweenPlaces(Schema):
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """Both places, in the order in which they are written; of numbers of masses the lower one first."""
+        """Both places, in the order in which they are written; of two mass numbers the lower one first."""
         _, ends = self.ends
         numbers = [end for end in ends if isinstance(end, int)]
         return _placed(sorted(numbers) if len(numbers) == len(ends) else ends)
 
     @property
     def probed_places(self) -> tuple[AtPlace, ...]:
-        """Both places in the order in which they are written, where probes are by default."""
+        """Both places, in the order in which they are written, for the default probes."""
         return _placed(self.ends[1])
 
     @property
     def place_paths(self) -> tuple[Path, ...]:
-        """Paths of both places in the scenario, below the item that acts between them."""
+        """Paths of both places below the item."""
         return ("between", 0), ("between", 1)
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Problems of numbers of masses; places that are written out report their own."""
+        """Problems of mass numbers; places in the long form report their own."""
         yield from super().problems(scenario, path)
         key, ends = self.ends
         for index, end in enumerate(ends):
@@ -265,7 +266,7 @@ class Named(Schema):
     """Something with a name."""
 
     name: q.Name = ""
-    """Name, unique; by default made of what it is and its number, such as snubber_1, ground_spring_1 or joint_1."""
+    """Unique name; by default the kind of item and its number, for example snubber_1, ground_spring_1 or joint_1."""
 
 
 DEFAULT_NAMES = {
@@ -276,11 +277,11 @@ DEFAULT_NAMES = {
     "friction": "friction",
     "stops": "stop",
 }
-"""Lists whose items have a name by default: this and their number."""
+"""Lists whose items have default names: this word and their number."""
 
 
 def _numbered(items: Any, info: ValidationInfo) -> Any:
-    """Read a list of `DEFAULT_NAMES` with names for the items that have none."""
+    """Add default names to the items of a list in `DEFAULT_NAMES`."""
     if not isinstance(items, (list, tuple)):
         return items
     named = []
@@ -301,21 +302,21 @@ class Probe(Sited):
     """A point whose motion is recorded."""
 
     name: q.Name
-    """Name, unique; it names the datasets of the result file."""
+    """Unique name; the result file uses it for the probe's data."""
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A support, which does not move."""
+        """A warning if the probe is at a support, which does not move."""
         yield from self.support_warnings(scenario, path)
 
 
 class PlacedForce(Sited):
-    """A force at a point, upwards."""
+    """A constant force at a point."""
 
     force: q.Force
     """The force, positive upwards (towards positive displacement)."""
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A support, which does not move."""
+        """A warning if the force is at a support, which does not move."""
         if path[0] == "constant_forces":
             yield from self.support_warnings(scenario, path)
 
@@ -324,13 +325,13 @@ Translation = Literal["acceleration", "velocity", "displacement"]
 Rotation = Literal["angular_acceleration", "angular_velocity", "rotation"]
 
 TRANSLATION_TAKES: tuple[Translation, ...] = ("acceleration", "velocity", "displacement")
-"""What a motion along an axis is given by; the first is the default."""
+"""Quantities that may give the motion along an axis; the first is the default."""
 ROTATION_TAKES: tuple[Rotation, ...] = ("angular_acceleration", "angular_velocity", "rotation")
-"""What a rotation is given by; the first is the default."""
+"""Quantities that may give a rotation; the first is the default."""
 
 
 class MovedSupport(Schema):
-    """A support, or a joint, that moves relative to the base."""
+    """A support or joint that the excitation moves relative to the base."""
 
     known_by: ClassVar[tuple[str, ...]] = ("support", "joint")
 
@@ -338,14 +339,15 @@ class MovedSupport(Schema):
     """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
     node 15 of imported matrices."""
     joint: q.Name | None = None
-    """Instead of a support a joint, or a linear spring between points: its second point moves against the first."""
+    """A joint, or a linear spring between points, instead of a support: its second point moves relative to its
+    first."""
     body: q.Name | None = None
-    """The body that the support holds; may be left out where there is only one."""
+    """The body with this support; may be omitted if there is only one."""
     direction: Literal["x", "y", "z", "rx", "ry", "rz", "slope"] | None = None
-    """z, the deflection, by default; slope is a rotation dw/dx; at a node of imported matrices any of x to rz."""
+    """z, the deflection, by default; slope is the rotation dw/dx; at a node of imported matrices any of x to rz."""
 
     def check(self) -> None:
-        """Demand a support or a joint."""
+        """Require a support or a joint."""
         if (self.support is None) == (self.joint is None):
             raise InvalidValueError("names neither a support nor a joint, or both", "give one of them: {support: left}")
         if self.joint is not None and self.body is not None:
@@ -353,14 +355,14 @@ class MovedSupport(Schema):
 
     @property
     def label(self) -> str:
-        """Its label in texts: support left."""
+        """Text for messages and tables: support left."""
         holder = f"support {self.support}" if self.joint is None else f"joint {self.joint}"
         of = f" of {self.body}" if self.body else ""
         return holder + of + (f" {self.direction}" if self.direction not in (None, "z") else "")
 
     @property
     def rotates(self) -> bool:
-        """Whether it turns."""
+        """Whether the motion is a rotation."""
         return self.direction is not None and self.direction not in ("x", "y", "z")
 
     @property
@@ -369,12 +371,12 @@ class MovedSupport(Schema):
         return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
 
     places: ClassVar[tuple[AtPlace, ...]] = ()
-    """None: it acts on no free point."""
+    """None: it does not act on a free point."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A joint or body that there is not; which supports a body has is known to its model.
+        """Problems: an unknown joint or body. The supports of a body are known only to its model.
 
-        A sine is followed at a constant frequency only: while it changes, the motion of the support would drift.
+        A sine must have a constant frequency: in a sweep the motion of the support would drift.
         """
         if self.joint is not None:
             linear = (each.name for each in scenario.joined_by if each.kind not in ("cubic", "piecewise_linear"))
@@ -392,28 +394,28 @@ class MovedSupport(Schema):
 
 
 def _sections_of_orbits(scenario: Whole) -> list[str]:
-    """Sections that follow periodic motions."""
+    """Sections of the scenario that compute periodic motions."""
     given = {"sweep": scenario.sweep, "identify_stiffness": scenario.identify_stiffness}
     given["nnm.phase_resonance"] = None if scenario.nnm is None else scenario.nnm.phase_resonance
     return [name for name, section in given.items() if section is not None]
 
 
 def _fixed_stop_remedy(following: list[str]) -> str:
-    """What to do about a stop that moves."""
+    """The remedy for a stop that moves."""
     return f"leave {' and '.join(following)} out, or mount it on the base"
 
 
 class MovedStop(Schema):
-    """A stop that moves against what it is mounted on."""
+    """A stop that the excitation moves relative to what it is mounted on."""
 
     known_by: ClassVar[tuple[str, ...]] = ("snubber",)
 
     snubber: q.Name
-    """The snubber: both stops of a pair move together."""
+    """Name of the snubber; both stops of a pair move together."""
 
     @property
     def label(self) -> str:
-        """Its label in texts: stop bumper."""
+        """Text for messages and tables: stop bumper."""
         return f"stop {self.snubber}"
 
     rotates: ClassVar[bool] = False
@@ -421,7 +423,7 @@ class MovedStop(Schema):
     places: ClassVar[tuple[AtPlace, ...]] = ()
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber that there is not, and commands that do not follow it: runs alone do."""
+        """Problems: an unknown snubber, and commands other than run, which do not support a moving stop."""
         movable = [each.item.name for each in scenario.listed("snubbers") if hasattr(each.item, "mounted_on")]
         yield from unknown((*path, "snubber"), self.snubber, "snubber", movable)
         if path[0] == "excitation" and (following := _sections_of_orbits(scenario)):
@@ -431,16 +433,16 @@ class MovedStop(Schema):
 
 
 class OnSupport(Schema):
-    """A support that carries a stop along, where the excitation moves it."""
+    """Mounting of a stop on a support that the excitation moves."""
 
     support: q.Name
     """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
     node 15 of imported matrices."""
     body: q.Name | None = None
-    """The body that the support holds; may be left out where there is only one."""
+    """The body with this support; may be omitted if there is only one."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A body that there is not, and commands that do not follow a stop on a support that moves: runs alone do."""
+        """Problems: an unknown body, and commands other than run, which do not support a stop on a moving support."""
         yield from body_problems(scenario, path, self.body, f"name one: {{body: BODY, support: {self.support}}}")
         moves = any(isinstance(each.applied_to, MovedSupport) for _, each in scenario.excitation.items)
         if moves and (following := _sections_of_orbits(scenario)):
@@ -455,13 +457,13 @@ Ratios = Annotated[
 
 
 class RatioDamping(Schema):
-    """Damping by ratios."""
+    """Common part of damping that is given by ratios."""
 
     if TYPE_CHECKING:
-        ratio: Any  # one, or several
+        ratio: Any  # one ratio, or a list
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A damping ratio that is critical or above."""
+        """A warning for a damping ratio of 1 (critical) or more."""
         ratio = max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio
         if ratio >= 1.0:
             known = scenario.unit_written((*path, "ratio"), ratio, units.RATIO)  # of one ratio
@@ -479,12 +481,12 @@ class ModalDamping(RatioDamping):
 
 
 class RatioAtFrequency(Schema):
-    """A damping ratio, and the natural frequency that has it."""
+    """A natural frequency and its damping ratio."""
 
     frequency: q.Frequency
     """Natural frequency."""
     ratio: q.Ratio
-    """Damping ratio there."""
+    """Damping ratio at this frequency."""
 
 
 class RayleighDamping(Schema):
@@ -500,7 +502,7 @@ class RayleighDamping(Schema):
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
 
     def check(self) -> None:
-        """Reject factors together with ratios, and ratios that factors of at least 0 do not give."""
+        """Refuse factors together with ratios, and ratios that would need a negative factor."""
         self.exclude("ratios", "mass", "stiffness", remedy="keep ratios, or mass and stiffness, not both")
         if not self.ratios:
             return
@@ -518,7 +520,7 @@ class RayleighDamping(Schema):
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Factors of mass, 1/s, and stiffness, s: the ratio at omega is (mass / omega + stiffness omega) / 2."""
+        """Factors of mass, 1/s, and stiffness, s; the ratio at omega is (mass / omega + stiffness omega) / 2."""
         if not self.ratios:
             return self.mass, self.stiffness
         (a, x), (b, y) = ((2.0 * math.pi * at.frequency, at.ratio) for at in self.ratios)
@@ -540,7 +542,7 @@ ChainDamping = Annotated[ModalDamping | RayleighDamping, BY_FORM]
 
 
 class LocatedItem(NamedTuple):
-    """A snubber or spring, where it is written, the body it means where it names none, and all bodies."""
+    """A snubber or spring with its path in the scenario, its default body, and all bodies."""
 
     path: Path
     body: str
@@ -549,23 +551,23 @@ class LocatedItem(NamedTuple):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies that it acts on, each once."""
+        """The bodies that it acts on."""
         return tuple(dict.fromkeys(place.body or self.body for place in self.item.places))
 
     @property
     def label(self) -> str:
-        """Its path with its name, as messages give it: snubbers.tip, chain.snubbers.tip."""
+        """Its path with its name, as messages show it: snubbers.tip, chain.snubbers.tip."""
         return path_text((*self.path[:-1], self.item.name))
 
 
 def coarse_mesh(body_path: Path, elements: int, size: float, ratio: float, highest_hz: float) -> Iterator[str]:
-    """A doubt about a mesh that has less than six elements in a bending wavelength.
+    """A warning about a mesh with fewer than six elements per bending wavelength.
 
     Parameters
     ----------
     body_path : path of the number of elements.
-    elements : their number.
-    size : of one, m.
+    elements : number of elements.
+    size : length of an element, m.
     ratio : bending stiffness over mass, m^4/s^2.
     highest_hz : frequency of the excitation; 0 for none.
 
@@ -580,47 +582,47 @@ def coarse_mesh(body_path: Path, elements: int, size: float, ratio: float, highe
 
 
 class Body(Schema):
-    """One body of a scenario; a kind of body is a subclass.
+    """Common part of all kinds of bodies; each kind is a subclass.
 
-    What is here holds for a body without snubbers, springs or ends of its own; ``where``, or ``at``, is its path.
+    The methods here are the defaults for a body without snubbers, springs or ends of its own.
     """
 
     body_kind: ClassVar[str] = ""
-    """Which assembly is its own, see `beamsim.structures.assembly`."""
+    """Name of the module in `beamsim.structures` that assembles this kind of body."""
 
     if TYPE_CHECKING:
-        damping: Any  # every kind of body has its own sort of it
+        damping: Any  # every kind of body has its own type
 
     how_to_place: ClassVar[str] = "give a position on the beam, position: 270 mm"
-    """How a place of it is named."""
+    """Remedy that shows how to write a place on it."""
 
     how_to_load: ClassVar[str] = "list forces at its nodes: excitation: {kind: forces, forces: [...]}"
-    """What to give in place of a distributed load of another kind of body."""
+    """What to use instead of a distributed load that belongs to another kind of body."""
 
     has_slope: ClassVar[bool] = False
-    """Whether its points turn as well as deflect."""
+    """Whether its points have a slope as well as a deflection."""
 
     base_directions: ClassVar[tuple[str, ...]] = ("z",)
-    """Directions in which a motion of the base, or gravity, moves its points; first what no direction means, empty
-    where the body names it."""
+    """Directions of base motion or gravity that move its points. The first is used if no direction is given; it is
+    empty if the body itself names the direction."""
 
     has_default_probe: ClassVar[bool] = True
     """Whether `default_probe` names a place."""
 
     is_read_from_files: ClassVar[bool] = False
-    """Whether files that the body names hold its matrices."""
+    """Whether its matrices are read from files."""
 
     reduced_by_default: ClassVar[bool] = True
-    """Whether it has modes that are left out unless they are asked for."""
+    """Whether the default reduction omits some of its modes."""
 
     @property
     def called(self) -> str:
-        """Its kind in messages."""
+        """Its kind, as messages call it."""
         return "imported matrices" if self.is_read_from_files else f"a {self.body_kind}"
 
     @property
     def mode_count(self) -> int | None:
-        """Number of modes there are; None where that is for the mesh to say."""
+        """Number of modes; None if that depends on the mesh."""
         return None
 
     @property
@@ -635,68 +637,68 @@ class Body(Schema):
 
     @property
     def recovered_rows(self) -> tuple[str, ...]:
-        """Names of other quantities that it gives."""
+        """Names of the other quantities that it can report."""
         return ()
 
     @property
     def rough_frequency_hz(self) -> float:
-        """Order of magnitude of a low natural frequency, Hz."""
+        """Order of magnitude of its lowest natural frequency, Hz."""
         return 0.0
 
     mesh_order: ClassVar[float] = 4.0
     reaction_order: ClassVar[float] = 4.0  # of forces and moments at supports
-    """Order with which its values converge as its elements get smaller."""
+    """Order of convergence of its results with the element size."""
 
     def refine(self) -> Self:
-        """The body with twice the elements; itself where it has no mesh of its own."""
+        """The body with twice as many elements; unchanged if it has no mesh."""
         return self
 
     @property
     def mass_points(self) -> tuple[Point, ...]:
-        """Places of the point masses on a body with a mesh, m."""
+        """Positions of the point masses, m."""
         return ()
 
     @property
     def depth(self) -> float:
-        """Largest thickness in the direction of the motion, m; 0 where none is known."""
+        """Largest thickness in the direction of the motion, m; 0 if unknown."""
         return max((depth for _, _, depth in self.depths), default=0.0)
 
     @property
     def largest_deflection(self) -> float:
-        """Deflection above which theory for small ones no longer holds, m: a fifth of the longest side."""
+        """Deflection above which small-deflection theory does not hold, m: a fifth of the longest side."""
         return max(self.sides, default=math.inf) / 5.0
 
     @property
     def elastic_supports(self) -> tuple[tuple[float, Any], ...]:
-        """Coordinates and sections of ends on springs."""
+        """Coordinates and sections of elastic supports."""
         return ()
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:
-        """Coordinates and kinds of what a sketch shows on the body: clamped, springs, mass, ..."""
+        """Coordinates and kinds of the symbols in a sketch of the body: clamped, springs, mass, ..."""
         return ()
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
-        """Stretches of the body whose depth is known: first and last coordinate, and the depth, m."""
+        """First and last coordinate, and depth, m, of each segment whose depth is known."""
         return ()
 
     @property
     def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:
-        """Pairs of coordinates that springs of the body join; None is the wall before the first or after the last."""
+        """Pairs of coordinates that springs of the body connect; None is a wall."""
         return ()
 
     def default_probe(self) -> tuple[str, AtPlace]:
-        """Name and place of the probe where nothing else tells one."""
+        """Name and place of the probe if the scenario has none."""
         raise NotImplementedError
 
     @property
     def sides(self) -> tuple[float, ...]:
-        """Lengths, m, along which positions on the body are measured."""
+        """Lengths, m, of the axes along which positions are given."""
         return ()
 
     def metres(self, position: float | q.Share, axis: int = 0) -> float:
-        """A position along a side in m; its end where only round-off is between them (3 ft and 36 in differ)."""
+        """A position along an axis in m; exactly its end if only round-off is between them (3 ft and 36 in)."""
         if axis >= len(self.sides):
             return math.nan if isinstance(position, q.Share) else position
         side = self.sides[axis]
@@ -710,13 +712,13 @@ class Body(Schema):
     @overload
     def point(self, position: WrittenPosition) -> Point: ...
     def point(self, position: WrittenPosition) -> Point:
-        """A position on the body in m, of a share that of the side."""
+        """A position on the body, converted to m."""
         if not isinstance(position, tuple):
             return self.metres(position)
         return self.metres(position[0], 0), self.metres(position[1], 1)
 
     def point_of(self, place: AtPlace) -> Point:
-        """The position of a place on the body in m, or the number of the mass or node."""
+        """Position of a place on the body, m, or the number of the mass or node."""
         if place.position is not None:
             return self.point(place.position)
         number = place.mass if place.node is None else place.node
@@ -724,7 +726,7 @@ class Body(Schema):
         return float(number)
 
     def support_at(self, position: WrittenPosition) -> str:
-        """The support that keeps a point from deflecting, such as "the clamped left end"; empty if there is none."""
+        """The support that prevents a deflection at a point, such as "the clamped left end"; empty if there is none."""
         return ""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
@@ -741,7 +743,7 @@ class Body(Schema):
         body_path : path of the body.
         path : path at which the position is written.
         position : as it is written.
-        item : what sits there and does nothing on a support; empty for what may stand on one.
+        item : what is at the position and has no effect at a support; empty if it may be at a support.
 
         Yields
         ------
@@ -757,14 +759,14 @@ class Body(Schema):
             yield self._without_effect(body_path, path, position, f"{held}, which cannot deflect: {item}")
 
     def _without_effect(self, body_path: Path, path: Path, position: WrittenPosition, item: str) -> Problem:
-        """A warning that something acts where the body is supported."""
+        """The problem of an item without effect, because the body is supported there."""
         point = self.point(position)
         shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
         remedy = f"move it, or change {path_text((*body_path, 'supports'))}"
         return problem(path, f"= {shown} m is {item} has no effect there", remedy)
 
     def _dimension_problem(self, body_path: Path, path: Path, position: WrittenPosition) -> Problem:
-        """A problem: the position has as many numbers as on bodies of another kind."""
+        """The problem of a position with a wrong number of coordinates."""
         if not self.sides:
             return self._other_kind_problem(body_path, path, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
@@ -773,7 +775,7 @@ class Body(Schema):
     def position_problems_of_side(
         self, body_path: Path, path: Path, position: float | q.Share, axis: int = 0
     ) -> Iterator[Problem]:
-        """A position beyond the end of a side.
+        """A problem if a position lies beyond the end of an axis.
 
         Parameters
         ----------
@@ -790,7 +792,7 @@ class Body(Schema):
             yield self._too_far(body_path, path, distinct(x, side), axis)
 
     def _too_far(self, body_path: Path, path: Path, numbers: tuple[str, str], axis: int) -> Problem:
-        """A problem: a position is beyond the end of a side; both are given as text."""
+        """The problem of a position beyond the end of an axis; both numbers as text."""
         (given, last), (key, begins) = numbers, (("length", "left"), ("width", "bottom"))[axis]
         return problem(
             path,
@@ -814,11 +816,11 @@ class Body(Schema):
         yield self._other_kind_problem(body_path, path, "a chain")
 
     def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
-        """Why a node is not a place of the body."""
+        """A problem: the body has no nodes with numbers."""
         yield self._other_kind_problem(body_path, path, "imported matrices")
 
     def _other_kind_problem(self, body_path: Path, path: Path, other_kind: str) -> Problem:
-        """A problem: the place is written as on bodies of another kind."""
+        """The problem of a place that is written for another kind of body."""
         this = "the structure" if len(body_path) == 1 else path_text(body_path)
         return problem(path, f"applies to {other_kind}, but {this} is {self.called}", self.how_to_place)
 
@@ -838,11 +840,11 @@ class Body(Schema):
         yield from self.position_problems(body_path, path, position, "")
 
     def power_of_start(self, index: int) -> int:
-        """Power of x whose coefficient is the number of a displacement or velocity to start from."""
+        """Power of x that belongs to a coefficient of an initial displacement or velocity."""
         return index
 
     def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """Problems of the numbers of an initial displacement or velocity; by default none may be given.
+        """Problems of the numbers of an initial displacement or velocity; by default none are allowed.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ class Chain(Body):
     springs: tuple[NonNegativeStiffness, ...]
     """Stiffnesses: wall to 1, 1 to 2, ...; n + 1 values, or n if the last mass is free."""
     dashpots_: tuple[Dashpot, ...] = Field(default=(), alias="dashpots")
-    """Dashpots parallel to the springs; none by default, otherwise as many as springs."""
+    """Dashpots parallel to the springs, one for each; none by default."""
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
     snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
@@ -59,7 +59,7 @@ class Chain(Body):
 
     @property
     def dashpots(self) -> tuple[float, ...]:
-        """One in parallel with each spring, N s/m."""
+        """Coefficient of the dashpot parallel to each spring, N s/m."""
         return self.dashpots_ or (0.0,) * len(self.springs)
 
     @property
@@ -85,7 +85,7 @@ class Chain(Body):
 
     @property
     def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:
-        """Neighbours, and walls, that a spring joins."""
+        """Neighbouring masses, and walls, that a spring connects."""
         ends = [None, *map(float, range(1, self.count + 1)), None]
         return tuple(pair for pair, stiffness in zip(pairwise(ends), self.springs, strict=False) if stiffness > 0.0)
 
@@ -94,7 +94,7 @@ class Chain(Body):
         return f"mass_{self.count}", AtPlace(mass=self.count)
 
     def mass_problems(self, body_path: Path, path: Path, mass: int) -> Iterator[Problem]:
-        """A number above that of the masses.
+        """A problem if the number of a mass is too large.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Chain(Body):
             )
 
     def shape_problems(self, body_path: Path, path: Path, position: float | Share) -> Iterator[Problem]:
-        """Mode shapes are measured at masses, given by their numbers.
+        """Problems of the mass at which a mode shape was measured.
 
         Parameters
         ----------
@@ -127,11 +127,11 @@ class Chain(Body):
             yield problem(path, f"= {position:g} is not the number of a mass", remedy)
 
     def power_of_start(self, index: int) -> int:
-        """None: each mass has its own displacement."""
+        """0: each mass has its own number."""
         return 0
 
     def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """Not one number a mass.
+        """A problem unless there is one number for each mass.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What acts at points of bodies and between them: springs, joints, one-sided stops ("snubbers") and dry friction."""
+"""Springs, joints, one-sided stops ("snubbers") and dry friction, at points of bodies or between them."""
 
 from __future__ import annotations
 
@@ -47,36 +47,36 @@ Stretch = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement",
 
 
 class Maxwell(Schema):
-    """A spring in series with a dashpot, in parallel with the element that it belongs to."""
+    """A spring and a dashpot in series, parallel to another element."""
 
     stiffness: q.NonNegativeStiffness
-    """Stiffness of its spring: what a sudden deflection adds."""
+    """Stiffness of its spring: the additional stiffness at a sudden deflection."""
     relaxation_time: q.Duration
-    """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
+    """Time constant of its force at a constant deflection: dashpot over stiffness."""
     start: Literal["relaxed", "just_mounted"] = "relaxed"
-    """State in which a motion begins: without force, or with that of a sudden deflection, under which a start at
-    equilibrium is found."""
+    """State at the start of a motion: relaxed (no force), or just_mounted, with the force of a sudden deflection, which
+    then also counts in the static equilibrium at the start."""
 
 
 class SpringToGround(Sited, Named):
-    """A spring from a point of a body or a mass of a chain to the fixed ground."""
+    """A spring from a point of a body, or a mass of a chain, to the fixed ground."""
 
 
 class SpringBetween(BetweenPlaces, Named):
-    """A spring between points of two bodies or of one, or between two masses of a chain, neighbours or not."""
+    """A spring between points of two bodies or of one, or between any two masses of a chain."""
 
     between: TwoPlaces = ()
     """The two places; the extension is positive when the second moves up from the first."""
     masses: Annotated[tuple[q.Count, ...], PAIR] = ()
-    """Instead of between the numbers of two masses of a chain; the extension is positive when they separate."""
+    """Numbers of two masses of a chain, instead of between; the extension is positive when they separate."""
 
     @property
     def ends(self) -> tuple[str, TwoPlaces]:
-        """The key that names both places, and what it names."""
+        """The key that gives both places, and its value."""
         return ("masses", self.masses) if self.masses else super().ends
 
     def check(self) -> None:
-        """Refuse places that are named twice."""
+        """Refuse places that are given twice."""
         self.exclude("masses", "between")
         if not self.ends[1]:
             raise InvalidValueError("names no places", "give between, or on a chain masses: [1, 2]")
@@ -84,7 +84,7 @@ class SpringBetween(BetweenPlaces, Named):
 
 
 def has_own_law(item: Schema) -> bool:
-    """Whether a spring or joint is more than a linear spring: nonlinear, or with Maxwell branches that act."""
+    """Whether a spring or joint is nonlinear or has Maxwell branches."""
     kind = getattr(item, "kind", "")
     branches = getattr(item, "maxwell", ())
     return kind in ("cubic", "piecewise_linear") or any(branch.stiffness > 0.0 for branch in branches)
@@ -102,7 +102,7 @@ class LinearSpring(Schema):
 
     @property
     def linear_stiffness(self) -> float:
-        """N/m, of the linear model."""
+        """Stiffness in the linear model, N/m."""
         return self.stiffness
 
 
@@ -112,10 +112,10 @@ class CubicSpring(Schema):
     kind: Literal["cubic"] = "cubic"
     """Force = stiffness times extension cubed."""
     stiffness: q.CubicStiffness
-    """Stiffness; negative softens."""
+    """Coefficient of the cubed extension; negative softens."""
 
     linear_stiffness: ClassVar[float] = 0.0
-    """N/m, of the linear model: it has no part in it."""
+    """Stiffness in the linear model: 0."""
 
 
 class PiecewiseLinearSpring(Schema):
@@ -124,9 +124,9 @@ class PiecewiseLinearSpring(Schema):
     kind: Literal["piecewise_linear"] = "piecewise_linear"
     """Piecewise-linear force, continuous, zero at zero extension."""
     breakpoints: Annotated[tuple[Stretch, ...], Field(min_length=1)]
-    """Stretches at which the slope changes, increasing."""
+    """Extensions at which the slope changes, increasing."""
     stiffnesses: tuple[q.NonNegativeStiffness, ...]
-    """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
+    """Slope below the first breakpoint, between the first two, ..., above the last: one more than breakpoints."""
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches parallel to it, any number of them."""
 
@@ -144,14 +144,14 @@ class PiecewiseLinearSpring(Schema):
 
     @property
     def number_at_rest(self) -> int:
-        """Index of the slope at zero extension; of the smaller one if zero is a breakpoint."""
+        """Index of the slope at zero extension; of the smaller slope if zero is a breakpoint."""
         at = bisect_left(self.breakpoints, 0.0)
         on_it = at < len(self.breakpoints) and self.breakpoints[at] == 0.0
         return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
 
     @property
     def linear_stiffness(self) -> float:
-        """N/m, of the linear model: the slope at zero extension."""
+        """Stiffness in the linear model, N/m: the slope at zero extension."""
         return self.stiffnesses[self.number_at_rest]
 
 
@@ -191,33 +191,34 @@ _START = "subtract the gap or the preload from the measured curve, and give it w
 
 
 class SegmentFit(Schema):
-    """A piecewise-linear curve through measured points."""
+    """A piecewise-linear curve fitted to measured points."""
 
     segments: Annotated[int, q.Whole(1, 50)]
     """Number of straight lines."""
 
 
 class MeasuredForces(Schema):
-    """A force-deflection curve from a file, or one that is to be fitted."""
+    """A force-deflection curve, from a file or from points, optionally fitted."""
 
     file: q.FileName | None = None
-    """CSV file, relative to the scenario's folder; headings state units: deflection (mm), force (N), time (s)."""
+    """CSV file, relative to the scenario's folder; its headings contain units: deflection (mm), force (N), time (s)."""
     columns: tuple[q.Text, ...] = ()
-    """Headings of the columns of the file that are meant, where several have the same dimension: [extensometer]."""
+    """Headings of the columns to use, if several have the same dimension: [extensometer]."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     points: ForcePoints | None = None
     """Pairs of deflection and force, instead of a file."""
     fit: SegmentFit | None = None
-    """Fit the rising piecewise-linear curve through zero with so many segments; by default the points are the curve."""
+    """Fit a rising piecewise-linear curve through zero with this number of segments; by default the points are used as
+    they are."""
     scale: q.PositiveNumber = 1.0
-    """Factor of all forces; studies vary it, and identify_stiffness.nonlinear finds it from measured vibrations."""
+    """Factor of all forces; studies can vary it, and identify_stiffness.nonlinear can identify it."""
     segment_factors: tuple[q.PositiveNumber, ...] = ()
-    """Factor of the stiffness of each segment, from the first; 1 by default. Studies vary them, and
-    identify_stiffness.nonlinear finds them from vibrations at several levels."""
+    """Factor of the stiffness of each segment, from the first; 1 by default. Studies can vary them, and
+    identify_stiffness.nonlinear can identify them from vibrations at several levels."""
 
     def check(self) -> None:
-        """Demand a file or points, and of points that are not fitted that they are a curve."""
+        """Require a file or points; points that are not fitted must be a rising curve from zero."""
         if (self.file is None) == (self.points is None):
             raise InvalidValueError("needs file or points", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
         if self.points is not None and self.fit is None:
@@ -227,7 +228,7 @@ class MeasuredForces(Schema):
 
 
 def check_points(points: ForcePoints, path: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
-    """Reject points that are no rising curve from zero.
+    """Refuse points that are not a rising curve from zero.
 
     Parameters
     ----------
@@ -269,27 +270,26 @@ ForceDeflection = Annotated[
     ForcePoints | q.FileName | MeasuredForces,
     BY_FORM,
 ]
-"""Pairs, the name of a file, or either with a fit."""
+"""Pairs, the name of a file, or either of them with a fit."""
 
 
 class SnubberRatioDamping(RatioDamping):
-    """Dashpot by a damping ratio: c = 2 ratio k / Omega.
+    """Dashpot given by a damping ratio: c = 2 ratio k / Omega.
 
-    Omega is the first natural frequency with only this snubber closed. A closed mode has this ratio only where the
-    snubber holds all of its energy; which form suits which stop is in docs/stops.md.
-    """
+    Omega is the first natural frequency with only this snubber closed. The closed mode has this damping ratio only if
+    the snubber stores all of its energy; docs/stops.md explains which form suits which stop."""
 
     kind: Literal["ratio"] = "ratio"
-    """Dashpot by a damping ratio."""
+    """Dashpot given by a damping ratio."""
     ratio: q.Ratio
-    """Damping ratio, of the first natural frequency with only this snubber closed."""
+    """Damping ratio of the first natural frequency with only this snubber closed."""
 
 
 class SnubberViscousDamping(Schema):
-    """Dashpot by its coefficient."""
+    """Dashpot given by its coefficient."""
 
     kind: Literal["viscous"] = "viscous"
-    """Dashpot by its coefficient."""
+    """Dashpot given by its coefficient."""
     coefficient: q.Dashpot
     """Force per unit velocity while in contact."""
 
@@ -298,56 +298,55 @@ SnubberDamping = Annotated[SnubberRatioDamping | SnubberViscousDamping, BY_FORM]
 
 
 class Hardening(Schema):
-    """A stop that is crushed: bilinear force with kinematic hardening."""
+    """A stop that stays crushed: bilinear force with kinematic hardening."""
 
     yield_force: q.PositiveForce
-    """Contact force at which it begins to yield when it is loaded first."""
+    """Contact force at which it first yields."""
     stiffness: q.Stiffness
-    """Stiffness while it yields, below that before."""
+    """Stiffness while it yields; smaller than the elastic stiffness."""
 
 
 class Unloading(Schema):
-    """A stop whose force falls along another way than it rises."""
+    """A stop whose force is smaller on unloading than on loading."""
 
     stiffness: q.Stiffness
-    """Stiffness with which the force falls from where the motion turns, and rises again up to the curve of loading."""
+    """Stiffness at the beginning of unloading and of reloading, until the force reaches the other curve."""
     force_deflection: ForcePoints | None = None
-    """Curve down which the falling force goes, to zero at zero: [[0 mm, 0 N], [1 mm, 4 N], ...]; by default none, and
-    the stop stays crushed by the deflection at which its force is zero."""
+    """Force-deflection curve of unloading, from zero: [[0 mm, 0 N], [1 mm, 4 N], ...]. Without it the stop does not
+    recover: it stays crushed by the deflection at which the unloading force reaches zero."""
 
 
 class SnubberBase(Named):
-    """Common part of all snubbers; N = k delta + c delta' while in contact."""
+    """Common part of all snubbers; by default N = k delta + c delta' while in contact."""
 
     units: ClassVar[tuple[str, str]] = ("m", "N")
     stiffness_example: ClassVar[str] = "151.1 kN/m"
 
     stiffness: q.StopStiffness | None = None
-    """Stiffness while in contact; this or force_deflection is needed."""
+    """Stiffness in contact; either this or force_deflection is required."""
     force_deflection: ForceDeflection | None = None
-    """Force over penetration instead of the stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,
-    fit: {segments: 5}}; the last slope goes on."""
+    """Force over penetration, instead of stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,
+    fit: {segments: 5}}; the curve continues with its last slope."""
     damping: SnubberDamping | None = None
     """Dashpot parallel to the spring; none by default."""
     maxwell: tuple[Maxwell, ...] = ()
-    """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
+    """Maxwell branches parallel to the spring or the curve, any number of them; they require law: no_tension."""
     hardening: Hardening | None = None
-    """Yielding of the spring, which leaves the stop crushed; none by default."""
+    """Yielding of the spring, after which the stop stays crushed; none by default."""
     unloading: Unloading | None = None
-    """Another way of unloading: a stiffness, with which the stop stays crushed, and a curve, on which it recovers; none
-    by default."""
+    """Separate unloading: with a stiffness alone the stop stays crushed, with a curve it recovers; none by default."""
     gap_: q.Gap | None = Field(default=None, alias="gap")
-    """Clearance: positive is backlash, negative prestress; 0 by default."""
+    """Clearance: positive is play, negative is prestress; 0 by default."""
     preload: q.PositiveForce | None = None
     """Contact force at static equilibrium, instead of gap."""
     law_: Literal["kelvin_voigt", "no_tension"] | None = Field(default=None, alias="law")
-    """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile; by
-    default kelvin_voigt, no_tension with Maxwell branches."""
+    """kelvin_voigt: in contact while there is penetration; no_tension: in contact until the force would become tensile.
+    kelvin_voigt by default, no_tension with Maxwell branches."""
     latch: bool = False
-    """Whether it holds in both directions, for good, once it was met."""
+    """If true, the stop locks permanently at its first contact and then resists in both directions."""
 
     def check(self) -> None:
-        """Demand a stiffness or a table; reject gap and preload together."""
+        """Require a stiffness or a curve; refuse gap together with preload."""
         super().check()
         if self.stiffness is None or self.force_deflection is not None:
             self._check_force()
@@ -412,22 +411,22 @@ class SnubberBase(Named):
 
     @property
     def memory(self) -> str:
-        """The key with which the force depends on the past of the motion, or none."""
+        """The key that makes the force depend on the history of the motion; empty if there is none."""
         return next((key for key in ("maxwell", "hardening", "unloading") if getattr(self, key)), "")
 
     @property
     def yields(self) -> bool:
-        """True if it dissipates energy even when it is pressed slowly."""
+        """Whether it dissipates energy even in slow motion."""
         return self.hardening is not None or self.unloading is not None
 
     @property
     def gap(self) -> float | None:
-        """Clearance, m or rad; None where it follows from the preload."""
+        """Clearance, m or rad; None if it follows from the preload."""
         return None if self.preload is not None else self.gap_ or 0.0
 
     @property
     def law(self) -> Literal["kelvin_voigt", "no_tension"]:
-        """Until when there is contact."""
+        """The condition that ends contact."""
         return self.law_ or ("no_tension" if self.maxwell else "kelvin_voigt")
 
     @property
@@ -441,18 +440,18 @@ class SnubberBase(Named):
 
     @property
     def stops(self) -> tuple[Self, ...]:
-        """Itself."""
+        """The stop itself, as a tuple."""
         return (self,)
 
 
 class SnubberAtPlaces(SnubberBase):
-    """A snubber that names where it acts."""
+    """A snubber with a place of its own."""
 
     if TYPE_CHECKING:
         places: Any
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """A gap that is larger than the structure deflects."""
+        """A warning if the gap is larger than the structure can deflect."""
         owner, all_bodies = scenario.body_at(path) or scenario.default_body, scenario.all_bodies
         named = [place.body or owner for place in self.places]
         bodies = [all_bodies[name] for name in named if name in all_bodies]
@@ -474,29 +473,31 @@ _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
 
 
 class Snubber(Sited, SnubberAtPlaces):
-    """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
+    """A one-sided spring, optionally with a dashpot, between a point of a body and the base or the ground."""
 
     side: Literal["below", "above", "both"]
-    """Below resists negative displacements, above positive ones; both is a pair of stops, NAME.above and NAME.below."""
+    """below resists negative displacements, above positive ones; both makes a pair of stops, NAME.above and
+    NAME.below."""
     mounted_on: Annotated[Literal["base", "ground"] | OnSupport, BY_FORM] = "base"
-    """Base: moves with the base excitation; ground: fixed; {support: left}: moves with this support of a body, in the
-    direction of the stop, where the excitation moves it."""
+    """base: moves with the base excitation; ground: fixed; {support: left}: moves with this support of a body, in the
+    direction of the stop, if the excitation moves the support."""
 
     @property
     def stops(self) -> tuple[Self, ...]:
-        """Itself, or both stops of a pair."""
+        """The stop itself, or both stops of a pair."""
         if self.side != "both":
             return (self,)
         return tuple(self.model_copy(update={"side": side, "name": f"{self.name}.{side}"}) for side in _SIDES)
 
 
 class LinkSnubber(BetweenPlaces, SnubberAtPlaces):
-    """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
+    """A one-sided spring, optionally with a dashpot, between points of two bodies or of one."""
 
     between: TwoPlaces
-    """The two places; the first, of two masses of a chain that with the lower number, lies below the second."""
+    """The two places. The first lies below the second; for masses of a chain the first is the lower number."""
     resists: Literal["approach", "separation"] = "approach"
-    """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
+    """approach: a stop, which closes when the first place moves up towards the second; separation: a cable, which
+    becomes taut when they move apart."""
 
 
 AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]
@@ -506,18 +507,18 @@ WearRate = Annotated[float, q.Quantity(units.WEAR_RATE, above=0.0)]
 
 
 class FrictionCoefficients(Schema):
-    """Friction force over normal force."""
+    """Coefficients of friction (friction force over normal force)."""
 
     static: q.PositiveNumber
-    """Coefficient up to which the contact sticks."""
+    """Static coefficient, up to which the contact sticks."""
     sliding: q.Ratio
-    """Coefficient while it slides; not above the static one."""
+    """Coefficient during sliding; not larger than the static one."""
     stribeck_speed: q.Speed | None = None
-    """Speed of sliding from which on the coefficient is that; it falls to it in a straight line from the static one. By
-    default it falls at once."""
+    """Sliding speed above which the coefficient is the sliding one; below it falls linearly from the static one. By
+    default it drops at once."""
 
     def check(self) -> None:
-        """Demand an order."""
+        """Require that the sliding coefficient is not larger than the static one."""
         if self.sliding > self.static:
             raise InvalidValueError(
                 f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
@@ -526,40 +527,40 @@ class FrictionCoefficients(Schema):
 
 
 class SnubberForce(Schema):
-    """The force of a snubber, which varies with the motion and is zero where the snubber is open."""
+    """The force of a snubber as normal force: it varies with the motion and is zero while the snubber is open."""
 
     snubber: q.Name
     """Name of the snubber."""
 
 
 class FrictionBase(Named):
-    """Common part of all friction contacts: |T| = coefficient times normal force at most."""
+    """Common part of all friction contacts: friction force at most the coefficient times the normal force."""
 
     kind: ClassVar[str] = "friction"
 
     normal_force: Annotated[q.PositiveForce | SnubberForce, BY_FORM]
-    """Force that presses the faces together: a constant one, or {snubber: NAME}, that of a snubber."""
+    """Normal force: a constant, or {snubber: NAME} for the force of a snubber."""
     coefficient: Annotated[
         q.PositiveNumber | FrictionCoefficients,
         BY_FORM,
     ]
-    """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
+    """Coefficient of friction: one number, or {static: 0.3, sliding: 0.2}."""
     stiffness: q.Stiffness | None = None
-    """Tangential stiffness of the contact while it sticks; by default it does not move at all."""
+    """Tangential stiffness while it sticks; rigid by default."""
     start: Annotated[Literal["unstressed"] | q.Force, BY_FORM] = "unstressed"
-    """Friction force at the start of a motion, which the past decides: unstressed, or a force that resists a positive
-    displacement. Static equilibrium is that under this force."""
+    """Friction force at the start of a motion, which depends on the history: unstressed, or a force that resists a
+    positive displacement. The static equilibrium includes this force."""
     wear_rate: WearRate | None = None
-    """Volume worn per normal force and sliding distance (Archard); unknown by default."""
+    """Worn volume per normal force and sliding distance (Archard); no wear is computed by default."""
 
     @property
     def pressed_by(self) -> str | None:
-        """Name of the snubber whose force presses; None where the force is constant."""
+        """Name of the snubber that gives the normal force; None if the normal force is constant."""
         return self.normal_force.snubber if isinstance(self.normal_force, SnubberForce) else None
 
     @property
     def constant_force(self) -> float:
-        """The constant normal force, N; nan where it is that of a snubber."""
+        """The constant normal force, N; nan if a snubber gives it."""
         return math.nan if isinstance(self.normal_force, SnubberForce) else self.normal_force
 
     @property
@@ -570,12 +571,12 @@ class FrictionBase(Named):
 
     @property
     def static_force(self) -> float:
-        """Largest friction force while it sticks, N; nan where the normal force is that of a snubber."""
+        """Largest friction force while it sticks, N; nan if a snubber gives the normal force."""
         return self.constant_force * self.coefficients.static
 
     @property
     def sliding_force(self) -> float:
-        """Friction force while it slides, N, likewise."""
+        """Friction force during sliding, N; nan if a snubber gives the normal force."""
         return self.constant_force * self.coefficients.sliding
 
     @property
@@ -584,7 +585,7 @@ class FrictionBase(Named):
         return 0.0 if isinstance(self.start, str) else self.start
 
     def check(self) -> None:
-        """Demand a force at the start that sticks, and constant coefficients where the force is more than friction."""
+        """Refuse a start force above the static limit, and invalid combinations with a variable friction force."""
         super().check()
         if self.coefficients.stribeck_speed is not None and (self.pressed_by is not None or self.stiffness is not None):
             other = "the normal force of a snubber" if self.stiffness is None else "stiffness"
@@ -609,7 +610,7 @@ class FrictionBase(Named):
         raise NotImplementedError
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber that presses and is not there, or pulls."""
+        """Problems: an unknown snubber as normal force, or one that can pull."""
         yield from super().problems(scenario, path)
         if self.pressed_by is not None:
             yield from self._problems_of_pressing(scenario, path, self.pressed_by)
@@ -641,17 +642,17 @@ class FrictionBase(Named):
 
 
 class FrictionAtPlace(Sited, FrictionBase):
-    """Dry friction at a place, which rubs on the base or the ground in the direction of its displacement."""
+    """Dry friction at a place, against the base or the ground, in the direction of the place's displacement."""
 
     mounted_on: Literal["base", "ground"] = "base"
-    """Base: what it rubs on moves with the base excitation; ground: fixed."""
+    """base: the counterface moves with the base excitation; ground: it is fixed."""
 
 
 class FrictionBetween(BetweenPlaces, FrictionBase):
-    """Dry friction between places of two bodies or of one."""
+    """Dry friction between points of two bodies or of one."""
 
     between: TwoPlaces
-    """The two places; the friction force of a positive extension holds the second back."""
+    """The two places; at a positive extension the friction force on the second points to the first."""
 
 
 AnyFriction = Annotated[FrictionAtPlace | FrictionBetween, BY_FORM]
@@ -673,23 +674,23 @@ class Joint(Named):
     """Two points of bodies, or a point and base."""
 
     def check(self) -> None:
-        """Demand two different ends, at least one of them on a body."""
+        """Require two different ends, at least one of them on a body."""
         if self.between[0] == self.between[1]:
             raise InvalidValueError("joins a point to itself", "name two different points", ("between",))
         refuse_unlike_directions(self.places)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """The points of bodies, one or two."""
+        """The points on bodies, one or two."""
         return tuple(end for end in self.between if isinstance(end, AtPlace))
 
     @property
     def turns_against(self) -> bool:
-        """Whether a rotation of one end acts on the other."""
+        """Whether the joint transmits a moment between its ends."""
         return False
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Problems: rotation of points that only deflect; a body that is joined to itself."""
+        """Problems: a rotation of points that have no slope; a body that is joined to itself."""
         bodies = scenario.all_bodies
         names = [place.body or scenario.default_body for place in self.places]
         for name in names:
@@ -705,7 +706,7 @@ class Joint(Named):
             yield problem(path, message, "use kind: spring")
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Points that lie apart."""
+        """A warning if the joined points do not coincide."""
         for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
             if ("joints", apart.index) == path:
                 yield (
@@ -715,39 +716,39 @@ class Joint(Named):
 
 
 class HingeMaxwell(Maxwell):
-    """A Maxwell branch between the angles of a hinge."""
+    """A Maxwell branch of a hinge, between rotations."""
 
     stiffness: q.RotationalStiffness
-    """Stiffness of its spring: what a sudden turn adds."""
+    """Stiffness of its spring: the additional stiffness at a sudden rotation."""
 
 
 class HingeViscousDamping(SnubberViscousDamping):
-    """Dashpot by its coefficient."""
+    """Dashpot given by its coefficient."""
 
     coefficient: q.RotationalDashpot
-    """Moment per unit angular velocity while in contact."""
+    """Moment per angular velocity in contact."""
 
 
 class HingeHardening(Hardening):
-    """A stop that is crushed: bilinear moment with kinematic hardening."""
+    """A stop that stays crushed: bilinear moment with kinematic hardening."""
 
     yield_force: q.PositiveMoment = Field(alias="yield_moment")
-    """Contact moment at which it begins to yield when it is loaded first."""
+    """Contact moment at which it first yields."""
     stiffness: q.RotationalStiffness
-    """Stiffness while it yields, below that before."""
+    """Stiffness while it yields; smaller than the elastic stiffness."""
 
 
 class HingeUnloading(Unloading):
-    """A stop whose moment falls along another way than it rises."""
+    """A stop whose moment is smaller on unloading than on loading."""
 
     stiffness: q.RotationalStiffness
-    """Stiffness with which the moment falls from where the motion turns, and rises again up to the curve of loading."""
+    """Stiffness at the beginning of unloading and of reloading, until the moment reaches the other curve."""
     force_deflection: tuple[tuple[q.Angle, q.Moment], ...] | None = Field(default=None, alias="moment_angle")
-    """Curve down which the falling moment goes, to zero at zero; by default none, and the stop stays crushed."""
+    """Moment-angle curve of unloading, from zero. Without it the stop stays crushed."""
 
 
 class OfHinge(Schema):
-    """Something between the rotations of a hinge's two sides, which the hinge places."""
+    """Common part of stops and friction of a hinge, which act between the rotations of its two sides."""
 
     units: ClassVar[tuple[str, str]] = ("rad", "N m")
     _places: tuple[AtPlace, ...] = ()
@@ -761,47 +762,46 @@ class OfHinge(Schema):
     """None: a probe records displacements."""
 
     def placed(self, name: str, places: tuple[AtPlace, ...]) -> Self:
-        """A named copy at the places of its hinge."""
+        """A copy with a name, at the places of its hinge."""
         copy = self.model_copy(update={"name": name})
         copy._places = places
         return copy
 
 
 class HingeStop(OfHinge, SnubberBase):
-    """A stop of a hinge, with the laws of snubbers between angle and moment."""
+    """A stop of a hinge: the laws of snubbers, with moment over angle."""
 
     stiffness_example: ClassVar[str] = "2 kN m/rad"
 
     gap_: q.Angle | None = Field(default=None, alias="angle")
-    """Angle of the hinge at which it is met, 0 by default; that angle is the slope of the second point less that of the
-    first, of a hinge to the base the slope of the point."""
+    """Angle of the hinge at which the stop closes, 0 by default. The angle is the slope of the second point minus that
+    of the first; for a hinge to the base it is the slope of the point."""
     side_: Literal["above", "below"] | None = Field(default=None, alias="side")
-    """Above resists larger angles, below smaller ones; by default below for a negative angle, else above."""
+    """above resists larger angles, below smaller ones; by default below for a negative angle, else above."""
     stiffness: q.RotationalStiffness | None = None
-    """Moment per angle while in contact; this or moment_angle is needed."""
+    """Moment per angle in contact; either this or moment_angle is required."""
     force_deflection: tuple[tuple[q.Angle, q.Moment], ...] | None = Field(default=None, alias="moment_angle")
-    """Moment over the angle beyond that at which it is met, instead of the stiffness: [[0 deg, 0 N m], [1 deg, 9 N m],
-    ...]; the last slope goes on."""
+    """Moment over the angle beyond contact, instead of stiffness: [[0 deg, 0 N m], [1 deg, 9 N m], ...]; the curve
+    continues with its last slope."""
     damping: Annotated[SnubberRatioDamping | HingeViscousDamping, BY_FORM] | None = None
     """Dashpot parallel to the spring; none by default."""
     maxwell: tuple[HingeMaxwell, ...] = ()
-    """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
+    """Maxwell branches parallel to the spring or the curve, any number of them; they require law: no_tension."""
     hardening: HingeHardening | None = None
-    """Yielding of the spring, which leaves the stop crushed; none by default."""
+    """Yielding of the spring, after which the stop stays crushed; none by default."""
     unloading: HingeUnloading | None = None
-    """Another way of unloading: a stiffness, with which the stop stays crushed, and a curve, on which it recovers; none
-    by default."""
+    """Separate unloading: with a stiffness alone the stop stays crushed, with a curve it recovers; none by default."""
     preload: q.PositiveMoment | None = None
     """Contact moment at static equilibrium, instead of angle."""
 
     @property
     def side(self) -> Literal["above", "below"]:
-        """Which angles it resists."""
+        """The direction that it resists."""
         return self.side_ or ("below" if (self.gap_ or 0.0) < 0.0 else "above")
 
     @property
     def gap(self) -> float | None:
-        """Clearance at the angle zero, rad; None where it follows from the preload."""
+        """Angle of the clearance, rad; None if it follows from the preload."""
         gap = super().gap
         return -gap if gap and self.side == "below" else gap
 
@@ -810,14 +810,14 @@ class HingeFrictionMoments(Schema):
     """Dry friction of a hinge."""
 
     moment: q.PositiveMoment
-    """Moment up to which it sticks."""
+    """Static friction moment, up to which the hinge sticks."""
     sliding: Annotated[float, q.Quantity(units.MOMENT, minimum=0.0)] | None = None
-    """Moment while it turns, not above that; the same by default."""
+    """Friction moment during rotation, not larger than the static one; equal to it by default."""
     stiffness: q.RotationalStiffness | None = None
-    """Rotational stiffness while it sticks; by default it does not turn at all."""
+    """Rotational stiffness while it sticks; rigid by default."""
 
     def check(self) -> None:
-        """Demand an order."""
+        """Require that the sliding moment is not larger than the static one."""
         if self.sliding is not None and self.sliding > self.moment:
             remedy = "exchange them, or give one moment"
             raise InvalidValueError(
@@ -826,21 +826,21 @@ class HingeFrictionMoments(Schema):
 
 
 class HingeFriction(OfHinge, FrictionBase):
-    """The friction of a hinge as a contact: its moment stands for the normal force, which is not known."""
+    """The friction of a hinge as a contact; its moment replaces the product of coefficient and normal force."""
 
     @classmethod
     def of(cls, moments: HingeFrictionMoments) -> Self:
-        """Unstressed at the start."""
+        """The contact of a hinge's friction, unstressed at the start."""
         sliding = moments.moment if moments.sliding is None else moments.sliding
         coefficient = FrictionCoefficients(static=1.0, sliding=sliding / moments.moment)
         return cls.model_construct(normal_force=moments.moment, coefficient=coefficient, stiffness=moments.stiffness)
 
 
 class RigidJoint(Joint):
-    """Deflection and slope are the same on both sides."""
+    """Deflection and slope are equal on both sides."""
 
     kind: Literal["rigid"] = "rigid"
-    """Holds deflection and slope."""
+    """Couples deflection and slope."""
 
     turns_against: ClassVar[bool] = True
     """Always."""
@@ -854,12 +854,12 @@ class _Turning(Joint):
 
     @property
     def linear_rotation(self) -> float:
-        """N m/rad, that acts at any angle."""
+        """Rotational stiffness that acts at any angle, N m/rad."""
         return self.rotational_stiffness
 
     @property
     def turns_against(self) -> bool:
-        """Where it has a rotational spring or dashpot."""
+        """Whether it has a rotational spring or dashpot."""
         return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
 
 
@@ -867,20 +867,20 @@ _LARGEST_ANGLE = 0.35  # rad, of a hinge
 
 
 class HingeJoint(_Turning):
-    """The deflection is the same on both sides; the slopes differ."""
+    """The deflection is equal on both sides; the slopes may differ."""
 
     kind: Literal["hinge"] = "hinge"
-    """Holds the deflection."""
+    """Couples the deflection."""
     free_play: q.FreePlay = 0.0
-    """Angle from one end of its play to the other, half of it to either side, within which the rotational stiffness
-    does not act; none by default."""
+    """Total angle of free play, centred on zero, within which the rotational stiffness does not act; none by
+    default."""
     stops: Annotated[tuple[HingeStop, ...], NUMBERED] = ()
-    """End stops, each met at an angle, with the laws of snubbers."""
+    """End stops, each at an angle, with the laws of snubbers."""
     friction: HingeFrictionMoments | None = None
     """Dry friction; none by default."""
 
     def check(self) -> None:
-        """Demand a spring that has play."""
+        """Refuse free play without a spring."""
         super().check()
         if self.free_play and not self.rotational_stiffness:
             remedy = "give the rotational_stiffness that acts beyond the play"
@@ -888,17 +888,17 @@ class HingeJoint(_Turning):
 
     @property
     def linear_rotation(self) -> float:
-        """N m/rad, that acts at any angle."""
+        """Rotational stiffness that acts at any angle, N m/rad."""
         return 0.0 if self.free_play else self.rotational_stiffness
 
     @property
     def turns_against(self) -> bool:
-        """Where something acts on its rotation."""
+        """Whether anything acts on its rotation."""
         return super().turns_against or bool(self.stops) or self.friction is not None
 
     @property
     def all_stops(self) -> tuple[tuple[Path, HingeStop], ...]:
-        """Its stops with their paths below it; a spring with play is one to either side."""
+        """Its stops with their paths below the joint; a spring with free play is a pair of stops."""
         stops: list[tuple[Path, HingeStop]] = [(("stops", k), stop) for k, stop in enumerate(self.stops)]
         for side in _SIDES if self.free_play else ():
             angle = math.copysign(0.5 * self.free_play, 1.0 if side == "above" else -1.0)
@@ -907,7 +907,7 @@ class HingeJoint(_Turning):
         return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Stops at large angles."""
+        """A warning about stops at large angles."""
         yield from super().find_warnings(scenario, path)
         for place, stop in self.all_stops:
             if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
@@ -920,17 +920,17 @@ class HingeJoint(_Turning):
 
     @property
     def all_friction(self) -> tuple[tuple[Path, HingeFriction], ...]:
-        """Its friction contact, if it has one, likewise."""
+        """Its friction contact, if it has one, with the path below the joint."""
         if self.friction is None:
             return ()
         return ((("friction",), HingeFriction.of(self.friction).placed(f"{self.name}.friction", self.places)),)
 
 
 class SpringJoint(_Turning):
-    """Springs and dashpots between deflections and between slopes."""
+    """Springs and dashpots between the deflections and between the slopes."""
 
     kind: Literal["spring"] = "spring"
-    """Holds nothing; springs act."""
+    """Couples the sides by springs and dashpots only."""
     stiffness: q.NonNegativeStiffness = 0.0
     """Force per difference of the deflections; none by default."""
     dashpot: q.Dashpot = 0.0
@@ -939,7 +939,7 @@ class SpringJoint(_Turning):
     """Maxwell branches between the deflections, any number of them."""
 
     def check(self) -> None:
-        """Demand something that acts."""
+        """Require at least one spring or dashpot."""
         super().check()
         if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
             raise InvalidValueError(
@@ -952,40 +952,40 @@ AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
 
 @dataclass(frozen=True)
 class JointGap:
-    """A joint whose points do not lie together, as the joints before it place the bodies."""
+    """A joint whose points do not coincide, after the joints before it have placed the bodies."""
 
-    index: int  # of the joint
+    index: int  # number of the joint
     distance: float  # m along the bodies' common axis
     through: str  # body of the second point
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Where joints put the bodies along one axis: these have no place of their own, a joint puts its points together.
+    """Positions of the bodies along one axis, as the joints place them: a joint makes its two points coincide.
 
-    The first joint between two bodies tells; one that closes a loop may not fit.
+    The first joint between two bodies decides; a joint that closes a loop may not fit.
     """
 
-    origin: dict[str, float]  # by body where it begins, m
-    group: dict[str, str]  # by body the first one of those that joints connect to it
+    origin: dict[str, float]  # m, start of each body
+    group: dict[str, str]  # for each body the first of the bodies that joints connect to it
     apart: tuple[JointGap, ...]
 
     @property
     def of_first_group(self) -> dict[str, float]:
-        """Where the bodies begin, m, that joints link to the first one of them; that one begins at 0."""
+        """Start, m, of each body that joints connect to the first one, which begins at 0."""
         leading = next(iter(self.origin), "")
         together = (name for name in self.origin if self.group[name] == self.group[leading])
         return {name: self.origin[name] - self.origin[leading] for name in together}
 
 
 def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
-    """Where joints put bodies.
+    """Place the bodies by their joints.
 
     Parameters
     ----------
     joints : in order.
     bodies : by name.
-    default_body : name of the body of places that name none.
+    default_body : body of places without the name of a body.
 
     Returns
     -------
@@ -1018,14 +1018,14 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
 
 
 def base_problems(scenario: Whole, path: Path, direction: str, motion: str) -> Problems:
-    """A motion of the base moves points of every body; where it turns several, joints must say how they lie.
+    """Problems of a motion of the base: no point of a body moves, or a rotation of several bodies without joints.
 
     Parameters
     ----------
-    scenario : that has the bodies.
+    path : path of the motion.
     path : where the motion is written.
     direction : x, y, z, or rx, ry, rz.
-    motion : the motion, for the message.
+    motion : its name, for the message.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""Loads spread over a part of a body: force per length along a beam, pressure on a plate, and their shapes."""
+"""Distributed loads: force per length on a beam, pressure on a plate, and their shapes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Numbers = Annotated[
     Annotated[Row, Tag("<row>")] | Annotated[Grid, Tag("<grid>")],
     Variants("is not a list of numbers", "write [0, 1] along a beam, [[0, 0], [1, 1]] on a plate", _row_or_grid),
 ]
-"""Numbers along a beam, or on a plate a list for each step in x of the numbers along y."""
+"""Numbers along a beam; on a plate a list for each step in x, of the numbers along y."""
 
 
 def _is_grid(numbers: Any) -> bool:
@@ -47,17 +47,17 @@ def _rows(numbers: Any) -> tuple[tuple[float, ...], ...]:
 
 
 class Shape(Schema):
-    """Common part of all shapes: the factor of the level at every point of the part that is loaded."""
+    """Common part of all shapes: the factor of the level at every point of the loaded part."""
 
     @property
     def two_dimensional(self) -> bool | None:
-        """Whether it is a shape for a plate, with a list for each step in x; None where it is one for beams as well."""
+        """True for the shape of a plate, with a list for each step in x; None if it also suits beams."""
         numbers = getattr(self, "values", getattr(self, "coefficients", None))
         return None if numbers is None else _is_grid(numbers)
 
 
 class UniformShape(Shape):
-    """The level everywhere."""
+    """The same level everywhere."""
 
     kind: Literal["uniform"] = "uniform"
     """The same everywhere."""
@@ -72,7 +72,7 @@ class LinearShape(Shape):
     """Factors at both ends, [0, 1]; on a plate at the corners, [[bottom left, top left], [bottom right, top right]]."""
 
     def check(self) -> None:
-        """Demand two values in each direction."""
+        """Require two values in each direction."""
         rows = _rows(self.values)
         if any(len(row) != 2 for row in rows) or (_is_grid(self.values) and len(rows) != 2):
             raise InvalidValueError(
@@ -86,8 +86,8 @@ class PolynomialShape(Shape):
     kind: Literal["polynomial"] = "polynomial"
     """A polynomial."""
     coefficients: Numbers
-    """Of 1, s, s^2, ...; on a plate a list for each power of s = x share, of the coefficients of 1, t, t^2, ...,
-    where t is the y share."""
+    """Coefficients of 1, s, s^2, ... On a plate a list for each power of the share s along x, of the coefficients of 1,
+    t, t^2, ..., where t is the share along y."""
 
 
 HalfWaves = Annotated[tuple[q.Count, ...], Field(min_length=1, max_length=2)]
@@ -103,12 +103,12 @@ class SineShape(Shape):
 
     @property
     def two_dimensional(self) -> bool:
-        """With half waves in two directions."""
+        """Whether there are half waves in two directions."""
         return len(self.half_waves) == 2
 
 
 class ModeShape(Shape):
-    """The shape of a natural mode of the body by itself on its supports, its largest nodal deflection 1."""
+    """A natural mode shape of the body alone on its supports, scaled to a largest nodal deflection of 1."""
 
     kind: Literal["mode"] = "mode"
     """A natural mode of the body."""
@@ -132,7 +132,7 @@ class TableShape(Shape):
     """Factors at the positions; on a plate a list for each x of the factors along y."""
 
     def check(self) -> None:
-        """Demand a value at each position."""
+        """Require one value for each position."""
         if _is_grid(self.values) is (self.y is None):
             remedy = "give y and a list for each x on a plate, x alone along a beam"
             raise InvalidValueError("do not fit the positions", remedy, ("values",))
@@ -149,7 +149,7 @@ class TableShape(Shape):
         })  # fmt: skip
 
     def problems_on(self, body: Body, body_path: Path, path: Path) -> Problems:
-        """Positions that are not on a body, or do not increase; ``body_path`` is the path of the body."""
+        """Problems: positions that are not on a body, or do not increase."""
         shape = self.on_the_body(body)
         for axis, key in enumerate(("x", "y")):
             positions = getattr(shape, key) or ()
@@ -169,29 +169,29 @@ _Pair = tuple[q.PositionOrShare, q.PositionOrShare]
 
 
 class DistributedLoad(Schema):
-    """Common part of loads spread over a part of a body."""
+    """Common part of distributed loads."""
 
     body: q.Name | None = None
-    """Name of the body; may be left out where there is only one."""
+    """Name of the body; may be omitted if there is only one."""
     shape: AnyShape = UniformShape.model_construct()
     """Factor of the level over the loaded part: uniform (the default), linear, polynomial, sine, mode or table."""
 
     acts_on: ClassVar[str] = ""
-    """Kind of body."""
+    """Kind of body that it acts on."""
     part: ClassVar[str] = ""
     """Key of the loaded part."""
 
     places: ClassVar[tuple[AtPlace, ...]] = ()
-    """None: it acts at no point."""
+    """None: it does not act at a point."""
 
     @property
     def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
-        """The loaded part: its ends, or opposite corners; None for the whole body."""
+        """The ends, or opposite corners, of the loaded part; None for the whole body."""
         given: Any = getattr(self, self.part)
         return None if given == "whole" else given
 
     def check(self) -> None:
-        """Demand a shape of as many directions as the body has."""
+        """Require a shape with as many directions as the body has."""
         two = self.shape.two_dimensional
         if two is not None and two is not (self.acts_on == "plate"):
             raise InvalidValueError(
@@ -201,7 +201,7 @@ class DistributedLoad(Schema):
             )
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A body that is unknown or of another kind, and a part that is not on it."""
+        """Problems: an unknown body or one of another kind, and a part that is not on it."""
         yield from body_problems(scenario, path, self.body, "name one: {body: BODY, line: whole}")
         name = self.body or scenario.default_body
         if name not in scenario.all_bodies:
@@ -233,7 +233,7 @@ class LineLoad(DistributedLoad):
     line: Annotated[Literal["whole"] | _Pair, Variants(
         "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
     )]  # fmt: skip
-    """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
+    """The loaded part of the beam: whole, or its ends, [100 mm, 60 %]."""
 
 
 class AreaLoad(DistributedLoad):
@@ -247,21 +247,21 @@ class AreaLoad(DistributedLoad):
     area: Annotated[Literal["whole"] | tuple[_Pair, _Pair], Variants(
         "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
     )]  # fmt: skip
-    """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""
+    """The loaded part of the plate: whole, or its lower left and upper right corners, [[0, 0], [100 mm, 50 %]]."""
 
 
 class DeadLineLoad(LineLoad):
-    """A dead load along a beam."""
+    """A dead load per length on a beam."""
 
     force: q.ForcePerLength = Field(alias="force_per_length")
-    """Force per length, positive upwards; with a shape its factor."""
+    """Force per length, positive upwards; a shape multiplies it."""
 
 
 class DeadPressure(AreaLoad):
     """A dead load on a plate."""
 
     force: q.Pressure = Field(alias="pressure")
-    """Pressure, positive upwards; with a shape its factor."""
+    """Pressure, positive upwards; a shape multiplies it."""
 
 
 AnyDeadLoad = Annotated[PlacedForce | DeadLineLoad | DeadPressure, BY_FORM]

@@ -1,4 +1,4 @@
-"""Excitation of the structure: motion of its base, or forces at points and along lines and areas."""
+"""Excitation: motion of the base, or forces at points and along lines and areas."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ About = Annotated[q.Coordinate | Annotated[tuple[q.Coordinate, ...], Field(min_l
 
 
 def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
-    """x, y and z, m, of a point of which fewer may be given."""
+    """x, y and z, m, of a point with at most three coordinates; missing ones are 0."""
     given = () if about is None else about if isinstance(about, tuple) else (about,)
     x, y, z = (*given, 0.0, 0.0, 0.0)[:3]
     return x, y, z
@@ -66,7 +66,7 @@ AppliedTo = Annotated[
 
 
 def quantity_text(quantity: str) -> str:
-    """A quantity as text says it.
+    """The name of a quantity, as text.
 
     >>> quantity_text("force_per_length")
     'force per length'
@@ -92,47 +92,47 @@ _TAKEN = {
         "but the base turns", "give an angular acceleration (50 rad/s^2), velocity (2 rad/s) or rotation (0.1 deg)"
     ),
 }  # fmt: skip
-"""By the first quantity that can act somewhere why no other can, and a remedy."""
+"""For each quantity that is allowed somewhere: why no other is allowed there, and a remedy."""
 
 
 def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
-    """Why something of this quantity cannot act there, and a remedy; ``takes`` is what can."""
+    """Why a quantity is not allowed at a place, and a remedy; ``takes`` lists the allowed ones."""
     no_force = " and takes no force" if takes[0] == "acceleration" and quantity == "force" else ""
     why, remedy = _TAKEN[takes[0]]
     return f"{_with_article(quantity)}, {why}{no_force}", remedy
 
 
 class Input(Schema):
-    """Common part of all excitations; by itself it is free motion."""
+    """Common part of all excitations; the defaults are those of free motion."""
 
     @property
     def shock(self) -> bool:
-        """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
+        """Whether it starts at a certain time and is followed by a free motion, so that statistics make no sense."""
         return False
 
     @property
     def stationary(self) -> bool:
-        """Whether it is noise whose statistics do not change in time, so that those of the response mean something."""
+        """Whether it is stationary noise, so that statistics of the response make sense."""
         return False
 
     @property
     def items(self) -> list[tuple[Path, Any]]:
-        """The motions and forces that it consists of, with their paths in it."""
+        """Its motions and forces, with their paths below this section."""
         return []
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of the tones, Hz, each once."""
+        """Frequencies of the sines, Hz, each once."""
         return ()
 
     @property
     def tone_hz(self) -> float:
-        """Frequency of the only tone, Hz; NaN where there is none, or several."""
+        """Frequency of the only sine, Hz; NaN if there is none or several."""
         return float(self.frequencies_hz[0]) if len(self.frequencies_hz) == 1 else math.nan
 
     @property
     def highest_tone_hz(self) -> float:
-        """Highest frequency of the tones, Hz; 0 without any."""
+        """Highest frequency of the sines, Hz; 0 if there are none."""
         return max(self.frequencies_hz, default=0.0)
 
     @property
@@ -142,43 +142,43 @@ class Input(Schema):
 
 
 class Driven(Input):
-    """Common part of what moves the base or acts as a force."""
+    """Common part of excitations that move the base, a support or a stop, or act as a force."""
 
     applied_to: AppliedTo
-    """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
-    {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it; or
-    {support: left} or {joint: hinge} for a support that moves relative to the base; {snubber: stop} for a stop that
-    moves against what it is mounted on."""
+    """base, or a place: {position: 270 mm} on a beam, {mass: 2} of a chain, with the body if there are several; {line:
+    whole} for a force per length on a beam; {area: whole} for a pressure on a plate, or a part of it; {support: left}
+    or {joint: hinge} for a support that moves relative to the base; {snubber: stop} for a stop that moves relative to
+    what it is mounted on. """
     stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
 
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
-    as the unit of the level."""
+    the unit of the level decides."""
 
     direction: NodeDirection | None = None
-    """Direction in which the base moves: z by default, or as imported matrices say; rx, ry, rz turn it."""
+    """Direction in which the base moves: z by default, or that of the imported matrices; rx, ry, rz are rotations."""
     about: About | None = None
-    """A point on the axis of a rotation, m: a position along a beam, [x, y] of a plate, [x, y, z] of imported matrices;
-    by default their origin, the left end or lower left corner."""
+    """A point on the axis of a rotation, m: a position along a beam, [x, y] on a plate, [x, y, z] of imported matrices;
+    by default the origin: the left end, or the lower left corner."""
 
     @property
     def items(self) -> list[tuple[Path, Any]]:
-        """Itself."""
+        """Itself, with an empty path."""
         return [((), self)]
 
     def levels(self) -> list[tuple[Path, float]]:
-        """Return the levels with their paths; none where a file or a table holds them."""
+        """The levels with their paths; none if a file or table contains them."""
         level: float | None = getattr(self, "level", None)
         return [] if level is None else [(("level",), level)]
 
     @property
     def quantity(self) -> Quantity:
-        """Quantity of the levels: as stated, else by their units, else the default of the place."""
+        """Quantity of the levels: as given, else from their units, else the default of the place."""
         readings: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
         return next((of for of in readings if of is not None), self.level_quantities[0])
 
     def check(self) -> None:
-        """Refuse units, a quantity and a place that contradict each other, and a direction or axis of no base."""
+        """Refuse contradictions between units, quantity and place, and a direction or axis without a base motion."""
         super().check()
         quantity = self.quantity
         for path, level in self.levels():
@@ -191,7 +191,7 @@ class Driven(Input):
             self._check_direction()
 
     def _refuse_quantity(self) -> None:
-        """Refuse the quantity where it is given, or the first level that has it."""
+        """Refuse the quantity at the key that gives it, or at the first level with a unit of it."""
         why, remedy = not_taken(self.quantity, self.level_quantities)
         of_levels = [path for path, _ in self.levels() if self.quantity_ is None]
         raise InvalidValueError(f"is {why}", remedy, next(iter(of_levels), ("quantity",)))
@@ -206,24 +206,24 @@ class Driven(Input):
             )
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A direction in which no body moves."""
+        """A problem if no body can move in the direction."""
         if self.direction is not None:
             yield from base_problems(scenario, (*path, "direction"), self.direction, f"= {self.direction}")
 
     @property
     def rotates(self) -> bool:
-        """Whether the base, or the support that moves, turns."""
+        """Whether the base or support rotates."""
         if isinstance(self.applied_to, MovedSupport):
             return self.applied_to.rotates
         return self.direction is not None and self.direction.startswith("r")
 
     @property
     def on_base(self) -> bool:
-        """Whether the base moves (otherwise a force acts)."""
+        """Whether it moves the base (otherwise a force acts)."""
         return self.applied_to == "base"
 
     def moves_stop(self, name: str) -> bool:
-        """Whether it moves the stop with a name, or the pair to which that belongs."""
+        """Whether it moves the stop with this name, or the pair to which the stop belongs."""
         at = self.applied_to
         return isinstance(at, MovedStop) and name in (at.snubber, f"{at.snubber}.above", f"{at.snubber}.below")
 
@@ -239,7 +239,7 @@ Number = TypeVar("Number")
 
 
 class Span(Schema, Generic[Number]):
-    """A quantity changes from one value to another."""
+    """A range of values, from the first to the last."""
 
     from_: Number = Field(alias="from")
     """First value."""
@@ -253,12 +253,12 @@ class Span(Schema, Generic[Number]):
 
     @property
     def unit(self) -> str:
-        """SI unit of both; empty for plain numbers, and for levels, which have that of the excitation."""
+        """SI unit of both values; empty for plain numbers, and for levels, which have the unit of the excitation."""
         types = type(self).model_fields["to"].metadata
         return next((item.dimension.unit for item in types if isinstance(item, q.Quantity)), "")
 
     def demand_inside(self, values: Sequence[float], path: Path) -> None:
-        """Refuse values of a list at a path that lie outside the range."""
+        """Refuse values in a list that lie outside the range."""
         low, high = sorted(map(float, self.ends))
         for k, value in enumerate(values):
             if not low <= value <= high:
@@ -269,10 +269,10 @@ class Span(Schema, Generic[Number]):
     changing: ClassVar[str] = "continuation"
     suitable: ClassVar[str] = "give a range"
     where_it_falls: ClassVar[str] = ""
-    """Remedy where the last value lies below the first; empty where it may."""
+    """Remedy if the last value is smaller than the first; empty if that is allowed."""
 
     def check(self) -> None:
-        """Reject an empty range, and one that falls where it must not."""
+        """Refuse an empty range, and a falling one if it must rise."""
         super().check()
         first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {self.unit}".rstrip() for end in self.ends)
         if self.from_ == self.to:
@@ -282,12 +282,12 @@ class Span(Schema, Generic[Number]):
 
 
 class FrequencyRange(Span[q.Frequency]):
-    """A frequency that is swept."""
+    """A range of swept frequencies."""
 
     from_: q.Frequency = Field(alias="from")
-    """First frequency; the lowest where a direction may be given."""
+    """First frequency; the lower one if there is a key direction."""
     to: q.Frequency
-    """Last frequency; the highest where a direction may be given."""
+    """Last frequency; the higher one if there is a key direction."""
 
     changing: ClassVar[str] = "sweep"
     suitable: ClassVar[str] = "give a range, from 20 Hz to 400 Hz"
@@ -302,15 +302,15 @@ class _LevelAt(Schema):
     stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
 
     quantity_: Quantity | None = Field(default=None, alias="quantity")
-    """Acceleration, velocity, displacement or force; as the unit of the level says."""
+    """Acceleration, velocity, displacement or force; by default the unit of the level decides."""
 
     @property
     def quantity(self) -> str | None:
-        """Quantity of the level; None if neither unit nor key states it."""
+        """Quantity of the level; None if neither its unit nor a key gives one."""
         return self.quantity_ or q.meant(self.level)
 
     def check(self) -> None:
-        """Refuse a negative level, and one in a unit of another quantity."""
+        """Refuse a negative level, and a unit that contradicts the quantity."""
         super().check()
         if self.level < 0:
             raise InvalidValueError(
@@ -324,21 +324,21 @@ class _LevelAt(Schema):
 
 
 class ProfilePoint(_LevelAt):
-    """A level that applies from a frequency on."""
+    """A level, from a frequency on."""
 
     frequency: q.Frequency
     """Frequency of the point."""
 
 
 class Notch(_LevelAt, FrequencyRange):
-    """A range of frequencies in which the level is not exceeded."""
+    """A frequency range with an upper limit of the level."""
 
     changing: ClassVar[str] = "notch"
     where_it_falls: ClassVar[str] = "exchange the two"
 
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
-    """Reject a table that does not increase in frequency; raises `InvalidValueError`."""
+    """Refuse a table whose frequencies do not increase; raises `InvalidValueError`."""
     if between != "held" and not points:
         raise InvalidValueError(
             f"= {between} lies between points of a profile, and there is none", "leave it out", ("between",)
@@ -354,18 +354,18 @@ def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
 
 
 def has_level_steps(section: Any) -> bool:
-    """Whether a section has a profile whose levels are held, so that they change in steps."""
+    """Whether a section has a profile whose level changes in steps."""
     return bool(getattr(section, "profile", ())) and section.between == "held"
 
 
 def level_jumps(scenario: Whole, path: Path, section: Any) -> Iterator[str]:
-    """A sentence for each step of more than 1 % in the level of a profile that is held, within the sweep.
+    """A sentence for each step of more than 1 % in the level of a profile, within the sweep.
 
     Parameters
     ----------
-    scenario : what has the excitation, whose levels these are.
+    scenario : with the excitation that has these levels.
     path : path of the section.
-    section : with a profile or without one.
+    section : with or without a profile.
     """
     quantity = getattr(scenario.excitation, "level_quantities", (q.FACTOR,))[0]
     unit = "g" if quantity == "acceleration" else "" if quantity == q.FACTOR else q.amplitude_unit(quantity)
@@ -386,13 +386,13 @@ def level_jumps(scenario: Whole, path: Path, section: Any) -> Iterator[str]:
 
 
 def level_problems(scenario: Whole, path: Path, section: Schema) -> Problems:
-    """Levels of an analysis in a unit of another quantity than the excitation's.
+    """Problems of levels of an analysis whose unit does not fit the excitation.
 
     Parameters
     ----------
-    scenario : what has the excitation.
+    scenario : with the excitation.
     path : path of the section.
-    section : what may have levels; tests with an excitation or a start of their own are left out.
+    section : may contain levels; tests with their own excitation or start are skipped.
 
     Yields
     ------
@@ -429,7 +429,7 @@ class Tone(Schema):
     """One sine of a multi-tone excitation."""
 
     level: q.Level
-    """Amplitude, zero to peak; a bare number is m/s^2 on the base, N at a point."""
+    """Amplitude, zero to peak; without a unit m/s^2 for a base motion, N for a force."""
     frequency: q.Frequency
     """Frequency."""
     phase: q.Phase = 0.0
@@ -448,7 +448,7 @@ class Harmonic(Driven, Tone):
         return (self.frequency,)
 
     def at(self, frequency_hz: float, level: float | None = None) -> Harmonic:
-        """A copy at another frequency, Hz, and level."""
+        """A copy with another frequency, Hz, and level."""
         kept = self.level if level is None else q.LevelValue(level, self.quantity)
         return self.model_copy(update={"frequency": frequency_hz, "level": kept})
 
@@ -462,7 +462,7 @@ class MultiTone(Driven):
     """The sines."""
 
     def levels(self) -> list[tuple[Path, float]]:
-        """Return the levels with their paths."""
+        """The levels with their paths."""
         return [(("tones", index, "level"), tone.level) for index, tone in enumerate(self.tones)]
 
     @property
@@ -472,20 +472,20 @@ class MultiTone(Driven):
 
 
 class Shock(Driven):
-    """Common part of what begins at ``time`` with one level; a pulse of duration T goes up to 1 / (2 T)."""
+    """Common part of pulses and steps, which begin at ``time`` and have one level."""
 
     if TYPE_CHECKING:
         kind: Any
         duration: float | None
 
     level: q.Level
-    """Level after a step, or peak of the pulse; of the base an acceleration, of smooth pulses also a velocity, of
-    steps with a rise also a displacement."""
+    """Level after a step, or peak of a pulse: for a base motion an acceleration, for smooth pulses also a velocity, for
+    steps with a rise time also a displacement."""
     time: q.Time = 0.0
-    """When it begins."""
+    """Time at which it begins."""
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Few samples in a pulse, and one after the end."""
+        """Warnings about few samples in a pulse, and about a pulse after the end of the run."""
         yield from super().find_warnings(scenario, path)
         if scenario.run is None or path[0] != "excitation":
             return
@@ -500,24 +500,24 @@ class Shock(Driven):
 
     @property
     def most_integrals(self) -> int:
-        """Largest number of integrations from base acceleration to level without a jump of the velocity."""
+        """How often the base acceleration may be integrated to the quantity without a jump of the velocity."""
         return 0
 
     shock: ClassVar[bool] = True
-    """It is one."""
+    """True for all pulses and steps."""
 
     @property
     def area(self) -> float:
-        """Area under the pulse, SI: of an acceleration the change of the velocity, of a force the impulse."""
+        """Area under the pulse, SI: velocity change for an acceleration, impulse for a force."""
         raise NotImplementedError
 
     @property
     def highest_frequency_hz(self) -> float:
-        """Half the inverse of the duration, Hz, the frequency of the sine that a half-sine is half of; 0 of a step."""
+        """1 / (2 duration), Hz, the frequency of the corresponding half sine; 0 for a step."""
         return 0.0 if self.duration is None else 0.5 / self.duration
 
     def check(self) -> None:
-        """Reject what needs an infinite acceleration."""
+        """Refuse a quantity that would need an infinite acceleration."""
         super().check()
         if q.power_of(self.quantity) > self.most_integrals:
             called = self.kind.replace("_", "-") + " pulse" * (self.kind != "step")
@@ -537,28 +537,28 @@ class Step(Shock):
     kind: Literal["step"] = "step"
     """A step, or a rectangular pulse."""
     duration: q.Duration | None = None
-    """Duration of a rectangular pulse, rise and fall included; by default the level stays."""
+    """Duration of a rectangular pulse, including rise and fall; by default the level stays."""
     rise: q.Duration | None = None
-    """Time in which the level is reached, as (1 - cos) / 2, and left after a pulse; by default it jumps. A step of the
-    displacement or velocity of what moves needs it."""
+    """Rise time, in the form (1 - cos) / 2, also used for the fall after a pulse; by default the level jumps. A step of
+    a displacement or velocity of the base needs a rise time."""
 
     @property
     def most_integrals(self) -> int:
-        """Two where it rises: its acceleration is finite."""
+        """Two if it has a rise time, since its acceleration is then finite."""
         return 0 if self.rise is None else 2
 
     @property
     def highest_frequency_hz(self) -> float:
-        """Frequency of the cosine with which it rises, Hz."""
+        """Frequency of the cosine of the rise, Hz."""
         return super().highest_frequency_hz if self.rise is None else 0.5 / self.rise
 
     @property
     def area(self) -> float:
-        """A (T - r) of a pulse with rise and fall r; infinite if the level stays."""
+        """A (T - r) for a pulse with rise and fall time r; infinite if the level stays."""
         return math.inf if self.duration is None else self.level * (self.duration - (self.rise or 0.0))
 
     def check(self) -> None:
-        """Reject rise and fall longer than the pulse."""
+        """Refuse rise and fall that are longer than the pulse."""
         super().check()
         if self.rise is not None and self.duration is not None and 2.0 * self.rise > self.duration * (1 + 1e-12):
             raise InvalidValueError(f"= {self.rise:g} s, up and down, is longer than the pulse of {self.duration:g} s",
@@ -589,20 +589,20 @@ class Trapezoid(Shock):
     kind: Literal["trapezoid"] = "trapezoid"
     """A trapezoidal pulse."""
     duration: q.PulseDuration
-    """Duration of the pulse, rise and fall included."""
+    """Duration of the pulse, including rise and fall."""
     rise_: q.Duration | None = Field(default=None, alias="rise")
-    """Duration of the rise; by default a tenth of that of the pulse (IEC 60068-2-27)."""
+    """Rise time; by default a tenth of the duration (IEC 60068-2-27)."""
     fall_: q.Duration | None = Field(default=None, alias="fall")
-    """Duration of the fall; by default a tenth of that of the pulse."""
+    """Fall time; by default a tenth of the duration."""
 
     @property
     def rise(self) -> float:
-        """Duration of the rise, s."""
+        """Rise time, s."""
         return 0.1 * self.duration if self.rise_ is None else self.rise_
 
     @property
     def fall(self) -> float:
-        """Duration of the fall, s."""
+        """Fall time, s."""
         return 0.1 * self.duration if self.fall_ is None else self.fall_
 
     @property
@@ -611,7 +611,7 @@ class Trapezoid(Shock):
         return self.level * (self.duration - 0.5 * (self.rise + self.fall))
 
     def check(self) -> None:
-        """Reject rise and fall longer than the pulse."""
+        """Refuse rise and fall that are longer than the pulse."""
         super().check()
         if self.rise + self.fall > self.duration * (1 + 1e-12):
             raise InvalidValueError(
@@ -636,16 +636,16 @@ class Sawtooth(Shock):
 
 
 class SweptSineInput(Driven, FrequencyRange):
-    """A sine of increasing or decreasing frequency; use it with `beamsim run` (`beamsim sweep` has its own section)."""
+    """A sine of increasing or decreasing frequency, for `beamsim run` (`beamsim sweep` has its own section)."""
 
     kind: Literal["swept_sine"] = "swept_sine"
     """A swept sine."""
     level: q.Level | None = None
     """Amplitude, zero to peak, if it is the same at all frequencies."""
     profile: tuple[ProfilePoint, ...] = ()
-    """Instead of level: a table of levels, each from a frequency on."""
+    """A table of levels instead of level; each applies from its frequency on."""
     between: Between = "held"
-    """Between the points of the profile: each level held, or log-log interpolation."""
+    """Between the points of the profile: constant level (held), or log-log interpolation (log_log)."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges with a reduced level."""
     rate: q.SweepRate
@@ -654,14 +654,14 @@ class SweptSineInput(Driven, FrequencyRange):
     """Phase of the sine at t = 0."""
 
     def cycles_in(self, duration: float) -> float:
-        """Cycles in the first seconds of the sweep; in general not whole."""
+        """Cycles in the first ``duration`` seconds of the sweep, in general not a whole number."""
         rate = self.rate.value if self.to > self.from_ else -self.rate.value
         if self.rate.unit == "Hz/s":
             return (self.from_ + 0.5 * rate * duration) * duration
         return self.from_ * math.expm1(rate * duration * math.log(2.0)) / (rate * math.log(2.0))
 
     def check(self) -> None:
-        """Refuse an empty range, no level or two, and levels that cannot act there."""
+        """Refuse an empty range, a missing or double level, and levels that are not allowed at the place."""
         if (self.level is None) == (not self.profile):
             raise InvalidValueError("needs either level or profile", "give one of the two")
         super().check()
@@ -672,7 +672,7 @@ class SweptSineInput(Driven, FrequencyRange):
                 raise InvalidValueError(f"is {why}", remedy, ("profile", index, "level"))
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Steps of the level."""
+        """Warnings about steps of the level."""
         yield from super().find_warnings(scenario, path)
         yield from level_jumps(scenario, path, self)
 
@@ -683,43 +683,43 @@ class SweptSineInput(Driven, FrequencyRange):
 
 
 class SampledInput(Driven, RecordPreparation):
-    """A measured motion of the base, or force."""
+    """A measured motion of the base, or a measured force."""
 
     kind: Literal["sampled"] = "sampled"
     """Samples read from a file."""
     file: q.FileName
-    """CSV, HDF5 (.h5, .hdf5), netCDF-4 (.nc), MATLAB (.mat) or UFF 58 (.uff, .unv) file; its path is relative to the
+    """CSV, HDF5 (.h5, .hdf5), netCDF-4 (.nc), MATLAB (.mat) or UFF 58 (.uff, .unv) file; the path is relative to the
     folder of the scenario."""
     column: q.Text | None = None
-    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set. It is
-    needed where several could be meant."""
+    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the dataset.
+    Required if there are several candidates."""
     time_column: q.Text | None = None
-    """CSV: number or heading of the time column, by default the one headed as a time before the values; HDF5: path of
+    """CSV: number or heading of the time column, by default the column headed as time before the values; HDF5: path of
     the time dataset."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     sample_rate: q.Frequency | None = None
     """Samples per second, if the file has no time axis."""
     unit: q.Text | None = None
-    """Unit of the values in the file (g, mm, N, ...), by default the one that the file states."""
+    """Unit of the values in the file (g, mm, N, ...); by default the unit in the file."""
     time_unit: q.Text | None = None
-    """Unit of the time axis in the file (s, ms, ...), by default the one that the file states."""
+    """Unit of the time axis in the file (s, ms, ...); by default the unit in the file."""
     interpolation: Literal["linear", "cubic"] = "cubic"
     """Interpolation between the samples: linear, or a cubic spline."""
     resample: q.Frequency | None = None
-    """Sampling rate to which the record is brought, if it is too fine for the run; it is low-pass filtered before."""
+    """Sample rate to which a finely sampled record is reduced; it is low-pass filtered first."""
     stationary_: bool = Field(default=False, alias="stationary")
-    """Whether the record is noise whose statistics do not change in time: root mean squares, kurtosis and densities of
-    the response are then stated. An earthquake or a shock is not; the default."""
+    """Whether the record is stationary noise; the results then include RMS values, kurtosis and spectral densities of
+    the response. An earthquake or shock is not stationary. False by default."""
 
     @property
     def stationary(self) -> bool:
-        """Whether the record is declared to be stationary."""
+        """Whether the record is declared stationary."""
         return self.stationary_
 
     @property
     def quantity(self) -> Quantity:
-        """Quantity of the values: as stated, else by the unit, else the default of the place."""
+        """Quantity of the values: as given, else from the unit, else the default of the place."""
         return self.quantity_ or self._quantity_of_unit or self.level_quantities[0]
 
     @property
@@ -728,7 +728,7 @@ class SampledInput(Driven, RecordPreparation):
         return of  # type: ignore[no-any-return]
 
     def check(self) -> None:
-        """Refuse a unit of another quantity, what cannot act there, and corners of a motion."""
+        """Refuse contradictory units, quantities not allowed at the place, and a motion interpolated linearly."""
         try:
             stated = self._quantity_of_unit
         except UnitError as error:
@@ -748,18 +748,18 @@ class SampledInput(Driven, RecordPreparation):
 
 
 class PsdPoint(Schema):
-    """A point in a table of power spectral density: its density, or the slope of the line that leads to it."""
+    """A point of a power spectral density: its density, or the slope of the line before it."""
 
     frequency: q.Frequency
-    """Frequency; two points at one frequency are a step of the density."""
+    """Frequency; two points at the same frequency make a step."""
     density: q.DensityOfTest | None = None
     """One-sided density: g^2/Hz or (m/s^2)^2/Hz for an acceleration, N^2/Hz for a force."""
     slope: q.DensitySlope | None = None
-    """Instead of a density the slope of the line from the point before, in dB/oct: 3 dB/oct doubles the density in an
-    octave; at the first point, of the line to the point behind it."""
+    """Instead of a density, the slope of the line from the previous point, in dB/oct: 3 dB/oct doubles the density per
+    octave; at the first point it is the slope to the next point."""
 
     def check(self) -> None:
-        """Demand one of the two."""
+        """Require exactly one of the two."""
         super().check()
         if (self.density is None) == (self.slope is None):
             raise InvalidValueError(
@@ -768,9 +768,9 @@ class PsdPoint(Schema):
 
 
 def _demand_rising_or_steps(frequency: Sequence[float], path_of: Callable[[int], Path]) -> None:
-    """Refuse frequencies, Hz, that fall, or stay other than at a step: two equal ones, not at an end of the list.
+    """Refuse frequencies, Hz, that fall, or that are equal except at a step inside the list.
 
-    ``path_of`` is the path of a frequency, by its index.
+    ``path_of`` gives the path of a frequency from its index.
     """
     remedy = "list them from the lowest to the highest; two points at one frequency within the band are a step"
     for k, (before, here) in enumerate(pairwise(frequency), 1):
@@ -782,12 +782,12 @@ def _demand_rising_or_steps(frequency: Sequence[float], path_of: Callable[[int],
 
 
 def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]:
-    """Frequencies, Hz, and densities, SI, of a table with slopes and steps.
+    """Frequencies, Hz, and densities, SI, of a table that may contain slopes and steps.
 
     Raises
     ------
     InvalidValueError
-        If the frequencies fall, or are those of a point that follows from nothing, or a density is out of range.
+        If the frequencies fall, a slope has no neighbouring density, or a density is out of range.
     """
     frequency = [point.frequency for point in points]
     _demand_rising_or_steps(frequency, lambda k: (k, "frequency"))
@@ -815,7 +815,7 @@ def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]
 
 
 def _growth(slope: float | None, ratio: float) -> float:
-    """Factor of the density along a line of a slope in dB/oct over a ratio of frequencies."""
+    """Factor of the density along a line with a slope in dB/oct over a frequency ratio."""
     exponent = 0.1 * (slope or 0.0) * math.log2(ratio)
     return 10.0**exponent if abs(exponent) < 300.0 else math.inf
 
@@ -827,23 +827,23 @@ class RandomInput(Driven):
     """Random input."""
     psd: Annotated[Annotated[tuple[PsdPoint, ...], AtLeastTwo] | CurveFile, BY_FORM, SHORT_FOR_FILE]
     """Density over frequency: points, or a file, psd.csv or {file: psd.csv, column: level}; log-log interpolation
-    between them, zero outside."""
+    between the points, zero outside."""
     clip: q.Sigmas | None = None
-    """Largest magnitude of the noise in standard deviations, as a controller clips its drive signal: 3 sigma; by
-    default it is not clipped."""
+    """Largest magnitude of the noise in standard deviations, as a controller clips its drive signal: 3 sigma; not
+    clipped by default."""
     seed: q.Seed = 0
-    """Seed of the random numbers: the same seed gives the same input. Or a blend of the inputs of several seeds with
-    random amplitudes, 0.8*4 + 0.6*7, as studies of reliability find it."""
+    """Seed of the random numbers: the same seed gives the same input. Also a weighted sum of the inputs of several
+    seeds with random amplitudes, 0.8*4 + 0.6*7, as studies of reliability report it."""
     amplitudes: Literal["fixed", "random"] | None = None
-    """Amplitudes of the sines: fixed by the density, or random as those of a Gaussian process, whose RMS scatters
-    between records. By default fixed, but random in a study over seeds."""
+    """Amplitudes of the sines: fixed by the density, or random as in a Gaussian process, so that the RMS varies between
+    records. fixed by default, random in a study over seeds."""
     period: q.Duration | None = None
-    """The noise is a sum of sines that repeats after this time; the run's duration by default. It may be longer than
-    the run."""
+    """Period of the noise, which is a sum of sines; by default the duration of the run. It may be longer than the
+    run."""
     sample_rate: q.Frequency | None = None
-    """Sample rate used for interpolation; by default 20 times the highest frequency."""
+    """Sample rate for the interpolation; by default 20 times the highest frequency."""
     ramp: q.Time = 0.0
-    """Time over which the level rises at the beginning."""
+    """Time over which the level rises at the start."""
 
     def check(self) -> None:
         """Check the table."""
@@ -876,7 +876,7 @@ class RandomInput(Driven):
         self.check_sample_rate(highest)
 
     def check_sample_rate(self, highest: float) -> None:
-        """Refuse a sample rate that does not resolve the highest frequency of the density, Hz.
+        """Refuse a sample rate that is too low for the highest frequency of the density, Hz.
 
         Raises
         ------
@@ -891,15 +891,15 @@ class RandomInput(Driven):
 
     @property
     def table(self) -> tuple[tuple[float, float], ...]:
-        """Frequencies, Hz, and densities, SI, of points; none of a density in a file."""
+        """Frequencies, Hz, and densities, SI, of the points; empty if the density is in a file."""
         return () if isinstance(self.psd, CurveFile) else density_table(self.psd)
 
     stationary: ClassVar[bool] = True
-    """It is."""
+    """True: the noise is stationary."""
 
     @property
     def highest_frequency_hz(self) -> float:
-        """End of the table, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
+        """Highest frequency of the table, Hz; 0 for a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
         return 0.0 if isinstance(self.psd, CurveFile) else self.psd[-1].frequency
 
 
@@ -909,36 +909,36 @@ ShockCurve = Annotated[
 
 
 def check_limit_curve(points: tuple[tuple[float, float], ...] | CurveFile, path: Path) -> None:
-    """Refuse points of a limit at a path that fall in frequency, other than a step; a file is not read."""
+    """Refuse points of a limit curve whose frequencies fall, except at a step; a file is not read."""
     if not isinstance(points, CurveFile):
         _demand_rising_or_steps([f for f, _ in points], lambda k: (*path, k, 0))
 
 
 class MatchedInput(Driven):
-    """An acceleration of the base whose shock response spectrum is a given curve."""
+    """A base acceleration with a given shock response spectrum."""
 
     kind: Literal["matched"] = "matched"
-    """A record made for a shock response spectrum."""
+    """A synthetic record for a shock response spectrum."""
     srs: ShockCurve
     """Maximax absolute acceleration over natural frequency: pairs, [[100 Hz, 20 g], [2 kHz, 500 g]], or a CSV file,
-    curve.csv or {file: curve.csv, column: level}; log-log interpolation between them."""
+    curve.csv or {file: curve.csv, column: level}; log-log interpolation between the points."""
     quality: q.Quality = 10.0
-    """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the curve, above that of critical damping."""
+    """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the spectrum; above 0.5."""
     duration: q.Duration
-    """Duration of the record, at least 1.5 cycles of the lowest frequency; it begins and ends at rest."""
+    """Duration of the record, at least 1.5 periods of the lowest frequency; it begins and ends at rest."""
     seed: q.RandomSeed = 0
-    """Seed of the times and signs of its wavelets: the same seed gives the same record."""
+    """Seed of the times and signs of the wavelets: the same seed gives the same record."""
 
     shock: ClassVar[bool] = True
-    """It leaves a free motion."""
+    """True: a free motion follows it."""
 
     @property
     def highest_frequency_hz(self) -> float:
-        """End of the curve, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
+        """Highest frequency of the curve, Hz; 0 for a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
         return 0.0 if isinstance(self.srs, CurveFile) else self.srs[-1][0]
 
     def check(self) -> None:
-        """Refuse an invalid curve, and anything but an acceleration of the base along a line."""
+        """Refuse an invalid curve, and anything but a translational acceleration of the base."""
         super().check()
         if not isinstance(self.srs, CurveFile):  # no record has a spectrum with a step
             demand_rising((f for f, _ in self.srs), "Hz", lambda k: ("srs", k, 0))
@@ -947,7 +947,7 @@ class MatchedInput(Driven):
                         "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A run that ends before it."""
+        """A problem if the run ends before the record."""
         yield from super().problems(scenario, path)
         run = scenario.run
         if path[0] == "excitation" and run is not None and run.duration < self.duration * (1 - 1e-9):
@@ -975,12 +975,12 @@ class Forces(Input):
     kind: Literal["forces"] = "forces"
     """Several forces and motions."""
     forces: Annotated[tuple[Annotated[SingleExcitation, BY_FORM], ...], Field(min_length=1)]
-    """Each a harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or matched
-    excitation that is applied to a point, a line of a beam, an area of a plate, a support that moves, or (one of them)
-    the base."""
+    """The excitations: harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or
+    matched, each applied to a point, a line of a beam, an area of a plate or a moving support; one of them may move the
+    base."""
 
     def check(self) -> None:
-        """Reject two motions of the base."""
+        """Refuse two motions of the base."""
         first, *more = [index for index, force in enumerate(self.forces) if force.on_base] or [0]
         if more:
             one, other = (self.forces[index].direction or "z" for index in (first, more[0]))
@@ -999,10 +999,10 @@ class Forces(Input):
 
     @property
     def harmonics(self) -> tuple[Harmonic, ...]:
-        """The inputs that are sines."""
+        """The excitations that are sines."""
         return tuple(force for force in self.forces if isinstance(force, Harmonic))
 
-    # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
+    # For sweeps: the level of the sweep multiplies all forces; each keeps its own phase.
     level: ClassVar[float] = 1.0
     phase: ClassVar[float] = 0.0
     quantity: ClassVar[str] = q.FACTOR
@@ -1015,13 +1015,13 @@ class Forces(Input):
         return self.harmonics[0].frequency
 
     def at(self, frequency_hz: float, level: float | None = None) -> Forces:
-        """The sines at another frequency, Hz, with their levels multiplied by ``level``."""
+        """A copy with another frequency, Hz, and with all levels multiplied by ``level``."""
         factor = 1.0 if level is None else level
         forces = tuple(force.at(frequency_hz, factor * force.level) for force in self.harmonics)
         return self.model_copy(update={"forces": forces})
 
     def problems_of_sines(self, section: str) -> Problems:
-        """Problems of forces that a section cannot sweep: at the base, not a sine, a second frequency."""
+        """Problems of forces that a section cannot sweep: a base motion, not a sine, a second frequency."""
         frequency = self.harmonics[0].frequency if self.harmonics else 0.0
         for index, force in enumerate(self.forces):
             at = ("excitation", "forces", index)
@@ -1043,23 +1043,23 @@ class Forces(Input):
 
     @property
     def shock(self) -> bool:
-        """Whether all of them begin at a time and leave a free motion."""
+        """Whether all of them start at a certain time and are followed by a free motion."""
         return all(force.shock for force in self.forces)
 
     @property
     def stationary(self) -> bool:
-        """Whether there is noise among them, and at most tones in addition."""
+        """Whether they contain stationary noise and otherwise at most sines."""
         noise = [force for force in self.forces if not isinstance(force, Harmonic | MultiTone)]
         return bool(noise) and all(force.stationary for force in noise)
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of all tones, Hz, each once."""
+        """Frequencies of all sines, Hz, each once."""
         return tuple(dict.fromkeys(f for force in self.forces for f in force.frequencies_hz))
 
     @property
     def highest_frequency_hz(self) -> float:
-        """The highest of all, Hz."""
+        """The highest of all frequencies, Hz."""
         return max(force.highest_frequency_hz for force in self.forces)
 
 
@@ -1067,11 +1067,11 @@ Excitation = Annotated[NoExcitation | SingleExcitation | Forces, BY_FORM]
 
 
 Sine = Harmonic | Forces
-"""What sweeps and continuations follow; see `sine_problems`."""
+"""Excitations that sweeps and continuations can follow; see `sine_problems`."""
 
 
 def sine_problems(excitation: Any, section: str) -> Problems:
-    """Why a sweep or continuation, a section of the scenario, cannot follow an excitation."""
+    """Problems if a section (a sweep or continuation) cannot follow an excitation."""
     if isinstance(excitation, Forces):
         yield from excitation.problems_of_sines(section)
     elif not isinstance(excitation, Harmonic):
@@ -1079,6 +1079,6 @@ def sine_problems(excitation: Any, section: str) -> Problems:
 
 
 def not_harmonic(path: Path, needed: str, excitation: Any) -> Problem:
-    """A problem: a section at a path needs another excitation."""
+    """The problem of a section that needs another excitation."""
     remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
     return problem(path, f"needs {needed}, but this one is {excitation.kind}", remedy)

@@ -1,4 +1,4 @@
-"""Identification of a snubber: what was measured, and which numbers are sought."""
+"""Identification of a snubber: measurements, and the parameters to identify."""
 
 from __future__ import annotations
 
@@ -51,30 +51,31 @@ Bound = Annotated[float | str, q.NumberOrText("60 GPa")]
 DynamicPoint = tuple[q.Frequency, q.Stiffness, q.Ratio]
 """Frequency, storage stiffness and loss factor."""
 RelaxationPoint = tuple[q.Time, q.Stiffness]
-"""Time since the deflection began, and force over the deflection that is held."""
+"""Time since the deflection was applied, and force over deflection."""
 
 
 class PadData(Schema):
-    """Measurement of a pad: one of dynamic, relaxation and file."""
+    """Measurements on a pad: exactly one of dynamic, relaxation and file."""
 
     dynamic: tuple[DynamicPoint, ...] | None = None
     """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
     relaxation: tuple[RelaxationPoint, ...] | None = None
-    """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
+    """Time since the deflection was applied, and force over deflection: [[1 ms, 190 kN/m], ...]."""
     ramp: q.Duration | None = None
-    """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
+    """Time over which the deflection of a relaxation test rises linearly; by default it is sudden."""
     file: q.FileName | None = None
-    """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
-    factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
+    """CSV file with either, relative to the scenario's folder; its headings contain units: frequency (Hz), storage
+    (kN/m), loss factor, or time (s), stiffness (kN/m). If it has a modulus instead of a stiffness, give height and
+    area."""
     columns: tuple[q.Text, ...] = ()
-    """Headings of the columns of the file that are meant, where several have the same dimension."""
+    """Headings of the columns to use, if several have the same dimension."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     branches: Annotated[int, q.Whole(1, 8)] | None = None
-    """Number of Maxwell branches; by default as few as fit nearly as well as any number."""
+    """Number of Maxwell branches; by default the smallest number that fits nearly as well as any larger one."""
 
     def check(self) -> None:
-        """Demand one kind of measurement, and points that determine the branches."""
+        """Require one kind of measurement, with points that determine the branches."""
         given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
         if len(given) != 1:
             message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
@@ -88,18 +89,18 @@ class PadData(Schema):
 
 
 def check_data(points: Any, kind: str, branches: int | None) -> None:
-    """Reject measurements of a pad that are out of order or too few.
+    """Refuse pad measurements that are too few or not in order.
 
     Parameters
     ----------
-    points : rows of frequency, Hz, or time, s, with what was measured there.
-    kind : dynamic or relaxation, the key under which they are.
-    branches : number of Maxwell branches to be fitted; None to find it.
+    points : rows of frequency, Hz, or time, s, with the measured values.
+    kind : dynamic or relaxation, the key of the points.
+    branches : number of Maxwell branches to fit; None to find it.
 
     Raises
     ------
     InvalidValueError
-        where they are too few for so many branches, are not in order, or have no loss at all.
+        If there are too few points for the branches, they are not in order, or they show no loss.
     """
     least = 2 if branches is None else branches + 1
     if len(points) < least:
@@ -112,17 +113,17 @@ def check_data(points: Any, kind: str, branches: int | None) -> None:
 
 
 class Pad(Schema):
-    """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and what was measured on it."""
+    """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and measurements on it."""
 
     height: q.Length | None = None
     """Height (in the direction of the force)."""
     area: q.Area | None = None
     """Loaded area."""
     data: PadData | None = None
-    """Storage stiffness and loss factor over frequency, or relaxation: gives Maxwell branches."""
+    """Storage stiffness and loss factor over frequency, or relaxation; Maxwell branches are fitted to them."""
 
     def check(self) -> None:
-        """Demand the size, measurements, or both."""
+        """Require the size, measurements, or both."""
         if (self.height is None) != (self.area is None):
             key = "height" if self.height is None else "area"
             raise InvalidValueError("is missing", "give both height and area", (key,))
@@ -142,7 +143,7 @@ class MonteCarlo(Schema):
 
 
 class ParameterUncertainty(Schema):
-    """Uncertainty of a parameter of the structure; its contribution to the uncertainty of the stiffness is reported."""
+    """Uncertainty of a structural parameter; its contribution to the uncertainty of the stiffness is reported."""
 
     parameter: q.Text
     """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
@@ -151,10 +152,10 @@ class ParameterUncertainty(Schema):
 
 
 class SoughtParameter(Schema):
-    """A parameter of the scenario to be identified; its path alone is enough."""
+    """A parameter to identify; may be abbreviated to its path."""
 
     parameter: q.Text
-    """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
+    """Path of the number, for example beam.youngs_modulus; [*] scales all items of a list by one factor."""
     bounds: Annotated[tuple[Bound, ...], PAIR] = ()
     """Lowest and highest value, with or without unit."""
     prior: q.Ratio | None = None
@@ -165,16 +166,16 @@ Sought = Annotated[SoughtParameter, ShortFor("parameter")]
 
 
 class MeasuredShapes(Schema):
-    """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
+    """Mode shapes measured without the snubber; the modal assurance criterion compares them with the model."""
 
     positions: Annotated[tuple[q.PositionOrShare, ...], Field(min_length=2)]
-    """Where the deflection was measured on the body that the snubber acts on, in m or as shares of its length: 60 %
-    (mass numbers for a chain)."""
+    """Positions of the measured deflections on the body with the snubber, in m or as shares of its length: 60 %; for a
+    chain numbers of masses."""
     shapes: Annotated[tuple[tuple[q.Coefficient, ...], ...], Field(min_length=1)]
-    """Deflections of each mode at these positions, from the first mode on, to any scale."""
+    """Deflections of each mode at these positions, from the first mode on, with any scaling."""
 
     def check(self) -> None:
-        """Reject shapes of another length, or zero."""
+        """Refuse shapes with a wrong number of values, or zero."""
         for index, shape in enumerate(self.shapes):
             if len(shape) != len(self.positions):
                 raise InvalidValueError(
@@ -188,7 +189,7 @@ class MeasuredShapes(Schema):
                 )
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber between two bodies, and positions that are not on the one body that it acts on."""
+        """Problems: a snubber between two bodies, and positions that are not on its body."""
         sought = scenario.identify_stiffness.snubber
         bodies = next((each.bodies for each in scenario.located_snubbers if each.item.name == sought), ())
         if len(bodies) > 1:
@@ -204,109 +205,109 @@ class _AnyTest(Schema):
     """Common part of all tests."""
 
     name: q.Name | None = None
-    """What it is called in tables and in leave_out; by default its file."""
+    """Name in tables and in leave_out; by default the file."""
     probe: q.Name | None = None
-    """Probe it belongs to; the first one by default."""
+    """Probe that corresponds to the sensor; by default the first one."""
     gain: q.PositiveNumber = 1.0
-    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
+    """Recorded over true value, if the calibration of the channel is uncertain; estimate may contain its path."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A probe that there is not."""
+        """A problem if the probe does not exist."""
         yield from _problems_of_probe(scenario, path, self.probe)
 
 
 def _problems_of_probe(scenario: Whole, path: Path, name: str | None) -> Problems:
-    """A probe that is named and is not there; ``path`` is the path of what names it."""
+    """A problem if a named probe does not exist."""
     if name is not None:
         yield from unknown((*path, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
 
 
 class _RecordedTest(_AnyTest, RecordPreparation):
-    """Common part of tests whose measurement is a file."""
+    """Common part of tests with a measured signal in a file."""
 
     file: q.FileName
-    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; its path is
-    relative to the case."""
+    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; the path is
+    relative to the scenario's folder."""
     channel: q.Text | None = None
-    """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
+    """Column, dataset or UFF label to read; by default the one with the name of the probe, or the only one."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
         "absolute_acceleration"
     )
-    """What was measured; displacement and velocity are relative to the base."""
+    """The measured quantity; displacement and velocity are relative to the base."""
     unit: q.Text | None = None
-    """Unit of the values in the file, for example g or mm; by default the one that the file states."""
+    """Unit of the values in the file, for example g or mm; by default the unit in the file."""
     axis_unit: q.Text | None = None
-    """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
+    """Unit of the times or frequencies in the file, for example ms; by default the unit in the file."""
     phase: Literal["free", "of_excitation"] = "free"
-    """Free: the time origin of the record is unknown, and a delay is fitted; of_excitation: it is that of the
+    """free: the time origin of the record is unknown, and a delay is fitted; of_excitation: it is that of the
     excitation."""
     noise: q.Ratio | None = None
-    """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default from the
-    scatter of the signal."""
+    """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default
+    estimated from the scatter of the signal."""
 
     @property
     def label(self) -> str:
-        """Its label in texts."""
+        """Name of the test for messages."""
         return self.name or self.file
 
 
 class SteadyTest(_RecordedTest):
-    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
+    """A measured steady vibration; keys that are missing are as in the excitation of the scenario."""
 
     kind: Literal["steady"] = "steady"
-    """A steady vibration, of which harmonics are compared; the kind of a test that names none."""
+    """A steady vibration, compared by its harmonics; the default kind."""
     frequency: q.Frequency | None = None
     """Excitation frequency of this test."""
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
     by it."""
     harmonics: Annotated[int, q.Whole(1, 500)] = 6
-    """Number of harmonics of the excitation frequency that the fit uses; a frequency response has one."""
+    """Number of harmonics of the excitation frequency in the fit; a frequency response has one."""
     last: q.Duration | None = None
-    """Use only the last part of a time signal (the steady vibration); everything by default."""
+    """Use only this last part of a time signal, when the vibration is steady; by default all of it."""
 
 
 class TransientTest(_RecordedTest):
-    """A measured transient, which is compared with a run sample by sample, but for the record's mean."""
+    """A measured transient, compared with a run sample by sample after its mean is removed."""
 
     kind: Literal["transient"]
-    """A released start, a shock, a decay, or any measured force or motion of the base."""
+    """A released start, a shock, a decay, or any measured force or base motion."""
     quantity: Literal["absolute_acceleration", "displacement", "velocity"] = "absolute_acceleration"
-    """What was measured; displacement and velocity are relative to the base."""
+    """The measured quantity; displacement and velocity are relative to the base."""
     excitation: Excitation | None = None
-    """What moves the structure in this test; by default the excitation of the scenario. A recorded motion of the base
-    is {kind: sampled, file: drop.csv, column: base}."""
+    """Excitation in this test; by default that of the scenario. A recorded base motion is {kind: sampled, file:
+    drop.csv, column: base}."""
     start: Start | None = None
-    """Initial state of this test, as run.start; by default that of the run, or static equilibrium."""
+    """Initial state in this test, as run.start; by default that of the run, or static equilibrium."""
     begin: q.Time = 0.0
-    """Time since the first sample at which excitation and motion begin; with phase: free, a tenth of the compared
-    duration sooner or later."""
+    """Start of excitation and motion, after the first sample; with phase: free it may be off by a tenth of the compared
+    duration."""
     duration: q.Duration | None = None
-    """Compare only so long from there on; by default all that follows."""
+    """Duration of the comparison from there on; by default the rest of the record."""
 
 
 class MeasuredPeak(Schema):
-    """The largest magnitude of a probe in a sweep."""
+    """A measured peak in a sweep: the largest magnitude at a probe."""
 
     probe: q.Name | None = None
-    """Where it was measured; by default the probe of the test."""
+    """Probe of the peak; by default that of the test."""
     frequency: q.Frequency | None = None
-    """Where in the sweep it was; not given where it is at the jump."""
+    """Frequency of the peak; omit it if the peak is at the jump."""
     absolute_acceleration: q.PositiveAcceleration | None = None
-    """How large it is: of an accelerometer."""
+    """Peak of the absolute acceleration."""
     displacement: q.Length | None = None
-    """Or, of the displacement relative to the base."""
+    """Peak of the displacement relative to the base."""
     scatter: q.Ratio = 0.02
-    """Standard deviation, relative."""
+    """Standard deviation, relative to the value."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A probe that there is not."""
+        """A problem if the probe does not exist."""
         yield from _problems_of_probe(scenario, path, self.probe)
 
     def check(self) -> None:
-        """Demand one value."""
+        """Require exactly one value."""
         if (self.absolute_acceleration is None) == (self.displacement is None):
             raise InvalidValueError("has no value, or two", "give absolute_acceleration or displacement")
 
@@ -324,34 +325,35 @@ class MeasuredPeak(Schema):
 
 
 class SweepTest(_AnyTest, FrequencyRange):
-    """A row of a table of slow sine sweeps: where it jumps, and its peaks; or a file with the table."""
+    """A slow sine sweep: its jump and peaks, or a file with a table of such sweeps."""
 
     kind: Literal["sweep"]
-    """Peaks and jump of a sweep, compared with those of the periodic motions that a slow sweep follows."""
+    """Peaks and jump of a sweep, compared with the periodic motions that a slow sweep follows."""
     name: q.Name
-    """What it is called in tables and in leave_out; rows of a file are numbered behind it, or have names there."""
+    """Name in tables and in leave_out; rows of a file get a number, or have their own names."""
     file: q.FileName | None = None
-    """Table with headings and units (CSV), a row a sweep, of the keys below: level, direction, jump, and of peaks
-    tip frequency, tip absolute_acceleration, tip scatter; keys without a column or cell are those given here."""
+    """CSV table with headings and units, one row per sweep. The columns are the keys below (level, direction, jump) and
+    peaks (tip frequency, tip absolute_acceleration, tip scatter); missing columns or cells have the values given
+    here."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation."""
     direction: Literal["up", "down"] = "up"
-    """Whether the frequency rises or falls."""
+    """Direction of the sweep."""
     where_it_falls: ClassVar[str] = "give the lowest frequency first, and direction: down"
 
     rate: q.SweepRate | None = None
-    """How fast it was; a warning says where that was too fast for peaks of a steady vibration."""
+    """Sweep rate; a warning tells if it was too fast for steady vibration."""
     jump: q.Frequency | None = None
     """Frequency at which the amplitude jumps."""
     scatter: q.Frequency
-    """Standard deviation of frequencies."""
+    """Standard deviation of the frequencies."""
     peaks: tuple[MeasuredPeak, ...] = ()
-    """The largest magnitudes."""
+    """The measured peaks."""
 
     def check(self) -> None:
-        """Demand a measured number, or a file with them."""
+        """Require a measured value, or a file with them."""
         super().check()
         if self.file is None and self.jump is None and not self.peaks:
             raise InvalidValueError("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
@@ -360,7 +362,7 @@ class SweepTest(_AnyTest, FrequencyRange):
 
     @property
     def label(self) -> str:
-        """Its label in texts."""
+        """Name of the test for messages."""
         return self.name
 
 
@@ -374,91 +376,92 @@ AnyTest = Annotated[
 
 
 class NonlinearFit(Schema):
-    """Parameters from measured nonlinear vibrations."""
+    """Identification of parameters from measured nonlinear vibrations."""
 
     estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
-    """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
+    """Parameters to identify, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
-    """The measured vibrations, transients and rows of tables of sweeps."""
+    """The measured vibrations, transients and sweeps."""
     leave_out: tuple[q.Text, ...] = ()
-    """Names, or files, of tests that are not used."""
+    """Names or files of tests to ignore."""
     starts: q.Few = 5
-    """Number of starting points: the values in the scenario and random points around them."""
+    """Number of starting points: the values in the scenario, and random points around them."""
     spread: q.Ratio = 0.3
     """Relative spread of the random starting points about the values in the scenario."""
     seed: q.RandomSeed = 0
     """Seed of the random starting points."""
     profiles: bool = True
-    """Compute the profile likelihood of every parameter, for the plot."""
+    """Whether to compute the profile likelihood of every parameter, for the plot."""
 
     @property
     def used_tests(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
-        """The tests that are not left out, by their number in the list."""
+        """The tests that are used, by their number in the list."""
         return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
 
     @property
     def tests_with_files(self) -> dict[int, SteadyTest | TransientTest]:
-        """The tests whose measurement is a file, by number."""
+        """The tests with a file, by number."""
         return {k: test for k, test in self.used_tests.items() if not isinstance(test, SweepTest)}
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Numbers that cannot be sought, an excitation that is no sine, tests left out that there are not."""
+        """Problems: parameters that cannot be identified, an unsuitable excitation, unknown tests in leave_out."""
         yield from listing_problems(
             self.estimate, (*path, "estimate"), lambda each: _sought_places(scenario, each, words=False)
         )
         steady = any(test.kind != "transient" for test in self.used_tests.values())
         if steady and not isinstance(scenario.excitation, Harmonic):
             yield not_harmonic(path, "a harmonic excitation", scenario.excitation)
-        if not any(isinstance(test, SweepTest) and test.file for test in self.tests):  # whose rows have names too
+        if not any(isinstance(test, SweepTest) and test.file for test in self.tests):  # rows of a file have names too
             labels = [test.label for test in self.tests]
             for index, name in enumerate(self.leave_out):
                 yield from unknown((*path, "leave_out", index), name, "test", labels)
 
     def check(self) -> None:
-        """Demand a test that is used."""
+        """Require at least one test."""
         if not self.used_tests:
             raise InvalidValueError("leaves no test", "keep one", ("leave_out",))
 
 
 class IdentifyStiffness(Schema):
-    """Measurements and settings of the identification."""
+    """Measurements and settings for the identification of a snubber's stiffness."""
 
     snubber: q.Name
     """Name of the snubber whose stiffness is identified."""
     measured_without: tuple[q.Frequency, ...] = ()
     """Natural frequencies measured without the snubber, from the first on; they check the model of the structure.
 
-    Of several bodies: the frequencies of those that the snubber acts on.
+    If there are several bodies: frequencies of those that the snubber acts on.
     """
     measured_with: tuple[q.Frequency, ...] = ()
-    """Natural frequencies measured with permanent contact, from the first on."""
+    """Natural frequencies measured with the snubber permanently in contact, from the first on."""
     fit_to: Annotated[tuple[q.Count, ...], Field(min_length=1)] = (1,)
-    """Numbers of the modes the fit uses."""
+    """Numbers of the modes used in the fit."""
     method: Literal["secular", "thesis"] = "secular"
-    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits (Hazim 2010)."""
+    """secular: closed form, to machine precision; thesis: k grows in steps of 1 % until the frequency fits (Hazim
+    2010)."""
     tolerance: q.Ratio = 1e-3
-    """Method thesis: relative difference in frequency at which the iteration ends."""
+    """Method thesis: relative frequency error at which the iteration stops."""
     most_solutions: q.Count = 20_000
     """Method thesis: largest number of eigenvalue solutions."""
     uncertainty: Ratios = 0.0
-    """Relative standard deviation of a measured frequency, or a list with one value per mode."""
+    """Relative standard deviation of a measured frequency, or a list with one value for each mode."""
     coverage: Probability = 0.95
     """Coverage probability of the confidence intervals."""
     monte_carlo: MonteCarlo = MonteCarlo.model_construct()
     """Check of the uncertainty by random sampling."""
     parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
-    """Uncertainties of parameters of the structure."""
+    """Uncertain parameters of the structure."""
     update: tuple[Sought, ...] = ()
-    """Parameters of the structure to be updated from measured_without before the snubber is identified."""
+    """Structural parameters to update from measured_without before the snubber is identified."""
     shapes_without: MeasuredShapes | None = None
     """Mode shapes measured without the snubber."""
     nonlinear: NonlinearFit | None = None
-    """Damping and contact parameters from measured nonlinear vibrations."""
+    """Identification of damping and contact parameters from measured nonlinear vibrations."""
     pad: Pad | None = None
-    """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
+    """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements on the pad."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber and numbers that there are not, bounds that make no sense, levels in a unit of something else."""
+        """Problems: an unknown snubber or parameter, invalid bounds, levels whose unit does not fit the excitation."""
         snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
         where = (*path, "snubber")
         yield from unknown(where, self.snubber, "snubber", snubbers, "give the snubber in snubbers")
@@ -477,7 +480,7 @@ class IdentifyStiffness(Schema):
             yield from level_problems(scenario, path, self)
 
     def check(self) -> None:
-        """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
+        """Refuse unordered frequencies, modes without a measurement, and more unknowns than measurements."""
         remedy = "list the frequencies from the first mode on; are the two swapped?"
         demand_rising(self.measured_without, "Hz", lambda k: ("measured_without", k), remedy)
         demand_rising(self.measured_with, "Hz", lambda k: ("measured_with", k), remedy)
@@ -554,7 +557,7 @@ class IdentifyStiffness(Schema):
 
 
 def _numbers(scenario: Whole, path: str) -> list[Path]:
-    """The places of a path, at which there must be numbers."""
+    """Paths of the numbers that a path of the user stands for."""
     places = find_parameters(scenario, path, ("parameter",))
     if any(choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate) for place in places):
         raise InvalidValueError(f"= {path} is not a number", "name a number", ("parameter",))
@@ -562,13 +565,13 @@ def _numbers(scenario: Whole, path: str) -> list[Path]:
 
 
 def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path]:
-    """The places that are sought, at which there must be numbers that the bounds hold.
+    """Paths of the numbers of a parameter to identify; they must lie within its bounds.
 
     Parameters
     ----------
-    scenario : that has them.
-    item : what is sought.
-    words : whether a choice may be sought too, and numbers by a factor.
+    scenario : with the numbers.
+    item : the parameter to identify.
+    words : whether it may also be a choice of words, or several numbers with a common factor.
     """
     path, at = item.parameter, ("parameter",)
     places = find_parameters(scenario, path, at)
@@ -596,12 +599,12 @@ def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> li
 
 
 def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
-    """Lowest and highest value of a number that is sought, in SI units; infinite where none are given.
+    """Lowest and highest value of a parameter to identify, in SI units; infinite if no bounds are given.
 
     Raises
     ------
     InvalidValueError
-        Where the field would refuse one of them, or it lies beyond the body that the number is a position on.
+        If the field would refuse a bound, or a bound of a position lies beyond its body.
     """
     if not sought.bounds:
         return -math.inf, math.inf

@@ -20,11 +20,10 @@ _WITH_UNIT = "NumberWithUnit"
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a scenario file.
+    """The JSON Schema (draft 2020-12) of a scenario file.
 
-    Quantities are a number in SI units or a string with a unit; the unit ends each description. A file that extends
-    another need not be complete: of what is merged with that file there is a second definition, which requires nothing.
-    """
+    A quantity is a number in SI units or a text with a unit; its unit ends the description. A file that extends another
+    one may be incomplete: sections that are merged have a second definition without required keys."""
     whole = Scenario.model_json_schema(by_alias=True, schema_generator=_Describing)
     parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
     extends = {
@@ -49,7 +48,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _shorten(schema: Any) -> Any:
-    """The same with the text of a quantity in one place."""
+    """Move the repeated schema of quantities to one definition."""
     if isinstance(schema, list):
         return [_shorten(item) for item in schema]
     if not isinstance(schema, dict):
@@ -60,13 +59,13 @@ def _shorten(schema: Any) -> Any:
 
 
 def _loosen(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
-    """The schema of what is merged with another file's: nothing is required but inside what is replaced; null removes.
+    """The schema for merging with another file: keys are required only inside replaced values; null is allowed.
 
     Parameters
     ----------
-    schema : that of a complete file.
-    parts : the definitions that it refers to, by name.
-    partial : gets those that are others here, under names of their own.
+    schema : schema of a complete file.
+    parts : definitions that it refers to, by name.
+    partial : filled with the changed definitions, under new names.
     """
     if isinstance(schema, list):
         return [_loosen(item, parts, partial) for item in schema]
@@ -94,7 +93,7 @@ def _loosen(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
 
 
 def _fit_examples(schema: Any, key: str) -> None:
-    """Give each quantity of a key an example of a size that is usual for it."""
+    """Give each quantity an example with a usual size for its key."""
     for item in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
         _fit_examples(item, key)
     if isinstance(schema, dict) and (example := example_of(key, schema.get("x-unit", ""))) is not None:
@@ -102,10 +101,10 @@ def _fit_examples(schema: Any, key: str) -> None:
 
 
 class _Describing(GenerateJsonSchema):
-    """Adds the descriptions of all keys, ended by their SI units, and examples that suit them."""
+    """Adds the descriptions of all keys, with SI units, and suitable examples."""
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        """The schema of a section; of bodies, which ``beam`` and ``chain`` name, the kind need not be given."""
+        """The schema of a section; the kind of a body is optional under ``beam`` and ``chain``."""
         described = super().model_schema(schema)
         section: type[Schema] = schema["cls"]
         texts, items = descriptions(section), described["properties"]
@@ -128,7 +127,7 @@ class _Describing(GenerateJsonSchema):
 
 
 def _unit(schema: dict[str, Any]) -> str | None:
-    """Return the SI unit of a quantity, an optional quantity or a list of them."""
+    """The SI unit of a quantity, an optional quantity or a list of them."""
     if isinstance(schema.get("x-unit"), str):
         return str(schema["x-unit"])
     inner = [*schema.get("anyOf", ()), *schema.get("oneOf", ())]

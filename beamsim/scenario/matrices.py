@@ -1,4 +1,4 @@
-"""A body whose mass and stiffness matrices another program wrote."""
+"""A body with mass and stiffness matrices from another program."""
 
 from __future__ import annotations
 
@@ -37,33 +37,32 @@ SYSTEMS: dict[str, UnitSizes] = {
     "in-lbf-s": UnitSizes(_INCH, _POUND_FORCE / _INCH, _POUND_FORCE, 1.0),
     "ft-lbf-s": UnitSizes(_FOOT, _POUND_FORCE / _FOOT, _POUND_FORCE, 1.0),
 }
-"""Consistent systems, whose force gives a unit of mass a unit of acceleration: length, mass and time in their names; of
-the last two length, force and time."""
+"""Consistent unit systems, named by their units of length, mass and time; the last two by length, force and time."""
 assert set(SYSTEMS) == set(get_args(UnitSystem))
 
 
 class FileUnits(Schema):
-    """Units of a file one by one: of lengths, masses, forces and times."""
+    """Units of a file, one by one."""
 
     length: Annotated[str, UnitType(of=units.LENGTH, example="mm")]
     """Unit of displacements and coordinates: mm, in."""
     mass: Annotated[str, UnitType(of=units.MASS, example="kg")]
-    """Unit of the mass matrix: kg, t, lb where weights were given and WTMASS was left out."""
+    """Unit of the mass matrix: kg, t; lb if the masses are weights and WTMASS was not applied."""
     force: Annotated[str, UnitType(of=units.FORCE, example="N")]
-    """Unit of forces; those of the stiffness matrix are this over the length: N, lbf."""
+    """Unit of forces: N, lbf. The stiffness matrix is in this unit per unit of length."""
     time: Annotated[str, UnitType(of=units.TIME, example="s")] = "s"
-    """Unit of times, of velocities in the viscous matrix: s, ms."""
+    """Unit of time, used in the viscous damping matrix: s, ms."""
 
 
 AnyFileUnits = Annotated[
     UnitSystem | FileUnits,
     Variants("is not a system of units", f"write {', '.join(SYSTEMS)}, or {{length: mm, mass: kg, force: N, time: s}}"),
 ]
-"""A system by its name, or units one by one."""
+"""The name of a system, or the units one by one."""
 
 
 def sizes_of(file_units: UnitSystem | FileUnits | None) -> UnitSizes:
-    """SI sizes of the units; SI units where none are given."""
+    """SI sizes of the units of a file; SI by default."""
     if isinstance(file_units, FileUnits):
         return UnitSizes(
             units.size_of(file_units.length, units.LENGTH), units.size_of(file_units.mass, units.MASS),
@@ -73,7 +72,7 @@ def sizes_of(file_units: UnitSystem | FileUnits | None) -> UnitSizes:
 
 
 def name_of(file_units: UnitSystem | FileUnits | None) -> str:
-    """The units in words."""
+    """The units of a file, as text."""
     if isinstance(file_units, FileUnits):
         return ", ".join(getattr(file_units, name) for name in UnitSizes._fields)
     return file_units or "SI"
@@ -85,31 +84,31 @@ class MatrixSource(Schema):
     file: FileName
     """OP2, OP4, DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
     name: Text | None = None
-    """Name of the matrix in the file, upper or lower case; not needed where the file holds one."""
+    """Name of the matrix in the file, in upper or lower case; may be omitted if the file contains only one."""
 
 
 class RecoverySource(MatrixSource):
-    """A matrix that gives other quantities from the degrees of freedom: stress, strain, or motion elsewhere."""
+    """A matrix that gives other quantities from the degrees of freedom: stress, strain, or motion at other points."""
 
     rows: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Names of its rows, in their order; its columns are the degrees of freedom, in the order of the other matrices."""
+    """Names of its rows, in order; its columns are the degrees of freedom, in the order of the other matrices."""
 
     def check(self) -> None:
-        """Names are unique."""
+        """Require unique names."""
         for k, name in enumerate(self.rows):
             if name in self.rows[:k]:
                 raise InvalidValueError(f"names {name} twice", "give each row a name of its own", ("rows", k))
 
 
 class StructuralDamping(Schema):
-    """Structural damping (K4, or the imaginary part of K), taken as viscous damping: exact at one frequency alone."""
+    """Structural damping (K4, or the imaginary part of K) as viscous damping; exact at one frequency only."""
 
     file: FileName | None = None
-    """File of the matrix K4; by default the imaginary part of the stiffness matrix is meant."""
+    """File with the matrix K4; by default the imaginary part of the stiffness matrix is used."""
     name: Text | None = None
     """Name of the matrix in the file."""
     frequency: Frequency
-    """Frequency at which the viscous damping has the same effect: C = K4 / (2 pi frequency)."""
+    """Frequency of the conversion to viscous damping: C = K4 / (2 pi frequency)."""
 
 
 class HeldNodes(Schema):
@@ -122,18 +121,18 @@ class HeldNodes(Schema):
 
 
 class DisplacementSystem(Schema):
-    """A coordinate system of nodes in the files, as the field CD of Nastran and *TRANSFORM of Abaqus name one."""
+    """A coordinate system of nodes in the files, as in the field CD of Nastran or *TRANSFORM of Abaqus."""
 
     number: Count
-    """Number by which the column ``system`` of the table ``dofs`` names it."""
+    """Its number in the column ``system`` of the table ``dofs``."""
     kind: Literal["rectangular", "cylindrical"] = "rectangular"
-    """Directions x, y, z of the table are its axes; of a cylinder the radial, the tangential and the axial one."""
+    """rectangular: x, y, z are its axes; cylindrical: they are the radial, tangential and axial directions."""
     points: tuple[tuple[Coefficient, Coefficient, Coefficient], ...] = Field(min_length=3, max_length=3)
-    """Its origin, a point on its z axis, and one in the half plane of its x axis, as CORD2R and CORD2C have them;
-    [x, y, z] in the axes of the model and the units of the files."""
+    """Its origin, a point on its z axis, and a point in the half plane of its x axis, as in CORD2R and CORD2C: [x, y,
+    z] in the axes of the model and the units of the files."""
 
     def check(self) -> None:
-        """Points on a line make no system."""
+        """Refuse points on one line."""
         _, b, c = (tuple(x - o for x, o in zip(point, self.points[0], strict=True)) for point in self.points)
         sizes = [sum(x * x for x in each) for each in (b, c)]
         if sizes[0] * sizes[1] - sum(x * y for x, y in zip(b, c, strict=True)) ** 2 <= 1e-12 * sizes[0] * sizes[1]:
@@ -141,7 +140,7 @@ class DisplacementSystem(Schema):
 
 
 class MatricesBody(Body):
-    """A structure by its matrices, its degrees of freedom named by a table or by the file."""
+    """A body given by its matrices; a table or the file itself names the degrees of freedom."""
 
     body_kind: ClassVar[str] = "matrices"
     has_default_probe: ClassVar[bool] = False
@@ -158,33 +157,34 @@ class MatricesBody(Body):
     viscous: MatrixSource | None = None
     """Viscous damping matrix, in addition to the damping below; none by default."""
     structural_damping: StructuralDamping | None = None
-    """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
+    """Structural damping as viscous damping at one frequency; without this key a file with structural damping is
+    refused."""
     recovery: RecoverySource | None = None
-    """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
+    """Matrix that gives other quantities, for ``run.outputs`` of the kind ``recovered``."""
     dofs: AnyTableFile | None = None
-    """CSV table with the headings node, direction and, if wanted, x, y, z and system, in any order; a line a row of the
-    matrices. Coordinates are in the units of their headings, x (mm), else in those of the files. DMIG and Abaqus files
-    need no table.
+    """CSV table with one row for each row of the matrices. Its headings, in any order, are node, direction and
+    optionally x, y, z and system. Coordinates have the unit in their heading, x (mm), else the unit of the files. DMIG
+    and Abaqus files need no table.
 
     Directions are x, y, z, rx, ry, rz and modal.
     """
     systems: tuple[DisplacementSystem, ...] = ()
-    """Systems of nodes whose directions are not along the axes of the model; the column ``system`` of the table names
-    them."""
+    """Coordinate systems of nodes whose directions are not along the axes of the model; the column ``system`` of the
+    table refers to them."""
     units: AnyFileUnits | None = None
-    """Units of all its files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one
-    by one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""
+    """Units of all files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one by
+    one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""
     base: Annotated[
         Literal["free"] | HeldNodes,
         Variants("is neither free nor a list of nodes", "write free, or {nodes: [3], direction: z}"),
     ]
-    """Nodes that move with the base, {nodes: [3], direction: z}; or free, where nothing does."""
+    """Nodes that move with the base, {nodes: [3], direction: z}; or free, if there are none."""
     damping: ChainDamping | None = None
     """Damping of the body as a whole: modal ratios or Rayleigh."""
 
     @property
     def sources(self) -> dict[str, MatrixSource | StructuralDamping]:
-        """Keys that name files of matrices."""
+        """The keys with files of matrices."""
         named = {key: getattr(self, key) for key in ("mass", "stiffness", "viscous", "structural_damping")}
         return {key: source for key, source in named.items() if source is not None and source.file is not None}
 
@@ -194,5 +194,5 @@ class MatricesBody(Body):
         return () if self.recovery is None else self.recovery.rows
 
     def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
-        """No problems: only the files know the nodes."""
+        """No problems: the numbers of the nodes are known only from the files."""
         yield from ()

@@ -1,8 +1,8 @@
-"""Numbers of a scenario addressed by path: read them, and build the same scenario with other values.
+"""Access to numbers of a scenario by path: read them, and build the same scenario with other values.
 
-A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means every item of a list
-(``beam.point_masses[*].mass``: all the masses together), and a snubber may be named: ``snubbers.tip.stiffness``
-(``snubbers[1st].stiffness`` where the name is not a word).
+A path has the form of overrides, ``beam.point_masses[0].mass``. ``[*]`` means every item of a list
+(``beam.point_masses[*].mass``: all masses together). An item may be named: ``snubbers.tip.stiffness``, or
+``snubbers[1st].stiffness`` if the name is not a single word.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ Part = TypeVar("Part", bound=Schema)
 
 
 def find_parameters(scenario: Whole, path: str, source_path: Path = ()) -> list[Path]:
-    """The places that a path names, at least one: numbers, words and sweep rates.
+    """Paths of all values that a path of the user stands for, at least one: numbers, words and sweep rates.
 
     Parameters
     ----------
-    scenario : what has them.
-    path : as a user writes it.
-    source_path : where the path stands, for what is raised.
+    scenario : with the values.
+    path : as the user wrote it.
+    source_path : path of the key that contains the path, for the error.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def find_parameters(scenario: Whole, path: str, source_path: Path = ()) -> list[
     Raises
     ------
     InvalidValueError
-        where the path does not exist; to be located by the caller.
+        If the path does not exist; the caller adds the location.
     """
     parts = path_parts(path)
     if not parts:
@@ -65,7 +65,7 @@ def find_parameters(scenario: Whole, path: str, source_path: Path = ()) -> list[
 
 
 def value_at(scenario: Whole, place: Path) -> Any:
-    """The value at a place, by default or as it was written; a share of a length is given in metres."""
+    """The value at a path, given or default; a share of a length is converted to metres."""
     if place == ("run", "sample_rate"):
         return scenario.sample_rate
     value: Any = scenario
@@ -75,20 +75,20 @@ def value_at(scenario: Whole, place: Path) -> Any:
 
 
 def in_metres(scenario: Whole, place: Path, value: Any) -> Any:
-    """A value of the field at a place, a share of a length in metres."""
+    """A value for the field at a path; a share of a length is converted to metres."""
     side = side_at(scenario, place) if isinstance(value, Share) else None
     return value if side is None else scenario.all_bodies[side.body].metres(value, side.axis)
 
 
 class Side(NamedTuple):
-    """A side of a body, along which positions are measured."""
+    """An axis of a body along which positions are measured."""
 
-    body: str  # its name
-    axis: int  # number of the side of the body, from 0
+    body: str  # name of the body
+    axis: int  # number of the axis, from 0
 
 
 def side_at(scenario: Whole, place: Path) -> Side | None:
-    """Side along which the position at a path is measured; None if there is no position, or no body."""
+    """The axis along which the position at a path is measured; None if it is not a position on a known body."""
     body = scenario.all_bodies.get(body_of(scenario, place))
     if body is None or not isinstance(field_type_at(scenario, place), PositionType):
         return None
@@ -98,9 +98,9 @@ def side_at(scenario: Whole, place: Path) -> Side | None:
 
 
 def body_of(scenario: Whole, place: Path) -> str:
-    """Name of the body that something at a place is on; empty where none is named and there are several.
+    """Name of the body of an item at a path; empty if none is named and there are several.
 
-    It is that in which the place is, which is named next to it, or that of the snubber which is.
+    It is the body that contains the item, or the one named at the item or at its snubber.
     """
     value: Any = scenario
     named: str = scenario.body_at(place) or scenario.default_body
@@ -122,19 +122,19 @@ def _inside(owner: Any, part: str | int) -> Any:
 
 
 def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
-    """A copy of the scenario with other values at these paths, as if they had been written there.
+    """A copy of the scenario with other values at these paths, as if the user had written them.
 
-    Parts are not compared with each other; see `beamsim.scenario.Scenario.recheck`.
+    The sections are not checked against each other; see `beamsim.scenario.Scenario.recheck`.
 
     Parameters
     ----------
-    scenario : what holds the values.
-    values : by place SI numbers, words, or whole parts of the scenario; a level keeps its quantity.
+    scenario : with the values.
+    values : for each path an SI number, a word, or a complete section; a level keeps its quantity.
 
     Returns
     -------
     Part
-        In which what follows from the values has followed.
+        The copy; values that depend on the changed ones are updated.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def with_values(scenario: Part, values: Mapping[Path, object]) -> Part:
 
 
 def replace_values(part: Part, values: Mapping[Path, object]) -> Part:
-    """A copy of a scenario, or part, with other values at these paths; they may be slightly out of bounds."""
+    """A copy of a scenario or section with other values at these paths; bounds are not strictly checked."""
     for place, value in values.items():
         owners: list[Any] = [part]
         for key in place[:-1]:
@@ -173,14 +173,14 @@ def replace_values(part: Part, values: Mapping[Path, object]) -> Part:
 
 
 def read_as(scenario: Whole, place: Path, value: object, path: Path = ()) -> Any:
-    """Read a value as the field at a place would: an SI number, which may know its quantity, a word, rate or share.
+    """Read a value as the field at a path would: an SI number (with its quantity), a word, a rate or a share.
 
     Parameters
     ----------
-    scenario : what has the field.
+    scenario : with the field.
     place : of the field.
     value : a number, perhaps with a unit, or a word.
-    path : where the value stands, for what is raised.
+    path : path of the value, for the error.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def read_as(scenario: Whole, place: Path, value: object, path: Path = ()) -> Any
     Raises
     ------
     InvalidValueError
-        Where the field would refuse it.
+        If the field would refuse it.
     """
     if choices := choices_at(scenario, place):
         if value not in choices:
@@ -210,7 +210,7 @@ def read_as(scenario: Whole, place: Path, value: object, path: Path = ()) -> Any
 
 
 def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:
-    """The words that the field at a place may hold (supports); none for a number."""
+    """The words that the field at a path accepts (such as kinds of support); empty for a number."""
     if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
         return ()
     owner = type(value_at(scenario, place[:-1]))
@@ -219,7 +219,7 @@ def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:
 
 
 def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
-    """Type that reads the value at a path; None for words and flags."""
+    """The type that reads the value at a path; None for words and flags."""
     last = max(k for k, part in enumerate(place) if isinstance(part, str))
     owner = value_at(scenario, place[:last])
     if not isinstance(owner, Schema):
@@ -228,13 +228,13 @@ def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
 
 
 def field_type(owner: Schema, key: str, indices: Path = ()) -> FieldType | None:
-    """Type that reads the value of a key of a section, or the number at these indices of it."""
+    """The type that reads a key of a section, or the number at these indices of its value."""
     field = type(owner).model_fields[type(owner).keys()[key]]
     return next(_types(field.annotation, field.metadata, indices), None)
 
 
 def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[FieldType]:
-    """Types that read a value, or the number at these indices; the second number of a pair may be of another type."""
+    """Yield the types that read a value, or the number at these indices of it."""
     yield from (item for item in metadata if isinstance(item, FieldType))
     parts = get_args(annotation)
     if get_origin(annotation) is tuple:
@@ -276,7 +276,7 @@ def _keys_below(value: Any) -> str:
 
 
 def dimension_at(scenario: Whole, place: Path) -> Dimension | None:
-    """Dimension of a number at a path; None for whole numbers and words."""
+    """Dimension of the number at a path; None for whole numbers and words."""
     field = field_type_at(scenario, place)
     if isinstance(field, q.LevelType):
         return dimension_of_level(scenario, place, dict(field.quantities))
@@ -284,7 +284,7 @@ def dimension_at(scenario: Whole, place: Path) -> Dimension | None:
 
 
 def dimension_of_level(scenario: Whole, place: Path, known: Mapping[str, Dimension]) -> Dimension:
-    """Dimension of a level at a path: by its unit, else by the keys around it."""
+    """Dimension of the level at a path: from its unit, else from the neighbouring keys."""
     excitation: Any = scenario.excitation
     if "0" in known:  # numbers of a shape, by the power of x
         body = scenario.all_bodies[str(place[-3]) if "bodies" in place else scenario.default_body]
@@ -299,20 +299,20 @@ def dimension_of_level(scenario: Whole, place: Path, known: Mapping[str, Dimensi
 
 
 def unit_of(scenario: Whole, path: str) -> str:
-    """SI unit of the number at a path; "1" for plain numbers."""
+    """SI unit of the numbers at a path of the user; "1" for plain numbers."""
     return unit_at(scenario, find_parameters(scenario, path)[0])
 
 
 def unit_at(scenario: Whole, place: Path) -> str:
-    """SI unit of the number at a place; "1" for plain numbers and words."""
+    """SI unit of the number at a path; "1" for plain numbers and words."""
     of = dimension_at(scenario, place)
     return "1" if of is None else of.unit or "1"
 
 
 def yaml_with_units(scenario: Whole) -> str:
-    """A scenario as YAML for people: that of `Scenario.to_yaml`, numbers with their SI units.
+    """The scenario as YAML with SI units, for people to read.
 
-    It loads to the same numbers, bit by bit.
+    It loads to exactly the same numbers.
     """
 
     def written(value: Any, place: Path) -> Any:
@@ -327,13 +327,13 @@ def yaml_with_units(scenario: Whole) -> str:
 
 
 def listing_problems(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:
-    """Problems of the numbers that a section lists, and of those that it lists twice.
+    """Problems of the parameters that a section lists, and of parameters that are listed twice.
 
     Parameters
     ----------
-    items : as they are listed.
+    items : the listed items.
     section : path of the list.
-    places_of : the places of a number; raises `InvalidValueError`.
+    places_of : function that gives the paths of an item's numbers; raises `InvalidValueError`.
 
     Yields
     ------

@@ -33,10 +33,10 @@ EDGES = ("left", "right", "bottom", "top")
 
 
 class PointSupport(Schema):
-    """A point that cannot deflect, and is free to turn; mesh lines are placed there."""
+    """A point that cannot deflect but can rotate; mesh lines run through it."""
 
     position: PlatePoint
-    """Distances from the left and the bottom edge, or shares of length and width."""
+    """Distances from the left and bottom edges, or shares of length and width."""
 
 
 class PlateSupports(Schema):
@@ -55,21 +55,21 @@ class PlateSupports(Schema):
 
 
 class PlatePointMass(Schema):
-    """A lumped mass on the plate; mesh lines are placed there."""
+    """A lumped mass on the plate; mesh lines run through it."""
 
     position: PlatePoint
-    """Distances from the left and the bottom edge, or shares of length and width."""
+    """Distances from the left and bottom edges, or shares of length and width."""
     mass: q.PointMassValue
-    """The mass; it has no rotary inertia."""
+    """The mass; without rotary inertia."""
 
 
 class Stiffener(Schema):
-    """A uniform beam that is joined to the plate along a straight line."""
+    """A uniform beam that is attached to the plate along a straight line."""
 
     from_: Annotated[PlatePoint, Field(alias="from")]
-    """Where it begins."""
+    """Its first end."""
     to: PlatePoint
-    """Where it ends."""
+    """Its second end."""
     bending_stiffness: q.BendingStiffness
     """Bending stiffness E I about the middle plane of the plate."""
     torsional_stiffness: q.TorsionalStiffness = 0.0
@@ -81,20 +81,20 @@ class Stiffener(Schema):
 class Rigidity(Schema):
     """Bending stiffnesses per width of an orthotropic plate whose principal axes are x and y.
 
-    Moments per width are Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy with d1 = nu dy.
+    Moments per width: Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy, with d1 = nu dy.
     """
 
     dx: q.PlateStiffness
-    """Bending stiffness per width that resists curvature along x."""
+    """Bending stiffness per width for curvature along x."""
     dy: q.PlateStiffness
-    """Bending stiffness per width that resists curvature along y."""
+    """Bending stiffness per width for curvature along y."""
     nu: q.PoissonsRatio = 0.0
-    """Poisson's ratio nu_xy: contraction along y over the extension along x; nu_yx = nu dy / dx."""
+    """Poisson's ratio nu_xy: contraction along y over extension along x; nu_yx = nu dy / dx."""
     dxy_: q.PlateStiffness | None = Field(default=None, alias="dxy")
-    """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
+    """Twisting stiffness, D (1 - nu) / 2 if isotropic; by default this formula with the geometric mean of dx and dy."""
 
     def check(self) -> None:
-        """Reject stiffnesses without a positive energy."""
+        """Refuse stiffnesses whose energy is not positive definite."""
         if self.nu**2 * self.dy >= self.dx:
             raise InvalidValueError(
                 f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
@@ -116,12 +116,12 @@ class Rigidity(Schema):
 
 
 class PlateBending(NamedTuple):
-    """Stiffnesses and mass of a plate, whatever they are given by."""
+    """Stiffnesses and mass of a plate, however they are given."""
 
     rigidity: Rigidity  # bending and twisting stiffnesses per width
     mass_per_area: float  # kg/m^2
-    stress_per_moment: float | None  # at the surface for a unit moment per width, Pa per N; None where that is unknown
-    depth: float | None  # thickness, m; None where that is unknown
+    stress_per_moment: float | None  # at the surface, for a unit moment per width, Pa per N; None if unknown
+    depth: float | None  # thickness, m; None if unknown
 
 
 class PlateBody(Body):
@@ -143,9 +143,9 @@ class PlateBody(Body):
     elements: q.PlateElements = (12, 12)
     """Numbers of elements (bicubic Hermite) along x and y, before mesh lines are added at points and stiffeners."""
     grading: q.Grading = 1.0
-    """Exponent of the mesh's grading towards the edges: 1 is uniform, 2 makes elements at edges much smaller."""
+    """Exponent of the mesh grading towards the edges: 1 is uniform, 2 makes elements at the edges much smaller."""
     supports: PlateSupports = Field(default_factory=PlateSupports)  # made where it is needed: it costs a validator
-    """How the edges are held, and points that cannot deflect; all edges are free by default."""
+    """Supports of the edges, and points that cannot deflect; by default all edges are free."""
     damping: ChainDamping = ModalDamping.model_construct()
     """Damping; none by default."""
     point_masses: tuple[PlatePointMass, ...] = ()
@@ -174,7 +174,7 @@ class PlateBody(Body):
         return tuple(self.point(point.position) for point in self.supports.points)
 
     def line_of(self, stiffener: Stiffener) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where a stiffener begins and ends, m; parallel to an edge where only round-off is in between."""
+        """The ends of a stiffener, m; exactly parallel to an edge if it is so up to round-off."""
         start, end = self.point(stiffener.from_), self.point(stiffener.to)
         x, y = (a if same_position(a, b) else b for a, b in zip(start, end, strict=True))
         return start, (x, y)
@@ -186,7 +186,7 @@ class PlateBody(Body):
 
     @property
     def gives_strain(self) -> bool:
-        """Whether the surface is at a known distance from the middle."""
+        """Whether the distance of the surface from the middle plane is known."""
         return self.bending.depth is not None
 
     @property
@@ -201,7 +201,7 @@ class PlateBody(Body):
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:
-        """Held edges across the view from the side, and point masses by their x."""
+        """Held edges in the side view, and point masses, with their x."""
         edges = ((0.0, self.supports.left), (self.length, self.supports.right))
         held = [(x, kind) for x, kind in edges if kind != "free"]
         return (*held, *((x, "mass") for x, _ in self.mass_points))
@@ -219,7 +219,7 @@ class PlateBody(Body):
         return "plate", AtPlace(position=(x, y))
 
     def support_at(self, position: WrittenPosition) -> str:
-        """The edge or point support at a point; empty where it can deflect."""
+        """The edge or point support at a point; empty if the point can deflect."""
         if not isinstance(position, tuple):
             return ""
         x, y = self.point(position)
@@ -232,7 +232,7 @@ class PlateBody(Body):
         return "on the point support" if on_point else ""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Elements too small for the digits there are, points outside the plate, stiffeners without a length."""
+        """Problems: too small elements, points outside the plate, stiffeners of zero length."""
         for index, count in enumerate(self.elements):
             smallest = (2.0 / count) ** self.grading / 2.0
             if count > 2 and smallest < SMALLEST_ELEMENT:
@@ -250,7 +250,7 @@ class PlateBody(Body):
                 yield problem((*path, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
     def shape_problems(self, body_path: Path, path: Path, position: float | q.Share) -> Iterator[Problem]:
-        """Measured mode shapes have one coordinate.
+        """A problem: measured mode shapes have one coordinate only.
 
         Parameters
         ----------
@@ -265,7 +265,7 @@ class PlateBody(Body):
         )
 
     def _force_warnings(self, scenario: Whole) -> Iterator[str]:
-        """Stress has no limit under a point force, other than at a free corner."""
+        """Warnings that the stress is infinite under a point force, except at a free corner."""
         forces = [(of.path, of.item.places, of.body) for of in scenario.listed("snubbers") if of.path[0] != "joints"]
         dead_loads = enumerate(scenario.constant_forces)
         forces += [(("constant_forces", k), each.places, "") for k, each in dead_loads if isinstance(each, PlacedForce)]
@@ -285,7 +285,7 @@ class PlateBody(Body):
                     )
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Too few elements for the excitation, and a plate that is not thin."""
+        """Warnings about too few elements for the excitation, and about a plate that is not thin."""
         yield from super().find_warnings(scenario, path)
         depth, side = self.depth, min(self.sides)
         if depth > side / 10.0:
@@ -315,7 +315,7 @@ class Plate(PlateBody):
     """Density."""
 
     def check(self) -> None:
-        """Reject a material without resistance to pressure."""
+        """Refuse a Poisson's ratio of an incompressible material."""
         super().check()
         if self.poissons_ratio > _INCOMPRESSIBLE:
             raise InvalidValueError(
@@ -347,12 +347,12 @@ class StiffnessPlate(PlateBody):
     mass_per_area: q.MassPerArea
     """Mass per unit area."""
     section_modulus: q.SectionModulusPerLength | None = None
-    """Moment per width over the stress at the surface, for the stresses; h^2 / 6 where solid, none by default."""
+    """Moment per width over the stress at the surface, for stresses; h^2 / 6 for a solid plate, none by default."""
     thickness: q.BodyThickness | None = None
-    """Thickness from surface to surface, for strains there and for pictures; none by default."""
+    """Distance between the surfaces, for strains and for pictures; none by default."""
 
     @property
     def bending(self) -> PlateBending:
-        """As they are given; the stress is the inverse of the section modulus."""
+        """The given values; the stress is the inverse of the section modulus."""
         stress = None if self.section_modulus is None else 1.0 / self.section_modulus
         return PlateBending(self.bending_stiffness, self.mass_per_area, stress, self.thickness)

@@ -19,27 +19,27 @@ from beamsim.scenario.base import Schema, nested_annotations
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**9
-"""Largest number of anything, where there is no other limit."""
+"""Largest allowed number of anything without another limit."""
 LARGEST_SEED = 10**15
 
 
 class FieldType:
-    """A type read by one function, with messages of this package."""
+    """A field type with its own reading function and messages."""
 
     form: ClassVar[str] = "<number>"
-    """How `beamsim.scenario.base.Variants` tells it apart."""
+    """Form by which `beamsim.scenario.base.Variants` recognises it."""
 
     @property
     def example(self) -> str:
-        """How to write one; empty if anything goes."""
+        """An example of a value; empty if any text is valid."""
         return ""
 
     def read(self, value: Any) -> Any:
-        """Return the value; raises `UnitError`."""
+        """Convert to the stored value; raises `UnitError`."""
         raise NotImplementedError
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return the schema of what is accepted."""
+        """JSON Schema of the accepted values."""
         raise NotImplementedError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -66,11 +66,11 @@ _EXAMPLES = {
     },
     "N": {"preload": "5 N", "peak_force": "50 N", "force_threshold": "1 N"},
 }  # fmt: skip
-"""Examples of quantities that suit their keys, by the SI unit, where that of the dimension would mislead."""
+"""Examples for certain keys, by SI unit, where the general example would mislead."""
 
 
 def example_of(key: str, unit: str) -> str | None:
-    """How to write the quantity of a key, by its SI unit; None where the example of its dimension serves.
+    """An example for a key, by its SI unit; None if the general example of its dimension is suitable.
 
     >>> example_of("wall_thickness", "m")
     '2 mm'
@@ -91,7 +91,7 @@ class Bounded(FieldType):
     below: float | None = None
 
     def check_bounds(self, number: float) -> float:
-        """Check the bounds."""
+        """Return a number if it is within the bounds."""
         low = self.above if self.minimum is None else self.minimum
         high = self.below if self.maximum is None else self.maximum
         inside = (low is None or number > low or number == self.minimum) and (
@@ -102,7 +102,7 @@ class Bounded(FieldType):
         return number + 0.0  # -0.0 becomes 0.0
 
     def _bounds_text(self, low: float | None, high: float | None) -> str:
-        """The condition that a number must meet to lie between bounds, as text; one bound may be missing."""
+        """The condition on a number between two bounds, as text; one bound may be missing."""
         if high is None:
             bound = f"{low:g} or more" if self.above is None else f"above {low:g}"
             return {"0 or more": "not be negative", "above 0": "be positive"}.get(bound, f"be {bound}")
@@ -112,12 +112,12 @@ class Bounded(FieldType):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest size, other than zero, and largest size of a number."""
+        """Smallest (except zero) and largest magnitude of a number."""
         raise NotImplementedError
 
     @property
     def bounds_schema(self) -> JsonSchemaValue:
-        """The number with its bounds for the JSON Schema: those of the field within those of the dimension."""
+        """JSON Schema of the bounds, those of the field and of the dimension combined."""
         smallest, largest = self.range
         bounds = {"minimum": -largest, "maximum": largest}
         if self.above is not None and self.above >= 0.0:
@@ -137,29 +137,29 @@ class Bounded(FieldType):
 
 @dataclass(frozen=True)
 class Quantity(Bounded):
-    """A number in SI units, or a string with a unit."""
+    """A number in SI units, or a text with a unit."""
 
     dimension: Dimension
 
     @property
     def example(self) -> str:
-        """How to write one."""
+        """An example of a value."""
         return self.dimension.example
 
     @property
     def range(self) -> tuple[float, float]:
-        """The usual range of the dimension."""
+        """Range of magnitudes of the dimension."""
         return self.dimension.smallest, self.dimension.largest
 
     def read(self, value: Any) -> float:
-        """Return the SI number."""
+        """Convert to the SI number."""
         number, _ = units.read_level(value, (self.dimension,), any_size=True)
         return units.in_range(
             self.check_bounds(number), (self.dimension,), f"write for example {self.dimension.example}"
         )
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string, with the SI unit under ``x-unit``."""
+        """JSON Schema for a number or text, with the SI unit under ``x-unit``."""
         schema: JsonSchemaValue = {
             "anyOf": [self.bounds_schema, NUMBER_WITH_UNIT], "examples": [self.dimension.example]
         }  # fmt: skip
@@ -170,34 +170,33 @@ class Quantity(Bounded):
 
 @dataclass(frozen=True)
 class UsualRange:
-    """Range in which the number of a field usually lies, and the units in which it may have been meant.
+    """Usual range of a field's number, and units that a user may have confused.
 
-    A number is doubtful where it lies outside its range and the same number in another usual unit lies inside: 2 Hz of
-    a filter for a sine of 65 Hz, where 2 kHz is inside. It is taken as it is where it is written in a unit in which no
-    other reading is plausible: 0.002 kHz, 120 rpm. Ranges reach about thirty times beyond what is plausible. A question
-    refuses no case, changes no exit code and stops no study.
-    """
+    A number is questionable if it lies outside its range but would lie inside in another usual unit: a filter of 2 Hz
+    for a sine of 65 Hz, where 2 kHz would be usual. It is accepted silently if its written unit makes it clear: 0.002
+    kHz, 120 rpm. Ranges extend about thirty times beyond plausible values. A question refuses no case, changes no exit
+    code and stops no study."""
 
     of: Dimension
-    units: tuple[str, ...]  # in which the number may have been meant, SI first
-    smallest: float  # SI, or over what the range is multiplied by
+    units: tuple[str, ...]  # units that may be confused, SI first
+    smallest: float  # SI, or relative to the reference size
     largest: float
-    why: str  # what is wrong with the value; it may name its ratio to what the range is multiplied by, and that
-    times: str = ""  # what the range is multiplied by
-    bare: bool = False  # whether only a number without a unit is doubtful
+    why: str  # what is unusual; may contain the ratio to the reference size, and its name
+    times: str = ""  # name of the reference size
+    bare: bool = False  # whether only a number without a unit is questionable
 
     def contains(self, value: float, size: float) -> bool:
-        """Whether a value lies in the range, multiplied by a size, both SI."""
+        """Whether a value lies in the range, which is multiplied by a reference size (both SI)."""
         return self.smallest * size <= value <= self.largest * size
 
     def question(self, value: float, size: float, written: float | str) -> str:
-        """A question about a doubtful value, with what may have been meant; empty if it is plausible.
+        """A question about a questionable value, with the probable meaning; empty if the value is plausible.
 
         Parameters
         ----------
         value : SI.
-        size : what the range is multiplied by, SI.
-        written : what was read to the value.
+        size : reference size that multiplies the range, SI.
+        written : the value as the user wrote it.
         """
         number, unit = units.number_and_unit(written)
         sizes = [units.size_of(name, self.of) for name in self.units]
@@ -212,39 +211,39 @@ class UsualRange:
 
 
 ASKS = "meant?"
-"""In warnings that ask for another reading, which are printed on the first screen."""
+"""Marks warnings that ask about the unit; they are printed on the first screen."""
 METRES = ("m", "mm")
 
 
 @cache
 def usual_of(schema: type[Schema]) -> dict[str, UsualRange]:
-    """The fields of a section whose numbers have a usual range, by name."""
+    """The fields of a section that have a usual range, by name."""
     metadata = {name: (*of.metadata, *nested_annotations(of.annotation)) for name, of in schema.model_fields.items()}
     return {name: each for name, of in metadata.items() for each in of if isinstance(each, UsualRange)}
 
 
 @dataclass(frozen=True)
 class NonzeroType(Quantity):
-    """A number of either sign, but not zero."""
+    """A number that may have either sign but is not zero."""
 
     def read(self, value: Any) -> float:
-        """Return the number."""
+        """Convert to the number."""
         number = super().read(value)
         if number == 0.0:
             raise UnitError("must not be zero", f"write for example {self.example}")
         return number
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string, without zero."""
+        """JSON Schema for a number or text, without zero."""
         return super().json_schema() | {"not": {"const": 0}}
 
 
 @dataclass(frozen=True)
 class SigmasType(Quantity):
-    """A number of standard deviations, with or without the word sigma."""
+    """A number of standard deviations, optionally with the word sigma."""
 
     def read(self, value: Any) -> float:
-        """Return the number."""
+        """Convert to the number."""
         if isinstance(value, str):
             value = re.sub(r"\s*(sigmas?|σ)\s*$", "", value)
         return super().read(value)
@@ -252,7 +251,7 @@ class SigmasType(Quantity):
 
 @dataclass(frozen=True)
 class Share:
-    """A share of a length of the body that it belongs to, see `beamsim.scenario.body.Body.metres`."""
+    """A share of a length of a body, see `beamsim.scenario.body.Body.metres`."""
 
     value: float
 
@@ -266,10 +265,10 @@ class Share:
 
 @dataclass(frozen=True)
 class PositionType(Quantity):
-    """A length, or a share of the body's length in percent."""
+    """A length, or a percentage of the body's length."""
 
     def read(self, value: Any) -> Any:
-        """Return the SI number, or the share."""
+        """Convert to the SI number, or to the share."""
         if isinstance(value, Share):
             return value
         if isinstance(value, str) and value.rstrip().endswith("%"):
@@ -278,19 +277,19 @@ class PositionType(Quantity):
 
 
 class LevelValue(float):
-    """A number with the quantity that its unit says (None of a bare number), where there is a choice."""
+    """A number that stores the quantity of its unit (None if it had no unit), if several quantities are allowed."""
 
     quantity: str | None
 
     def __new__(cls, value: float, quantity: str | None = None) -> LevelValue:
-        """Make a float that carries its quantity."""
+        """Make a float with its quantity."""
         level = super().__new__(cls, value)
         level.quantity = quantity
         return level
 
 
 def meant(level: float | None) -> str | None:
-    """The quantity that the unit of a level says; None where it says none."""
+    """The quantity that the unit of a level implies; None if it had no unit."""
     return getattr(level, "quantity", None)
 
 
@@ -308,27 +307,27 @@ LEVEL_DIMENSIONS = {
 
 
 def motion_dimension(quantity: str) -> units.Dimension:
-    """Dimension of a level, or of a motion of a probe: absolute_acceleration."""
+    """Dimension of a level, or of a probe's motion such as absolute_acceleration."""
     return LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")]
 
 
 INTEGRALS = {"velocity": 1, "displacement": 2, "angular_velocity": 1, "rotation": 2}
-"""How often the acceleration of a motion is integrated to a quantity; of accelerations and loads 0 times."""
+"""How many times the acceleration is integrated to give a quantity; 0 for accelerations and loads."""
 
 
 def power_of(quantity: str | None) -> int:
-    """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
+    """Power of frequency by which the acceleration (or force) grows at constant amplitude of ``quantity``."""
     return INTEGRALS.get(quantity or "", 0)
 
 
 def acceleration_amplitude(level: float, quantity: str | None, frequency_hz: float) -> float:
-    """Amplitude of the acceleration (of the force, for a force) of a sine.
+    """Amplitude of the acceleration (or force) of a sine, from that of a related quantity.
 
     Parameters
     ----------
     level : amplitude of ``quantity``, in SI units.
     quantity : displacement, velocity, acceleration or force.
-    frequency_hz : Hz, of the sine.
+    frequency_hz : frequency of the sine, Hz.
 
     Returns
     -------
@@ -339,7 +338,7 @@ def acceleration_amplitude(level: float, quantity: str | None, frequency_hz: flo
 
 
 FACTOR = "factor"
-"""Quantity of the levels of a sweep of several forces: they multiply all of them."""
+"""Quantity of the level in a sweep of several forces: a factor of all of them."""
 
 
 def level_unit(quantity: str) -> str:
@@ -352,7 +351,7 @@ def level_unit(quantity: str) -> str:
 
 
 def amplitude_unit(quantity: str) -> str:
-    """SI unit of what drives the equations at levels of a quantity: any base motion's acceleration, else the load."""
+    """SI unit of the driving term in the equations: the acceleration of a base motion, else the load."""
     motion = {"velocity": "acceleration", "displacement": "acceleration"}
     rotation = {"angular_velocity": "angular_acceleration", "rotation": "angular_acceleration"}
     return level_unit((motion | rotation).get(quantity, quantity))
@@ -360,7 +359,7 @@ def amplitude_unit(quantity: str) -> str:
 
 @dataclass(frozen=True)
 class LevelType(Bounded):
-    """A number in a unit of one of several quantities, by default those of an excitation."""
+    """A number with a unit of one of several quantities, by default those of an excitation."""
 
     quantities: tuple[tuple[str, Dimension], ...] = tuple(LEVEL_DIMENSIONS.items())
     example: str = "2 g"
@@ -368,12 +367,12 @@ class LevelType(Bounded):
 
     @property
     def range(self) -> tuple[float, float]:
-        """The usual range of all quantities together, since a bare number may be any of them."""
+        """Range of magnitudes of all quantities together: a bare number may be any of them."""
         dimensions = [dimension for _, dimension in self.quantities]
         return min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
 
     def read(self, value: Any) -> LevelValue:
-        """Return the SI number with the quantity it is."""
+        """Convert to the SI number with its quantity."""
         if isinstance(value, LevelValue):
             return value
         number, dimension = units.read_level(value, tuple(dict.fromkeys(each for _, each in self.quantities)))
@@ -381,7 +380,7 @@ class LevelType(Bounded):
         return LevelValue(self.check_bounds(number), of)
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string."""
+        """JSON Schema for a number or text."""
         return {"anyOf": [self.bounds_schema, NUMBER_WITH_UNIT], "examples": list(self.examples)}
 
 
@@ -398,12 +397,12 @@ class Rate:
 
 @dataclass(frozen=True)
 class RateType(FieldType):
-    """A sweep rate, which always carries its unit."""
+    """A sweep rate, which always needs a unit."""
 
     example = "2 oct/min"
 
     def read(self, value: Any) -> Rate:
-        """Return the rate per second: octaves, or Hz.
+        """Convert to a rate per second, in octaves or Hz.
 
         >>> RateType().read("120 oct/min")
         Rate(value=2.0, unit='oct/s')
@@ -421,22 +420,22 @@ class RateType(FieldType):
         return Rate(number, dimension.unit)
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return a string with its pattern."""
+        """JSON Schema for a text with a pattern."""
         return {"type": "string", "pattern": r"^\s*(\d|\.\d).*/", "examples": ["2 oct/min", "5 Hz/s"]}
 
 
 @dataclass(frozen=True)
 class NumberOrText(FieldType):
-    """A number, or text that the field it is meant for will read.
+    """A number, or text that another field will read.
 
-    ``words`` are allowed in addition to numbers with a unit.
+    ``words`` allows words in addition to numbers with a unit.
     """
 
     example: str = "150 kN/m"
     words: bool = False
 
     def read(self, value: Any) -> float | str:
-        """Return it as it is."""
+        """Return the value unchanged."""
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
             remedy = f"write for example {self.example}"
             raise UnitError(f"must be a number, with or without unit{', or a word' * self.words}", remedy)
@@ -446,7 +445,7 @@ class NumberOrText(FieldType):
         return value
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string."""
+        """JSON Schema for a number or text."""
         number = {"type": "number", "minimum": -units.ANY.largest, "maximum": units.ANY.largest}
         return {"anyOf": [number, {"type": "string", "maxLength": LONGEST_TEXT}]}
 
@@ -462,11 +461,11 @@ class Whole(FieldType):
 
     @property
     def example(self) -> str:
-        """How to write one."""
+        """An example of a value."""
         return str(self.minimum)
 
     def read(self, value: Any) -> Any:
-        """Return the integer, or the word; ``1e6`` is accepted, ``true`` is not."""
+        """Convert to the integer, or the word; ``1e6`` is accepted, ``true`` is not."""
         if self.word and value == self.word:
             return value
         try:
@@ -481,26 +480,26 @@ class Whole(FieldType):
 
     @property
     def _remedy(self) -> str:
-        """The remedy: what to write."""
+        """The remedy: how to write it."""
         if self.maximum < LARGEST_COUNT:
             return f"write a whole number from {self.minimum} to {self.maximum}"
         return f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return a bounded integer."""
+        """JSON Schema for a bounded integer."""
         schema: JsonSchemaValue = {"type": "integer", "minimum": self.minimum, "maximum": self.maximum}
         return {"anyOf": [schema, {"const": self.word}]} if self.word else schema
 
 
 @dataclass(frozen=True)
 class SeedType(Whole):
-    """A seed, or a blend of the realisations of several: 0.8*4 + 0.6*7."""
+    """A seed, or a weighted sum of the inputs of several: 0.8*4 + 0.6*7."""
 
     minimum: int = 0
     maximum: int = LARGEST_SEED
 
     def read(self, value: Any) -> int | str:
-        """Return the integer, or the text of the blend."""
+        """Convert to the integer, or the text of the weighted sum."""
         if isinstance(value, str) and "*" in value:
             shares_of_seeds(value)
             return value
@@ -508,12 +507,12 @@ class SeedType(Whole):
         return seed
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return an integer or a text."""
+        """JSON Schema for an integer or text."""
         return {"anyOf": [super().json_schema(), {"type": "string", "pattern": "\\*"}]}
 
 
 def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
-    """The seeds of a blend and the share of the realisation of each, whose squares add up to one.
+    """Seeds of a weighted sum, with normalised weights, whose squares add up to one.
 
     >>> shares_of_seeds("4*7 + 3*8")
     [(7, 0.8), (8, 0.6)]
@@ -532,19 +531,19 @@ def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
 
 
 LONGEST_TEXT = 1000
-"""Characters of a text; a longer one fits on no plot and on no line of a screen."""
+"""Longest text, in characters; a longer one fits on no plot and on no line of a screen."""
 LONGEST_NAME = 100
-"""Characters of a name, of which there are several in a legend and in a line of a table."""
+"""Longest name, in characters; legends and table rows contain several."""
 _HOW_TO_NAME = "use letters, digits, spaces and - _ + . (it names responses and columns)"
 
 
 def printable(text: str, longest: int) -> str:
-    """Text in one line that can be printed, drawn and stored: its line breaks and tabs become spaces.
+    """Text on one line that can be printed, drawn and stored; line breaks and tabs become spaces.
 
     Raises
     ------
     UnitError
-        If it is too long or has a control character, half of a surrogate pair, or what is no character.
+        If it is too long or contains a control character, a lone surrogate or an invalid character.
     """
     if len(text) > longest:
         raise UnitError(f"has {len(text)} characters", f"write at most {longest}")
@@ -552,7 +551,7 @@ def printable(text: str, longest: int) -> str:
 
 
 def _in_one_line(text: str) -> str:
-    """A text without line breaks and tabs, see `printable`."""
+    """Replace line breaks and tabs, see `printable`."""
     line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip()
     for character in line:
         if unicodedata.category(character) in ("Cc", "Cs") or ord(character) & 0xFFFE == 0xFFFE:
@@ -569,11 +568,11 @@ class TextType(FieldType):
 
     @property
     def example(self) -> str:
-        """How to write one."""
+        """An example of a value."""
         return "tip" if self.name else ""
 
     def read(self, value: Any) -> str:
-        """Return the text; a number is taken as it is written."""
+        """Convert to text; a number is taken as written."""
         if isinstance(value, bool) or not isinstance(value, (str, int, float)):
             raise UnitError("must be text", "put the value in quotes")
         if isinstance(value, int) and value.bit_length() > 4 * LONGEST_NAME:
@@ -584,7 +583,7 @@ class TextType(FieldType):
         return text
 
     def json_schema(self) -> JsonSchemaValue:
-        """Return a string."""
+        """JSON Schema for a text."""
         if self.name:
             return {"type": "string", "minLength": 1, "maxLength": LONGEST_NAME}
         return {"type": "string", "maxLength": LONGEST_TEXT}
@@ -598,7 +597,7 @@ class UnitType(TextType):
     example: str = ""
 
     def read(self, value: Any) -> str:
-        """Return the text of the unit."""
+        """Check the unit and return its text."""
         unit = super().read(value)
         try:
             units.size_of(unit, self.of)
@@ -616,7 +615,7 @@ FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
 Count = Annotated[int, Whole(1)]
 Few = Annotated[int, Whole(1, 10_000)]
-"""Number of what is computed or kept one by one."""
+"""Number of items that are computed or stored one by one."""
 
 Modes = Annotated[int | Literal["all"], Whole(1, word="all", what="number of modes")]
 Elements = Annotated[int, Whole(1, 5000)]
@@ -719,7 +718,7 @@ PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
 RandomSeed = Annotated[int, Whole(0, LARGEST_SEED)]
-"""Of what is drawn once; `Seed` takes blends as well."""
+"""A seed of random numbers that are drawn once; `Seed` also accepts weighted sums."""
 Seed = Annotated[int | str, SeedType()]
 DENSITY_DIMENSIONS = dict(
     zip(("acceleration", "force", "force_per_length", "pressure", "angular_acceleration"), units.LEVEL_PSD, strict=True)
@@ -736,7 +735,7 @@ DensityOfTest = Annotated[
         "is low for the highest density of a test", "highest density", bare=True,
     ),
 ]  # fmt: skip
-"""One-sided, of an acceleration, a force, a pressure and the like."""
+"""One-sided spectral density of an acceleration, force, pressure and the like."""
 DensitySlope = Annotated[float, Quantity(units.DENSITY_SLOPE)]
 Sigmas = Annotated[float, SigmasType(replace(units.NUMBER, name="number of standard deviations", example="3 sigma"),
                                      minimum=1.0, maximum=10.0)]  # fmt: skip
@@ -756,11 +755,11 @@ SHAPE_VELOCITIES = (
 )
 
 
-# A number of a shape: its quantity is the power of x whose coefficient has the unit.
+# Numbers of an initial shape: the quantity is the power of x whose coefficient has the unit.
 ShapeDisplacement = Annotated[
     float, LevelType(tuple((str(power), each) for power, each in enumerate(SHAPE_DISPLACEMENTS)), "1 mm", ("1 mm",))
 ]
 ShapeVelocity = Annotated[
     float, LevelType(tuple((str(power), each) for power, each in enumerate(SHAPE_VELOCITIES)), "0.2 m/s", ("0.2 m/s",))
 ]
-"""Numbers of a shape to start from: of each mass of a chain, or coefficients of a polynomial in x along a beam."""
+"""Numbers of an initial shape: one for each mass of a chain, or coefficients of a polynomial in x along a beam."""

@@ -1,4 +1,4 @@
-"""What results report: outputs in addition to the motion of probes, and limits."""
+"""Contents of results: outputs in addition to the motion of probes, and limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
 
 
 def named_body(scenario: Whole, output: Any) -> tuple[str, Body | None]:
-    """The body of an output and its name; None where there is none of that name."""
+    """Name of the body of an output, and the body; None if there is no such body."""
     name = (output.place if isinstance(output, Sited) else output).body or scenario.default_body
     return name, scenario.all_bodies.get(name)
 
@@ -34,17 +34,17 @@ class Output(Schema):
     """Common part of all outputs."""
 
     name: q.Name
-    """Name, unique also among the probes; it names the output in the result file."""
+    """Unique name, also different from the probes; the result file uses it."""
 
 
 class MotionOutput(Output, Sited):
     """Motion of a point."""
 
     kind: Literal["displacement", "velocity", "acceleration", "rotation"]
-    """Displacement or velocity relative to the base, absolute acceleration, or the slope dw/dx of a beam."""
+    """displacement or velocity relative to the base, absolute acceleration, or rotation: the slope dw/dx of a beam."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A slope of points that only deflect."""
+        """A problem: a slope at points that only deflect."""
         yield from super().problems(scenario, path)
         _, body = named_body(scenario, self)
         if self.kind == "rotation" and body is not None and not body.has_slope:
@@ -53,24 +53,24 @@ class MotionOutput(Output, Sited):
 
 
 class BendingOutput(Output, Sited):
-    """Bending moment of a beam or plate at a point."""
+    """Bending moment, stress or strain of a beam or plate at a point."""
 
     kind: Literal["bending_moment", "stress", "strain"]
-    """E I w'' of a beam, positive where its top is in compression, or the moment per width of a plate; bending stress
-    or strain at a surface, positive in tension; the strain xy of a plate is the shear angle."""
+    """bending_moment: E I w'' of a beam, positive for compression at the top, or the moment per width of a plate;
+    stress or strain at a surface, positive in tension; the strain xy of a plate is the shear angle."""
     component: Literal["x", "y", "xy"] | None = None
-    """On a plate which of the three: x by default; a beam has one."""
+    """Component on a plate, x by default; a beam has only one."""
     surface: Literal["top", "bottom"] | None = None
-    """Of a stress or strain which surface, top by default."""
+    """Surface of a stress or strain, top by default."""
 
     def check(self) -> None:
-        """A moment has no surface."""
+        """Refuse a surface for a moment."""
         super().check()
         if self.kind == "bending_moment" and self.surface is not None:
             raise InvalidValueError("belongs to a stress or strain", "leave it out", ("surface",))
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A body that does not bend, a component of a beam, and an unknown distance of the fibre."""
+        """Problems: a body that does not bend, a component of a beam, an unknown distance of the fibre."""
         yield from super().problems(scenario, path)
         name, body = named_body(scenario, self)
         if body is None:
@@ -94,23 +94,24 @@ class BendingOutput(Output, Sited):
 
 
 class ReactionOutput(Output):
-    """Force or moment that a support exerts on the structure."""
+    """Force or moment of a support on the structure."""
 
     kind: Literal["reaction_force", "reaction_moment"]
-    """Force, positive upwards, or moment, positive as the slope dw/dx, at the bottom and top of a plate dw/dy."""
+    """reaction_force, positive upwards, or reaction_moment, positive as the slope dw/dx (dw/dy at the bottom and top of
+    a plate)."""
     support: q.Name
     """The support: left or right end of a beam; left, right, bottom, top or point 1 of a plate; left or right wall of a
-    chain, or its spring to the ground; node 15 of imported matrices; base, for all that the base exerts together."""
+    chain, or its spring to the ground; node 15 of imported matrices; base for the total force of the base."""
     body: q.Name | None = None
-    """The body that the support holds; may be left out where there is only one."""
+    """The body with this support; may be omitted if there is only one."""
     direction: Literal["x", "y", "z", "rx", "ry", "rz"] | None = None
-    """At a node of imported matrices, or of the base; z of a force and ry of a moment by default."""
+    """Direction at a node of imported matrices, or of the base; by default z for a force and ry for a moment."""
     about: About | None = None
-    """Of the moment of the base, a point on its axis, m: a position along a beam, [x, y] of a plate, [x, y, z] of
-    imported matrices; their origin by default."""
+    """For a moment of the base, a point on its axis, m: a position along a beam, [x, y] on a plate, [x, y, z] of
+    imported matrices; by default their origin."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Problems of the base or a support; only the model of a body knows its supports."""
+        """Problems of the base or the support; the supports of a body are known only to its model."""
         of_base, is_moment = self.support == "base", self.kind == "reaction_moment"
         if not of_base:
             yield from body_problems(scenario, path, self.body, "add body: BODY")
@@ -127,35 +128,36 @@ class ReactionOutput(Output):
 
 
 class JointOutput(Output):
-    """Force that a joint, or a linear spring between points of bodies, transmits."""
+    """Force or moment that a joint, or a linear spring between points of bodies, transmits."""
 
     kind: Literal["joint_force", "joint_moment"]
-    """Force, positive upwards, or moment, positive as the slope, on the second of the two points; of the base and a
-    point on that point."""
+    """joint_force, positive upwards, or joint_moment, positive as the slope, on the second of the two points; for a
+    joint to the base, on the point."""
     joint: q.Name
     """Name of the joint or spring."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A joint that there is not."""
+        """A problem if the joint does not exist."""
         yield from unknown((*path, "joint"), self.joint, "joint", (joint.name for joint in scenario.joined_by))
 
 
 class RecoveredOutput(Output):
-    """A row of the recovery matrix of a body."""
+    """A quantity given by a row of the recovery matrix of a body."""
 
     kind: Literal["recovered"]
-    """The product of a row with the motion of the degrees of freedom."""
+    """The product of the row with the motion of the degrees of freedom."""
     row: q.Name
     """Name of the row."""
     body: q.Name | None = None
-    """The body; may be left out where there is only one."""
+    """The body; may be omitted if there is only one."""
     motion: Literal["displacement", "velocity", "acceleration"] = "displacement"
-    """What the row multiplies: displacement or velocity relative to the base, for stress, or absolute acceleration."""
+    """Motion that the row multiplies: displacement or velocity relative to the base (as for stress), or absolute
+    acceleration."""
     unit: q.Text = "1"
-    """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
+    """Unit of the result, for tables and files: Pa if the matrix gives stress in Pa."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A body that is unknown, or has no recovery matrix with this row."""
+        """Problems: an unknown body, or one without this row in a recovery matrix."""
         yield from body_problems(scenario, path, self.body, "add body: BODY")
         name, body = named_body(scenario, self)
         if body is not None and not body.recovered_rows:
@@ -173,10 +175,10 @@ class EnergyOutput(Output):
     kind: Literal["kinetic_energy", "strain_energy"]
     """Kinetic energy of the motion relative to the base, or strain energy."""
     body: q.Name | None = None
-    """The body; may be left out where there is only one."""
+    """The body; may be omitted if there is only one."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A body that there is not."""
+        """A problem if the body does not exist."""
         yield from body_problems(scenario, path, self.body, "add body: BODY")
 
 
@@ -204,11 +206,11 @@ _OUTPUT_DIMENSIONS = {
     "reaction_moment": units.MOMENT, "joint_force": units.FORCE, "joint_moment": units.MOMENT,
     "kinetic_energy": units.ENERGY, "strain_energy": units.ENERGY,
 }  # fmt: skip
-"""By kind of output."""
+"""Dimension of each kind of output."""
 
 
 _ENERGIES_AND_FORCES = {"N m": "J", "N m/m": "N"}
-"""Units in which moments are energies, and moments per width forces."""
+"""Units of energies for units of moments, and units of forces for moments per width."""
 
 OutputLimit = Annotated[
     float,
@@ -217,7 +219,7 @@ OutputLimit = Annotated[
         "200 N", ("200 N", "80 MPa"), above=0.0,
     ),
 ]  # fmt: skip
-"""A limit on an output, in the unit of any kind of output, which it remembers as its SI unit."""
+"""A limit on an output in any unit of an output; it stores its SI unit."""
 
 
 ForceLimit = Annotated[q.PositiveForce | dict[q.Name, q.PositiveForce], BY_FORM]
@@ -242,15 +244,17 @@ ResponseCurve = Annotated[
 
 
 class Limits(Schema):
-    """Limits; the summary has margins and verdicts, and `--check` exits with code 4 if one is exceeded, 3 if that is
-    not certain. A limit is one for all places, or by name of the place: {tip: 20 g, root: 5 g}."""
+    """Limits: the summary shows margins and verdicts; `--check` exits with code 4 if a limit is exceeded, 3 if unsure.
+
+    A limit is one value for all places, or one for each name: {tip: 20 g, root: 5 g}.
+    """
 
     peak_force: ForceLimit | None = None
     """Largest contact force of any snubber, or by snubber."""
     peak_moment: MomentLimit | None = None
     """Largest contact moment of any stop of a hinge, or by stop."""
     bending_stress: Stress | None = None
-    """Largest bending stress anywhere on the beam."""
+    """Largest bending stress anywhere."""
     peak_displacement: LengthLimit | None = None
     """Largest displacement of any probe relative to the base, or by probe."""
     peak_acceleration: AccelerationLimit | None = None
@@ -258,39 +262,40 @@ class Limits(Schema):
     gap: LengthLimit | None = None
     """Largest opening between the structure and any snubber (lift-off), or by snubber."""
     gapping: RatioLimit | None = None
-    """Largest level of a sine over that at which the linear motion first changes contact of any snubber, or by snubber:
-    80 % keeps the level of a run, or all levels of a sweep, at 80 % of it or below."""
+    """Largest ratio of the level of a sine to the level at which the linear motion first changes a contact, for any
+    snubber or by snubber: 80 % allows levels of a run or sweep up to 80 % of that level."""
     rms_displacement: LengthLimit | None = None
-    """Root mean square of any probe's displacement, or by probe: of a run over the part of the spectra, of a stationary
-    input without the first tenth."""
+    """Root mean square of any probe's displacement, or by probe; computed over the time range of the spectra, or for a
+    stationary input without the first tenth of the run."""
     rms_acceleration: AccelerationLimit | None = None
-    """The same of the absolute acceleration."""
+    """Root mean square of any probe's absolute acceleration, or by probe; over the same time as rms_displacement."""
     rms_force: ForceLimit | None = None
-    """Root mean square of any snubber's force, or by snubber, of a run with a stationary input."""
+    """Root mean square of any snubber's force, or by snubber, in a run with a stationary input."""
     outputs: dict[q.Name, OutputLimit] | None = None
-    """By name the largest magnitude of outputs: {clamp: 200 N, gauge: 0.1 %}; a plain number is in their SI unit."""
+    """Largest magnitude of each output, by name: {clamp: 200 N, gauge: 0.1 %}; a plain number is in its SI unit."""
 
     srs: dict[q.Name, ShockCurve] | None = None
-    """By probe, input or support that moves (support left) a curve that the maximax shock response spectrum (run.srs)
+    """For each probe, input or moving support (support left) a curve that its maximax shock response spectrum (run.srs)
     must not exceed: pairs of frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log
-    interpolation between them. Two points at one frequency are a step, in all curves; the lower one holds there."""
+    interpolation between the points. In all curves two points at one frequency make a step; the lower value applies
+    there. """
     psd: dict[q.Name, DensityCurve] | None = None
-    """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
-    pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's
-    force is in N^2/Hz, of the moment of a stop of a hinge in N^2 m^2/Hz."""
+    """For each probe, input or snubber a curve that the spectral density of its response to a stationary input must not
+    exceed: pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file. The density of
+    a snubber's force is in N^2/Hz, that of the moment of a hinge stop in N^2 m^2/Hz. """
     response: dict[q.Name, ResponseCurve] | None = None
-    """By probe or snubber a curve over the excitation frequency that the largest magnitude of no cycle of a sweep must
-    exceed: pairs of frequency and acceleration, displacement, force or moment, [[20 Hz, 5 g], [400 Hz, 20 g]], or a CSV
-    file."""
+    """For each probe or snubber a curve over the excitation frequency that its largest magnitude in a cycle of a sweep
+    must not exceed: pairs of frequency and acceleration, displacement, force or moment, [[20 Hz, 5 g], [400 Hz, 20 g]],
+    or a CSV file. """
 
     curves: ClassVar[Mapping[str, Mapping[str, units.Dimension]]] = {
         "srs": {units.ACCELERATION.name: units.ACCELERATION}, "psd": LIMITED_DENSITIES, "response": LIMITED_RESPONSES,
     }  # fmt: skip
-    """What is limited by curves, with the quantities that these may be of, the default first."""
+    """Keys of limits that are curves, with their quantities, the default first."""
     stated: ClassVar[Mapping[str, str]] = {"psd": "psd_with_units", "response": "response_with_units"}
 
     def check(self) -> None:
-        """Reject a section that limits nothing, and curves that are none."""
+        """Refuse a section without limits, and invalid curves."""
         if not self.values_by_name:
             raise InvalidValueError(
                 "limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}"
@@ -299,7 +304,7 @@ class Limits(Schema):
             check_limit_curve(points, (name, place))
 
     def _with_units(self, name: str) -> dict[str, Any] | None:
-        """Curves that may be of several quantities, with the units that say which; None where there are none."""
+        """Curves of several possible quantities, with units that show the quantity; None if there are none."""
         if not (curves := getattr(self, name)):
             return None
         written: dict[str, Any] = {}
@@ -322,12 +327,12 @@ class Limits(Schema):
         return self._with_units("response")
 
     def given_curves(self) -> Iterator[tuple[str, str, Any]]:
-        """Name of the limit, place, and points or file of each curve."""
+        """Yield the name of the limit, the place, and the points or file of each curve."""
         for name in self.curves:
             yield from ((name, place, points) for place, points in (getattr(self, name) or {}).items())
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Limits on what this structure or analysis does not have."""
+        """Problems: limits on quantities that this structure or analysis does not have."""
         stationary = scenario.excitation.stationary
         if self.bending_stress is not None:
             yield from stress_problems(scenario, (*path, "bending_stress"))
@@ -347,7 +352,7 @@ class Limits(Schema):
         yield from self._problems_of_outputs(scenario, (*path, "outputs"))
 
     def _problems_of_places(self, scenario: Whole, path: Path) -> Problems:
-        """Places that there are not."""
+        """Problems of unknown places."""
         for name in type(self).model_fields:
             of_place = getattr(self, name)
             if of_place is None or name in ("outputs", *self.curves):
@@ -365,7 +370,7 @@ class Limits(Schema):
                     yield from unknown((*path, name, place), place, "snubber" if snubbers else "probe", known)
 
     def _problems_of_outputs(self, scenario: Whole, path: Path) -> Problems:
-        """Outputs that there are not, and limits in a unit of something else."""
+        """Problems of unknown outputs, and of limits in a wrong unit."""
         outputs = {output.name: output for _, output in scenario.requested_outputs}
         for name, limit in (self.outputs or {}).items():
             yield from unknown((*path, name), name, "output", outputs, "list it in outputs")
@@ -375,7 +380,7 @@ class Limits(Schema):
                 yield from unit_problems((*path, name), limit, dimension, f"and the output is a {kind}")
 
     def _problems_of_curves(self, scenario: Whole, path: Path) -> Problems:
-        """Curves of spectra that are not asked for, and of places that there are not."""
+        """Problems of curves for spectra that are not computed, and of unknown places."""
         for name, place, points in self.given_curves():
             item_path = (*path, name, place)
             needed, remedy = _missing_for_curve(scenario, name)
@@ -399,9 +404,9 @@ class Limits(Schema):
 
     @property
     def values_by_name(self) -> dict[str, float]:
-        """The given limits in SI units, by name: that of the value, and behind a point the place where it has one.
+        """All limits in SI units, by name: the name of the value, with the place after a point if there is one.
 
-        A curve is the limit 1 on the ratio to it.
+        A curve counts as a limit of 1 on the ratio to it.
         """
         given: dict[str, float] = {}
         for name in type(self).model_fields:
@@ -418,7 +423,7 @@ _FORCES = {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE
 
 
 def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
-    """Input that a curve of a name still needs, and a remedy; empty if nothing is missing."""
+    """Input that a limit curve still needs, and a remedy; empty if nothing is missing."""
     run = scenario.run
     if name == "srs":
         there = run is not None and run.srs is not None
@@ -435,21 +440,21 @@ def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
 
 
 def stress_problems(scenario: Whole, path: Path) -> Problems:
-    """A problem: an item at a path needs a stress, which no body has."""
+    """A problem of an item that needs a stress if no body has one."""
     if not any(body.gives_stress for body in scenario.all_bodies.values()):
         remedy = "leave it out, or give a beam's extreme_fibre and youngs_modulus"
         yield problem(path, "needs a body whose stress is known", remedy)
 
 
-def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
-    """A limit in a unit of something else.
+def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, quantity_text: str) -> Problems:
+    """A problem if the unit of a limit does not fit.
 
     Parameters
     ----------
     path : path of the limit.
-    limit : its value, which remembers its unit.
-    dimension : of what is limited; None of rows of recovery matrices, which have units of their own.
-    but : what is limited, for the message.
+    limit : its value, which stores its unit.
+    dimension : of the limited quantity; None for rows of recovery matrices, which have their own units.
+    quantity_text : name of the limited quantity, for the message.
 
     Yields
     ------
@@ -459,7 +464,7 @@ def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, b
     if dimension is None and stated is not None:
         yield problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
     elif dimension is not None and stated not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
-        yield problem(path, f"is in {stated or 'no unit'}, {but}", f"write {dimension.example}")
+        yield problem(path, f"is in {stated or 'no unit'}, {quantity_text}", f"write {dimension.example}")
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:
@@ -474,7 +479,7 @@ def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str)
     Returns
     -------
     Dimension or None
-        None of rows of recovery matrices, which have units of their own.
+        None for rows of recovery matrices, which have their own units.
     """
     if output.kind == "bending_moment":
         body = bodies.get(output.place.body or default_body)
@@ -485,7 +490,7 @@ def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str)
 BASE_FORCE = ReactionOutput.model_construct(
     name="base_force", kind="reaction_force", support="base", body=None, direction=None, about=None
 )
-"""The output that a limit on the base's force stands for where the scenario has none."""
+"""The output that a limit on the base's force uses if the scenario has no such output."""
 QUANTITIES_OF = {
     "probes": {"acceleration": units.ACCELERATION, "displacement": units.LENGTH},
     "snubbers": {"force": units.FORCE},
@@ -502,7 +507,7 @@ class LimitedQuantity:
 
 
 def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQuantity | None:
-    """The quantity that a name stands for, or None. ``base_force`` is the name of that output.
+    """The quantity that a name stands for, or None; ``base_force`` is the name of the base force output.
 
     >>> limited_quantity("probes.tip.acceleration")
     LimitedQuantity(section='probes', item='tip', quantity='acceleration')

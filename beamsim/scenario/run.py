@@ -1,4 +1,4 @@
-"""A run in time: duration, output, initial state, method."""
+"""A simulation in time: duration, output, initial state, method."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from beamsim.scenario.reporting import INPUT, AnyOutput, Stress, stress_problems
 from beamsim.scenario.studies import parameter_problems, resolve_parameter
 
 MOST_OSCILLATORS = 10_000
-MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept
-MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
-MOST_FREQUENCIES = 50_000  # of the curve of a spectrum
+MOST_PERIODS = 2_000_000  # periods of the highest oscillator in a run; several panels of each are stored
+MOST_FILTERED = 100_000_000  # periods of the low-pass frequency in a run, which would take hours
+MOST_FREQUENCIES = 50_000  # points of a spectrum
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""
-MANY_SAMPLES = 5e6  # of histories, above which a result file has a gigabyte or so
-LEAST_OF_PERIOD = 10.0  # samples in a period of the excitation, below which histories are coarse
+MANY_SAMPLES = 5e6  # samples of histories, above which a result file is larger than about a gigabyte
+LEAST_OF_PERIOD = 10.0  # samples per period of the excitation, below which histories are coarse
 _COARSE = (
     "samples a period: time histories are coarse, and of a time-stepping method superharmonics fold back into the "
     "spectrum"
@@ -44,7 +44,7 @@ _COARSE = (
 
 
 def closed_form_problems(scenario: Whole, path: Path) -> Problems:
-    """A problem: statistics at a path need a motion in closed form, which this run does not compute."""
+    """A problem if statistics need a motion in closed form and this run does not compute one."""
     if scenario.run.method == "reference":
         yield problem(path, "needs the motion in closed form", "leave run.method: reference out")
     elif scenario.has_cubic_springs:
@@ -64,38 +64,37 @@ class ImpactSettings(Schema):
     """Statistics of the impacts at each snubber; an impact lasts from closing to opening."""
 
     minimum_rest: q.Time = 0.0
-    """Contacts of one snubber that are less far apart are one impact."""
+    """Contacts of a snubber with a shorter time between them count as one impact."""
     force_threshold: NonNegativeForce = 0.0
-    """Impacts whose peak force is smaller are not counted; sums over all time keep them."""
+    """Impacts with a smaller peak force are not counted; sums over time include them."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Statistics that this structure, or time stepping, does not have."""
+        """Problems: no snubbers, or a method without statistics."""
         yield from closed_form_problems(scenario, path)
         if not scenario.all_snubbers:
             yield problem(path, "needs a snubber, and there is none", "leave it out, or add a snubber")
 
 
 class StressLife(Schema):
-    """S-N line of the material: N = cycles (stress_range / S)^exponent, S being the range of a cycle (twice its
-    amplitude)."""
+    """S-N line of the material: N = cycles (stress_range / S)^exponent, where S is the stress range of a cycle."""
 
     stress_range: Stress
-    """Stress range (twice the amplitude) that is endured for `cycles` cycles."""
+    """Stress range (twice the amplitude) at which the life is `cycles` cycles."""
     cycles: q.PositiveNumber = 2e6
-    """Cycles endured at that range."""
+    """Life at that stress range."""
     exponent: StressExponent
     """Exponent of the line, 1 to 100: about 3 for welds, 5 to 10 for smooth metal."""
     endurance_limit: Stress | None = None
-    """Stress range up to which a cycle does no damage; none by default."""
+    """Stress range below which a cycle does no damage; none by default."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A stress that this structure, or time stepping, does not have."""
+        """Problems: a structure without stresses, or a method without fatigue."""
         yield from closed_form_problems(scenario, path)
         yield from stress_problems(scenario, path)
 
 
 class PolynomialStart(Schema):
-    """Start from a given shape and velocity: polynomials in x for a beam, one number per mass for a chain."""
+    """Start with a given shape and velocity: polynomials in x for a beam, one number for each mass of a chain."""
 
     known_by: ClassVar[tuple[str, ...]] = ("displacement", "velocity")
     displacement: tuple[q.ShapeDisplacement, ...] = ()
@@ -104,14 +103,14 @@ class PolynomialStart(Schema):
     """Beam: coefficients of 1, x, x^2, ... (0.2 m/s, 2 1/s); chain: velocity of each mass (0.2 m/s)."""
 
     def check(self) -> None:
-        """Reject an empty initial state."""
+        """Refuse an empty initial state."""
         if not self.displacement and not self.velocity:
             raise InvalidValueError(
                 "is an empty initial state", "give displacement, velocity or both, or write start: rest"
             )
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Shapes that do not fit their body, and one shape for several bodies."""
+        """Problems: shapes that do not fit their body, and a single shape although there are several bodies."""
         bodies = scenario.all_bodies
         name = str(path[-1]) if path[-2] == "bodies" else scenario.default_body
         if not name:
@@ -125,7 +124,7 @@ class PolynomialStart(Schema):
 
 
 def _units_of_shape(body: Body, path: Path, numbers: tuple[float, ...]) -> Problems:
-    """Numbers with the unit of another one of the shape."""
+    """Problems of coefficients whose unit belongs to another power of x."""
     dimensions = q.SHAPE_DISPLACEMENTS if path[-1] == "displacement" else q.SHAPE_VELOCITIES
     for index, number in enumerate(numbers):
         stated, power = q.meant(number), body.power_of_start(index)
@@ -140,14 +139,14 @@ def _units_of_shape(body: Body, path: Path, numbers: tuple[float, ...]) -> Probl
 
 
 class BodiesStart(Schema):
-    """Start from given shapes and velocities of several bodies; those not named begin without either."""
+    """Start with given shapes and velocities of several bodies; the others start at rest, undeflected."""
 
     known_by: ClassVar[tuple[str, ...]] = ("bodies",)
     bodies: Annotated[dict[q.Name, PolynomialStart], Field(min_length=1)]
-    """Displacement and velocity by name of the body."""
+    """Displacement and velocity of each body, by name."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Bodies that there are not."""
+        """Problems of unknown bodies."""
         for name in self.bodies:
             yield from unknown((*path, "bodies", name), name, "body", scenario.all_bodies)
 
@@ -159,10 +158,10 @@ class ModeStart(Schema):
     mode: q.Count
     """Number of the mode, from 1."""
     amplitude: q.Amplitude
-    """Largest displacement of the shape."""
+    """Largest displacement in the shape."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A mode that there is not."""
+        """A problem if the mode does not exist."""
         yield from mode_problems(scenario, (*path, "mode"), self.mode)
 
 
@@ -177,7 +176,7 @@ def mode_problems(scenario: Whole, path: Path, mode: int) -> Problems:
 
 
 class ReleasedForceStart(Schema):
-    """Start from rest in the static shape under a force, which is released."""
+    """Start from rest in the static shape under a force, which is then released."""
 
     known_by: ClassVar[tuple[str, ...]] = ("released_force",)
     released_force: PlacedForce
@@ -185,21 +184,21 @@ class ReleasedForceStart(Schema):
 
 
 class OrbitStart(Schema):
-    """Start on a periodic motion of a result file, with its excitation."""
+    """Start on a periodic motion from a result file, with its excitation."""
 
     known_by: ClassVar[tuple[str, ...]] = ("orbit",)
     orbit: q.FileName
-    """Result file of `sweep` (continuation); its path is relative to the folder of the scenario."""
+    """Result file of `sweep` with a continuation; the path is relative to the folder of the scenario."""
     branch: q.NotNegativeWhole = 0
-    """Number of the branch, from 0 as in the file."""
+    """Number of the branch in the file, from 0."""
     fold_curve: q.NotNegativeWhole | None = None
-    """Number of a curve of folds, from 0 as in the file, instead of a branch."""
+    """Number of a curve of folds in the file, from 0, instead of a branch."""
     point: q.Count
-    """Number of the point along the branch, from 1 as in the file."""
+    """Number of the point on the branch in the file, from 1."""
     keep_excitation: bool = False
-    """Keep the frequency and level of the scenario, and the number that was followed, instead of those of the point."""
+    """Use the frequency, level and continuation parameter of the scenario instead of those of the point."""
     factor: q.PositiveNumber = 1.0
-    """Factor of the state, to see whether a disturbed motion returns."""
+    """Factor of the state, to test whether a disturbed motion returns."""
 
 
 Start = Annotated[
@@ -213,36 +212,35 @@ Start = Annotated[
 
 
 class SpectrumSettings(Schema):
-    """Part of the run that is analysed, and its window."""
+    """The analysed part of the run, and the window function."""
 
     last: q.Duration | None = None
-    """Analyse only this last part of the run; the whole run by default."""
+    """Analyse only this last part of the run; by default all of it."""
     periods: q.Count | None = None
-    """Number of periods of the excitation to analyse at the end of the run, instead of last."""
+    """Number of excitation periods to analyse at the end of the run, instead of last."""
     window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop", "decaying"] | None = None
-    """Window function; decaying, the falling half of a Hann window, sees the beginning of a shock. By default decaying
-    after a half-sine pulse or a step unless the motion lasts, and for a free or measured motion that dies away; else
-    hann."""
+    """Window function. decaying (the falling half of a Hann window) keeps the start of a shock; it is the default for a
+    shock or free motion that decays. Otherwise the default is hann."""
     to: q.Frequency | None = None
-    """Highest frequency of the spectra; by default that of the modes kept and of the excitation."""
+    """Highest frequency of the spectra; by default that of the modes and of the excitation."""
     frequencies: tuple[q.Frequency, ...] = ()
-    """Frequencies whose amplitudes are listed among the lines, whether or not there is a line."""
+    """Frequencies whose amplitudes are always listed, even without a spectral line there."""
 
     def check(self) -> None:
-        """Reject two lengths, and a frequency given twice."""
+        """Refuse two lengths, and repeated frequencies."""
         if len(set(self.frequencies)) < len(self.frequencies):
             self._refuse_repeated_frequency()
         self.exclude("periods", "last")
 
     def _refuse_repeated_frequency(self) -> None:
-        """Refuse the first frequency that was given before."""
+        """Refuse the first repeated frequency."""
         for index, frequency in enumerate(self.frequencies):
             if frequency in self.frequencies[:index]:
                 message = f"= {frequency:g} Hz is given twice"
                 raise InvalidValueError(message, "remove one of them", ("frequencies", index))
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A part that is longer than the run, and frequencies that its spectra do not have."""
+        """Problems: a part longer than the run, and frequencies outside the spectra."""
         duration = scenario.run.duration
         if self.last is not None and self.last > duration * (1.0 + 1e-12):
             message = f"= {self.last:g} s is longer than run.duration = {duration:g} s"
@@ -254,7 +252,7 @@ class SpectrumSettings(Schema):
             yield from self._problems_of_frequencies(scenario, path, stepped=stepped)
 
     def _problems_of_periods(self, scenario: Whole, path: Path, periods: int) -> Problems:
-        """Periods of no frequency, or more than the run has."""
+        """Problems: no excitation frequency, or more periods than the run has."""
         frequencies, duration = scenario.excitation.frequencies_hz, scenario.run.duration
         if len(frequencies) != 1:
             yield problem(path, "needs an excitation with one frequency", "give last: 0.4 s instead")
@@ -267,13 +265,13 @@ class SpectrumSettings(Schema):
             )
 
     def _problems_of_frequencies(self, scenario: Whole, path: Path, *, stepped: bool) -> Problems:
-        """Frequencies that cannot be distinguished, or lie beyond the highest that a spectrum can have.
+        """Problems: frequencies that cannot be resolved, or that are above the highest of a spectrum.
 
         Parameters
         ----------
-        scenario : that has the run.
+        scenario : with the run.
         path : path of the settings.
-        stepped : whether the spectra are those of samples of time stepping.
+        stepped : whether the spectra are computed from samples of a time-stepping method.
 
         Yields
         ------
@@ -315,19 +313,19 @@ class SpectrumSettings(Schema):
 
 
 class ShockSpectrumSettings(FrequencyRange):
-    """Shock response spectra: oscillators on what moves as the base and as each probe does."""
+    """Shock response spectra: response of oscillators on the base and on each probe."""
 
     changing: ClassVar[str] = "spectrum"
     suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
     where_it_falls: ClassVar[str] = "exchange the two"
 
     quality: q.Quality = 10.0
-    """Quality factor Q = 1 / (2 damping ratio) of the oscillators, above that of critical damping."""
+    """Quality factor Q = 1 / (2 damping ratio) of the oscillators; above 0.5."""
     per_octave: q.Count = 12
     """Oscillators per octave."""
 
     def check(self) -> None:
-        """Reject a range that falls, and too many oscillators."""
+        """Refuse a falling range, and too many oscillators."""
         super().check()
         if (oscillators := self.per_octave * log2(self.to / self.from_)) > MOST_OSCILLATORS:
             raise InvalidValueError(
@@ -337,41 +335,41 @@ class ShockSpectrumSettings(FrequencyRange):
 
 
 class SensitiveParameter(Schema):
-    """A number by which the values of a run are differentiated."""
+    """A parameter for the derivatives of a run's results."""
 
     path: q.Text
     """Path of the number, for example snubbers.tip.gap."""
     also: tuple[q.Text, ...] = ()
-    """Other paths that take the same value, such as a probe that moves with a snubber."""
+    """Other paths with the same value, such as a probe that moves with a snubber."""
     tolerance: q.AnyValue = "1 %"
-    """Deviation for which the values change: in percent of the number, or in the quantity's own unit."""
+    """Deviation for which the change of the results is reported: in percent of the value, or in its own unit."""
 
 
 class Run(Schema):
-    """A run in time."""
+    """A simulation in time."""
 
     duration: q.Duration
     """Simulated time."""
     test_duration: q.Duration | None = None
-    """How long the test with a stationary random input lasts, for which largest values are expected; by default as long
-    as the run."""
+    """Duration of the test with a stationary random input, for which the largest values are estimated; by default the
+    duration of the run."""
     test_peak: Literal["interval", "median", "three_sigma"] = "interval"
-    """What limits on peaks are compared with where test_duration is given: the upper end of the 95 % interval of the
-    largest value in it (undecided if the interval spans the limit), its median, or the mean and three standard
-    deviations."""
+    """Value that is compared with limits on peaks if test_duration is given: interval, the upper end of the 95 %
+    interval of the largest value (undecided if the limit is inside the interval); median; or three_sigma, the mean plus
+    three standard deviations. """
     sample_rate: q.Frequency | None = None
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"
-    """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
+    """Initial state: static_equilibrium, rest, polynomials, a mode, a released force, or a point of a continuation."""
     outputs: tuple[AnyOutput, ...] = ()
-    """Further quantities: motion, moments, stresses and strains at points, reactions, forces of joints, energies."""
+    """Additional results: motion, moments, stresses and strains at points, reactions, forces of joints, energies."""
     spectrum: SpectrumSettings = SpectrumSettings.model_construct()
     """Settings of the spectra."""
     srs: ShockSpectrumSettings | None = None
-    """Shock response spectra of the accelerations of the base, of supports that move and of every probe; by default
-    none."""
+    """Shock response spectra of the accelerations of the base, of moving supports and of every probe; none by
+    default."""
     method: Literal["exact", "reference"] = "exact"
-    """Exact: closed-form flow between contact events; reference: a time-stepping integrator, for comparison."""
+    """exact: closed-form motion between contact events; reference: a time-stepping integrator, for comparison."""
     integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"
     """SciPy integrator of the reference method."""
     rtol: q.PositiveNumber = 1e-8
@@ -379,33 +377,33 @@ class Run(Schema):
     atol: q.PositiveNumber = 1e-12
     """Absolute tolerance of the reference method."""
     low_pass: q.LowPass | None = None
-    """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
+    """Bandwidth of the accelerometers: peak accelerations are taken after a 4-pole Butterworth low-pass with -3 dB at
+    this frequency."""
     impacts: ImpactSettings | None = None
-    """Statistics of the impacts at each snubber; {} takes every contact as an impact. Not computed by default."""
+    """Statistics of the impacts at each snubber; {} counts every contact as an impact. Not computed by default."""
     from_: q.Time = Field(default=0.0, alias="from")
-    """Time from which on impacts, sliding and wear count; the start by default."""
+    """Time from which impacts, sliding and wear are counted; the start by default."""
     fatigue: StressLife | None = None
-    """Rainflow count of the bending stress of each body where its damage by this S-N line is largest. Not computed by
+    """Rainflow count of the bending stress of each body where the damage by this S-N line is largest. Not computed by
     default."""
     sensitivities: tuple[Annotated[SensitiveParameter, ShortFor("path")], ...] = ()
-    """Numbers of the scenario, by their paths, by which all peaks and times in contact are differentiated: which number
-    matters, and how much. Not computed by default."""
+    """Parameters, by their paths, for which derivatives of all peaks and contact times are computed, to show which ones
+    matter. Not computed by default."""
     convergence: Literal["on", "off"] | None = None
-    """Whether values are compared with those of a finer model; by default on in a run, in a study for the cases that
-    decide."""
+    """Whether results are compared with those of a finer model; by default on in a run, and in a study for the deciding
+    cases."""
     max_events: q.Count = 1_000_000
-    """Largest number of contact events, after which the run stops (chattering)."""
+    """Largest number of contact events; the run stops there (chattering)."""
     memory: q.Memory = 2e9
-    """Bound on what a run keeps in memory: half of it for the motion between events (which ends when this is full), a
-    fifth for the tables of contact states, the rest for histories at the output times (which are refused beforehand
-    where they do not fit). A motion under random input that does not fit is evaluated in chunks, see
-    docs/performance.md."""
+    """Memory limit of a run: half of it for the motion between events (the run ends when this is full), a fifth for the
+    tables of contact states, the rest for histories (refused beforehand if they do not fit). A motion under random
+    input that does not fit is evaluated in chunks, see docs/performance.md. """
     most_contact_states: Annotated[q.Count, Field(ge=2)] | None = None
-    """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
-    into run.memory."""
+    """Number of contact states whose tables are kept at the same time; the least recently used one is replaced. By
+    default as many as fit into run.memory."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Too few or too many samples, a rate that does not resolve the excitation, settings that do nothing."""
+        """Problems: too few or too many samples, a too low sample rate, settings without effect."""
         rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
         place = (*path, "duration" if self.sample_rate is None else "sample_rate")
         if not max(1.0 / self.duration, 2.0 * highest) <= rate <= MOST_SAMPLES / self.duration:
@@ -422,7 +420,7 @@ class Run(Schema):
             yield from self._problems_of_sensitivities(scenario, (*path, "sensitivities"))
 
     def _problems_of_samples(self, place: Path, rate: float, highest: float) -> Problems:
-        """A problem if a rate, Hz, gives too few or too many samples for the run or the highest tone."""
+        """A problem if a sample rate, Hz, gives too few or too many samples."""
         if rate * self.duration < 1.0:
             message = f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s"
             yield problem(place, message, "use a higher sample rate, or a longer run")
@@ -441,13 +439,13 @@ class Run(Schema):
 
     @staticmethod
     def _problems_of_test(scenario: Whole, path: Path) -> Problems:
-        """The duration of a test, where the input is not random."""
+        """A problem if a test duration is given although the input is not random."""
         if not scenario.excitation.stationary:
             yield problem(path, "applies to a test with a random input, of which the run is a sample",
                           "leave it out, or simulate the whole test by run.duration")  # fmt: skip
 
     def _problems_of_stepping(self, scenario: Whole, path: Path) -> Problems:
-        """Settings of time stepping that do nothing in this run."""
+        """Problems of time-stepping settings without effect in this run."""
         cubic = scenario.has_cubic_springs
         does = "which is integrated by DOP853" if cubic else "which is in closed form"
         for key in ("integrator",) if cubic else ("integrator", "rtol", "atol"):
@@ -456,7 +454,7 @@ class Run(Schema):
                 yield problem((*path, key), message, "leave it out, or give method: reference")
 
     def _problems_of_counting(self, scenario: Whole, path: Path) -> Problems:
-        """A time from which on nothing counts, or that is after the end."""
+        """Problems of a start of counting without anything to count, or after the end."""
         counts_none = self.impacts is None and not scenario.friction
         if self.method == "reference" or scenario.has_cubic_springs or counts_none:
             message = f"= {self.from_:g} s is the time from which impacts and sliding count, and this run counts none"
@@ -466,7 +464,7 @@ class Run(Schema):
             yield problem(path, message, "give an earlier time")
 
     def _problems_of_sensitivities(self, scenario: Whole, path: Path) -> Problems:
-        """Unknown paths, numbers that are named twice, and those that have no derivative."""
+        """Problems: unknown paths, repeated parameters, and parameters without a derivative."""
         problems = list(parameter_problems(scenario, self.sensitivities, path))
         yield from problems
         for k, asked in enumerate(() if problems else self.sensitivities):
@@ -478,7 +476,7 @@ class Run(Schema):
                 yield problem((*path, k), f"= {number.path} {what}, which has no derivative", remedy)
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """No motion, a short run, and few or many samples."""
+        """Warnings: no motion, a short run, few or many samples."""
         excitation, rate = scenario.excitation, scenario.sample_rate
         if not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)]):
             yield from self._static_warnings(scenario)
@@ -493,7 +491,7 @@ class Run(Schema):
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
 
     def _sweep_warnings(self, swept: Iterable[tuple[Path, Any]]) -> Iterator[str]:
-        """Warnings that a run ends within the first cycle of a swept sine; each sine has its path."""
+        """Warnings about a run that ends within the first cycle of a swept sine; ``swept`` has the sines and paths."""
         for path, part in swept:
             if part.cycles_in(self.duration) < 1.0:
                 yield (
@@ -502,7 +500,7 @@ class Run(Schema):
                 )
 
     def _static_warnings(self, scenario: Whole) -> Iterator[str]:
-        """A warning that nothing moves: no excitation, and a start at static equilibrium."""
+        """A warning if nothing moves: no excitation, and a start at static equilibrium."""
         if self.start == "static_equilibrium" and not scenario.starts_unrelaxed:
             none = scenario.excitation.kind == "none"
             why = "there is no excitation" if none else "the level of the excitation is zero"
@@ -512,7 +510,7 @@ class Run(Schema):
             )
 
     def check(self) -> None:
-        """Refuse filters so fast against the run that they would take hours, or more than the memory."""
+        """Refuse filters that need too many steps or too much memory for this run."""
         if self.srs is not None:
             self._check_periods(self.srs.to, MOST_PERIODS, ("srs", "to"))
         if self.low_pass is not None:
@@ -528,7 +526,7 @@ class Run(Schema):
 
 
 def _names_of_input(scenario: Whole) -> Problems:
-    """Names of places with a spectrum that is listed next to that of the input, which is called input."""
+    """Problems of places called input, the name of the excitation in spectra."""
     for section in ("probes", "snubbers", "outputs"):
         for k, item in enumerate(getattr(scenario, section)):
             if item.name == INPUT:
@@ -537,7 +535,7 @@ def _names_of_input(scenario: Whole) -> Problems:
 
 
 class Reduction(Schema):
-    """Number of modes, in addition to the static vectors of contacts and loads."""
+    """Number of modes in the reduced model, in addition to static vectors of contacts and loads."""
 
     modes: q.Modes | None = None
     """Number of modes, or all."""
@@ -545,11 +543,11 @@ class Reduction(Schema):
     """Highest frequency of interest; the modes needed up to it are kept."""
 
     def check(self) -> None:
-        """Reject two rules."""
+        """Refuse two rules."""
         self.exclude("highest_frequency", "modes")
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Modes that the excitation excites, and are left out."""
+        """A warning if modes in the frequency range of the excitation are omitted."""
         highest = scenario.excitation.highest_frequency_hz
         if self.highest_frequency is not None and self.highest_frequency < highest:
             key = path_text((*path, "highest_frequency"))

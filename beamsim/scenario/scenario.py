@@ -1,7 +1,7 @@
-"""A complete scenario: the content of the YAML file as it was written, checked and in SI units.
+"""A complete scenario: the content of the YAML file as written, checked, in SI units.
 
-With it go the files that it names (what they held when it was solved, and where they are when its result is opened) and
-warnings about values that are allowed but questionable.
+It also knows the files that it names (their content when they were read, and where they are when a result is opened),
+and gives warnings about values that are allowed but questionable.
 """
 
 from __future__ import annotations
@@ -80,19 +80,19 @@ from beamsim.scenario.validation_errors import problems_of
 
 
 class DisplayUnits(Schema):
-    """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
+    """Units of tables, plots and reports; result files and ``--json`` are always in SI units.
 
-    Accelerations, lengths, angles and long times that are not chosen are shown in the unit in which most of them are
-    written.
+    The default for accelerations, lengths, angles and long times is the unit in which most of them are written.
     """
 
     acceleration: Annotated[str, q.UnitType(of=units.ACCELERATION, example="g")] | None = None
-    """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
+    """Unit of accelerations, such as m/s^2; by default as written, g for numbers without unit."""
     length: Annotated[str, q.UnitType(of=units.LENGTH, example="mm")] | None = None
-    """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
-    the size where all are in metres."""
+    """Unit of lengths and displacements, such as mm; by default as written, or metres with a suitable prefix if all are
+    in metres."""
     angle: Annotated[str, q.UnitType(of=units.ANGLE, example="deg")] | None = None
-    """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
+    """Unit of angles, such as deg; by default as most are written, or radians with a prefix for numbers without
+    unit."""
     velocity: Annotated[str, q.UnitType(of=units.VELOCITY, example="m/s")] | None = None
     """Unit of velocities, such as mm/s."""
     force: Annotated[str, q.UnitType(of=units.FORCE, example="N")] | None = None
@@ -100,8 +100,8 @@ class DisplayUnits(Schema):
     stress: Annotated[str, q.UnitType(of=units.PRESSURE, example="MPa")] | None = None
     """Unit of stresses and moduli, such as MPa."""
     time: Annotated[str, q.UnitType(of=units.TIME, example="min")] | None = None
-    """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
-    than the unit chosen are in seconds if that is longer."""
+    """Unit of times, such as ms or min; by default minutes or hours if times are written so. Times much shorter than
+    the unit are shown in seconds."""
     mass: Annotated[str, q.UnitType(of=units.MASS, example="kg")] | None = None
     """Unit of masses, such as g."""
     stiffness: Annotated[str, q.UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
@@ -110,16 +110,16 @@ class DisplayUnits(Schema):
     """Unit of energies, such as mJ."""
 
     def complete_from(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
-        """A copy whose missing units are those in which the quantities are written.
+        """A copy in which missing units are those used most often in the scenario.
 
         Parameters
         ----------
-        written : how often a quantity of that dimension is written in that unit.
+        written : how often each dimension is written in each unit.
         """
         counts: dict[str, dict[str, int]] = {name: {} for name in ("acceleration", "length", "angle", "time")}
         for (of, unit), count in written.items():
             name = next((name for name in counts if DIMENSIONS[name].unit == of.unit), "")
-            # metres are written for the size of a panel, whose displacements need a prefix, as short times do
+            # metres are written for the size of a panel, but displacements need a prefix, and so do short times
             if name and unit != units.LENGTH.unit and (name != "time" or units.size_of(unit, units.TIME) >= 60.0):
                 counts[name][unit] = counts[name].get(unit, 0) + count
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
@@ -137,7 +137,7 @@ DIMENSIONS: dict[str, Dimension] = {
     name: next(each.of for each in nested_annotations(field.annotation) if isinstance(each, q.UnitType))
     for name, field in DisplayUnits.model_fields.items()
 }
-"""By name of a chosen unit."""
+"""Dimension of each display unit."""
 
 
 AnyBody = Annotated[
@@ -147,12 +147,12 @@ AnyBody = Annotated[
 
 
 Record = Mapping[str, Any]
-"""Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
-content, which is missing where the file was changed or removed while the scenario was solved."""
+"""Data about one file: ``file``, its name as written; ``folder``; ``bytes``; ``sha256`` of its content, which is
+missing if the file was changed or removed during the computation."""
 
 
 def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
-    """Path of the key and name of every file that is given."""
+    """Yield the path of the key and the name of every file in a scenario."""
     for path, part in walk(scenario):
         for key, name in type(part).keys().items():
             if isinstance(value := part.__dict__.get(name), str):
@@ -164,7 +164,7 @@ def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
 
 
 def _sha256(path: FilePath) -> str:
-    """Digest of the content; a file that has not changed is read once."""
+    """SHA-256 digest of a file; an unchanged file is read once."""
     status = path.stat()
     return _digest(path.absolute(), (*state_of(status), status.st_ctime_ns))
 
@@ -177,7 +177,7 @@ def _digest(path: FilePath, state: tuple[int, ...]) -> str:
 
 
 def _record(folder: FilePath, name: str, *, as_read: bool) -> Record:
-    """Record of the content of a file, see `Scenario.file_records`."""
+    """Data about the content of a file, see `Scenario.file_records`."""
     path = folder / name
     try:
         content: dict[str, Any] = {"bytes": path.stat().st_size}
@@ -193,15 +193,15 @@ class SolvedFiles:
 
     records: Mapping[str, Record]  # by key
     result_folder: FilePath  # folder of the result file
-    may_be_opened: bool = True  # False where a result is only shown
+    may_be_opened: bool = True  # False if a result is only displayed
 
     def folder_of(self, path: Path) -> FilePath:
-        """Folder of the file that a key names: the current one, that of the result, or that in which it was solved.
+        """Folder of the file at a path: the current folder, that of the result, or that of the computation.
 
         Raises
         ------
         ScenarioError
-            If it is in none of them, or has another content than the one that was solved.
+            If the file is not found, or its content differs from that used in the computation.
         """
         record = self.records.get(path_text(path)) or self.records.get(path_text(path[:-1]))
         if record is None:
@@ -211,7 +211,7 @@ class SolvedFiles:
             FilePath(record["folder"]): "that of the case",
             self.result_folder: "that of the result",
             FilePath().absolute(): "the current folder",
-        }  # each once, under the name that is nearest to the user
+        }  # each once, under the name closest to the user
         there = [folder for folder in reversed(folders) if (folder / name).is_file()]
         for folder in there:
             same_size = (folder / name).stat().st_size == record.get("bytes")
@@ -232,77 +232,79 @@ class SolvedFiles:
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 
-MANY_SAMPLES = 2e6  # of a run that does not ask for more
+MANY_SAMPLES = 2e6  # samples of a run, unless it asks for more
 _ANALYSES = {"run", "sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits"}
-"""Sections whose rates and frequencies follow from the bodies."""
+"""Sections with sample rates and frequencies that depend on the bodies."""
 
 
 def profile_jumps(scenario: Scenario) -> Iterator[str]:
-    """Where the level of a sweep steps."""
+    """Warnings about steps in the level of a sweep."""
     for key in ("excitation", "sweep"):
         yield from level_jumps(scenario, (key,), getattr(scenario, key))
 
 
 class Scenario(Schema):
-    """A structure with its one-sided stops, its excitation and the requested analyses."""
+    """A structure with one-sided stops, its excitation and the requested analyses."""
 
     title: Text = ""
     """Title for tables and plots."""
     beam: Annotated[AnyBeam, BY_FORM] | None = None
-    """The structure, if it is a beam."""
+    """The structure, if it is a single beam."""
     chain: Chain | None = None
-    """The structure, if it is a chain of masses."""
+    """The structure, if it is a single chain of masses."""
     bodies: dict[Name, AnyBody] = Field(default_factory=dict)
-    """The bodies by name, where there are several; beam or chain alone is short for one."""
+    """The bodies by name, if there are several; beam or chain is the short form for one body."""
     joints: Annotated[tuple[AnyJoint, ...], NUMBERED] = ()
-    """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
+    """Connections of two points of bodies, or of a point and the base: rigid, hinge or spring."""
     springs_to_ground: Annotated[tuple[GroundSpring, ...], NUMBERED] = ()
-    """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
+    """Springs from points of bodies to the ground: linear, cubic or piecewise linear (those of a chain may be listed in
+    it)."""
     springs_between: Annotated[tuple[LinkSpring, ...], NUMBERED] = ()
-    """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
+    """Springs between two points of bodies: linear, cubic or piecewise linear (those of a chain may be listed in
+    it)."""
     snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
-    """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
+    """One-sided stops on bodies and between them (those of a chain may be listed in it)."""
     friction: Annotated[tuple[AnyFriction, ...], NUMBERED] = ()
-    """Dry friction at points of bodies, on the base or the ground, and between two points."""
+    """Dry friction at points of bodies against the base or the ground, and between two points."""
     gravity: Annotated[Gravity | GravityVector, BY_FORM] = 0.0
-    """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
+    """Acceleration of gravity, towards negative displacements; or its components [x, y, z], [0, 0, -9.81]."""
     constant_forces: tuple[AnyDeadLoad, ...] = ()
     """Dead loads: a force at a point, {line: whole, force_per_length: 5 N/m} or {area: whole, pressure: 200 Pa}."""
     excitation: Excitation = NoExcitation.model_construct()
     """Excitation of the structure; none by default."""
     probes: tuple[Probe, ...] = ()
-    """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
+    """Points whose motion is recorded; by default one at each snubber (two for a snubber between two masses)."""
     outputs: tuple[AnyOutput, ...] = ()
-    """What runs, sweeps and continuations report in addition to the probes: reactions, joint forces, moments, strains,
+    """Results of runs, sweeps and continuations in addition to the probes: reactions, joint forces, moments, strains,
     stresses, energies."""
     run: Run | None = None
-    """A run in time (`beamsim run`)."""
+    """A simulation in time (`beamsim run`)."""
     reduction: Reduction | None = None
     """Modal reduction; chosen automatically by default."""
     sweep: Sweep | None = None
-    """A sweep in frequency (`beamsim sweep`)."""
+    """A frequency sweep (`beamsim sweep`)."""
     identify_stiffness: IdentifyStiffness | None = None
     """Identification of a snubber's stiffness (`beamsim identify-stiffness`)."""
     nnm: NonlinearMode | None = None
     """Nonlinear normal mode (`beamsim nnm`)."""
     vary: Vary | None = None
-    """Parameters varied from case to case (`beamsim sweep`)."""
+    """A study: parameters that vary from case to case (`beamsim sweep`)."""
     optimise: Optimise | None = None
     """Search for the best design (`beamsim sweep`)."""
     limits: Limits | None = None
     """Limits, for margins in the summary and `--check`."""
     units: DisplayUnits | None = None
-    """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
-    written. Result files and --json stay in SI units."""
+    """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those that most quantities are
+    written in. Result files and --json are always in SI units."""
 
-    # The origin is not part of the scenario: equality and YAML ignore it.
+    # Equality and YAML ignore where the scenario came from.
     _source: str = "scenario"
-    _text: Any = None  # what was read, see `beamsim.scenario.tree`
+    _text: Any = None  # the data as read, see `beamsim.scenario.tree`
     _left_out: tuple[str, ...] = ()
-    _solved: SolvedFiles | None = None  # of a result
+    _solved: SolvedFiles | None = None  # of a scenario from a result file
 
     def check(self) -> None:
-        """Check the parts that are written against each other: each is asked for its own inconsistencies."""
+        """Check the sections for internal problems and against each other."""
         self.exclude("chain", "beam", remedy="keep one of the two (null removes an inherited one)")
         self.exclude("bodies", "beam", "chain", remedy="list it among the bodies")
         self.exclude("optimise", "vary")
@@ -328,7 +330,7 @@ class Scenario(Schema):
             raise ScenarioError(found)
 
     def _outputs_called_as_probes(self) -> Problems:
-        """Outputs that have the name of a probe by default: signals are called by name and quantity."""
+        """Problems of outputs with the name of a default probe: signals are named by place and quantity."""
         names = {probe.name for probe in self.effective_probes}
         for at, output in self.requested_outputs:
             if output.name in names:
@@ -336,12 +338,12 @@ class Scenario(Schema):
                 yield problem((*at, "name"), message, "choose another name, or list the probes")
 
     def recheck(self) -> Self:
-        """Itself, when all of its parts pass their checks with numbers that were replaced.
+        """Check all sections again after values were replaced; returns the scenario itself.
 
         Raises
         ------
         ScenarioError
-            If they do not.
+            If a check fails.
         """
         for path, part in walk(self):
             try:
@@ -351,11 +353,11 @@ class Scenario(Schema):
         return self
 
     not_compared: ClassVar[tuple[str, ...]] = ("units",)
-    """270 mm is 0.27 m, in whatever unit it is shown."""
+    """Equal quantities are equal in any display unit."""
 
     @property
     def display_scales(self) -> dict[str, tuple[float, str]]:
-        """Factor and unit of tables and plots by SI unit, where one is chosen or written."""
+        """Factor and display unit for each SI unit, if a unit is chosen or written."""
         chosen = [] if self.units is None else [(of, getattr(self.units, name)) for name, of in DIMENSIONS.items()]
         return {of.unit: (1.0 / units.size_of(unit, of), unit) for of, unit in chosen if unit is not None}
 
@@ -371,17 +373,17 @@ class Scenario(Schema):
         return copy
 
     def with_solved_files(self, files: SolvedFiles) -> Scenario:
-        """Return the same scenario as that of a result, whose files are looked for and compared."""
+        """A copy for the scenario of a result, whose files are searched for and compared."""
         copy = self.model_copy()
         copy._solved = files
         return copy
 
     def file_records(self, *, as_read: bool) -> Mapping[str, Record]:
-        """What the files hold that the scenario names, by the keys that name them; of those that are gone nothing.
+        """Data about the files that the scenario names, by key; files that no longer exist are omitted.
 
         Parameters
         ----------
-        as_read : leave out the digest of a file that was changed after this process read it: it is not what was solved.
+        as_read : omit the digest of a file that changed after this process read it.
         """
         if self._solved is not None:
             return self._solved.records
@@ -389,30 +391,30 @@ class Scenario(Schema):
         return {key: _record(folder, name, as_read=as_read) for key, (folder, name) in files.items()}
 
     def located(self, error: ScenarioError) -> ScenarioError:
-        """Return the error with the file and line of every path, for problems that only the model could find."""
-        if self._text is None or self._solved is not None:  # nobody has seen the text in a result file
+        """Add the file and line of each path to an error that only the model could find."""
+        if self._text is None or self._solved is not None:  # the text in a result file is not visible to the user
             return error
         root = self._text
         return ScenarioError([located_problem(root, problem) for problem in error.problems])
 
     @contextmanager
     def locating(self) -> Iterator[None]:
-        """Add file and line to problems that only the model finds."""
+        """Context manager that adds file and line to errors that only the model can find."""
         try:
             yield
         except ScenarioError as error:
             raise self.located(error) from None
 
     def folder_of(self, *path: str | int) -> FilePath:
-        """Folder that the name of a file at this path is relative to.
+        """Folder to which the file name at this path is relative.
 
-        That of the scenario's file; of the scenario of a result the one in which the file is that was solved; else the
-        current one.
+        This is the folder of the scenario file; for the scenario of a result the folder with the original file;
+        otherwise the current folder.
 
         Raises
         ------
         ScenarioError
-            If the file that was solved is nowhere, or is not to be opened.
+            If the original file is not found, or must not be opened.
         """
         if self._solved is not None:
             self._demand_consent(path)
@@ -421,12 +423,12 @@ class Scenario(Schema):
         return FilePath(file).parent if file else FilePath()
 
     def _demand_consent(self, path: Path) -> None:
-        """Refuse to open a file at or below a path, where the scenario is that of a result that is only shown.
+        """Refuse to open a file at or below a path if the scenario belongs to a result that is only displayed.
 
         Raises
         ------
         ScenarioError
-            If it names one.
+            If there is such a file.
         """
         if self._solved is None or self._solved.may_be_opened:
             return
@@ -436,12 +438,12 @@ class Scenario(Schema):
                 raise ScenarioError(problem(at, message, "add --open-files if it is yours, or run the case again"))
 
     def whole_paths(self, part: Schema, body_path: Path = ()) -> dict[Path, str]:
-        """By path in a part the files that it names, from the root.
+        """Names of files in a section, by their paths from the root.
 
         Parameters
         ----------
-        part : of the scenario, or a variant of all of it.
-        body_path : path of the part.
+        part : the section, or a variant of the complete scenario.
+        body_path : path of the section.
         """
         return {at: str((self.folder_of(*body_path, *at) / name).absolute()) for at, name in named_files(part)}
 
@@ -452,11 +454,11 @@ class Scenario(Schema):
         return tuple(dict.fromkeys((*self._left_out, *found, *self.questions(_SIZES))))
 
     def questions(self, sizes: UsualSizes) -> Iterator[str]:
-        """A sentence for each number that was written and is doubtful, with both readings; it ends with ``meant?``.
+        """A sentence for each questionable number, with both interpretations; it ends with ``meant?``.
 
         Parameters
         ----------
-        sizes : of the ranges that are looked at.
+        sizes : reference sizes of the ranges to check.
         """
         for at, part in walk(self) if self.as_written is not None else ():
             for name, usual in usual_of(type(part)).items():
@@ -466,13 +468,13 @@ class Scenario(Schema):
                     yield from self._question((*at, name), value, size, usual)
 
     def _question(self, path: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
-        """A question about a number outside its usual range; none about one that was not written.
+        """Yield a question if a number that the user wrote is outside its usual range.
 
         Parameters
         ----------
         path : path of the number.
         value, size : SI.
-        usual : range of the field.
+        usual : usual range of the field.
         """
         written = written_number(self.as_written, path, value, usual.of)
         if text := "" if written is None else usual.question(value, size, written):
@@ -480,11 +482,11 @@ class Scenario(Schema):
 
     @property
     def as_written(self) -> Any:
-        """The data that it was read from, with the units that were written; None where it comes from elsewhere."""
+        """The data as read, in the original units; None if there is no such source."""
         return None if self._solved is not None else self._text
 
     def unit_written(self, path: Path, value: float, dimension: Dimension) -> str | None:
-        """The unit in which a number was written, empty without one; None where it was not written.
+        """The unit that a number was written in, empty if it had none; None if the number was not written.
 
         Parameters
         ----------
@@ -495,31 +497,31 @@ class Scenario(Schema):
         return None if written is None else units.number_and_unit(written)[1]
 
     def to_yaml(self) -> str:
-        """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""
+        """The scenario as YAML with SI units; it loads to an equal scenario."""
         return dump_yaml(as_plain_data(self))
 
     @property
     def study(self) -> Vary | Optimise | None:
-        """The section that asks for many cases."""
+        """The section of a study, if there is one."""
         return self.vary or self.optimise
 
     @property
     def sine(self) -> Sine:
-        """The excitation of what follows sines."""
+        """The excitation, for analyses that need a sine."""
         assert isinstance(self.excitation, Sine)
         return self.excitation
 
     @property
     def sample_rate(self) -> float:
-        """That of a run's output, Hz, as far as it is known without the files that the excitation names."""
+        """Sample rate of a run's output, Hz, without reading files of the excitation."""
         return self.sample_rate_up_to(self.excitation.highest_frequency_hz)
 
     def sample_rate_up_to(self, highest: float) -> float:
-        """Sample rate of a run's output, Hz, as it is written or chosen from the excitation and the structure.
+        """Sample rate of a run's output, Hz, as given or chosen from the excitation and the structure.
 
         Parameters
         ----------
-        highest : frequency of the excitation, Hz.
+        highest : highest frequency of the excitation, Hz.
         """
         assert self.run is not None
         if self.run.sample_rate is not None:
@@ -527,14 +529,13 @@ class Scenario(Schema):
         return self._chosen_sample_rate(highest, self.run.duration)
 
     def _chosen_sample_rate(self, highest: float, duration: float) -> float:
-        """Sample rate, Hz, of a run of a duration, s, under an excitation up to a frequency, Hz.
+        """Default sample rate, Hz, for a duration, s, and a highest excitation frequency, Hz.
 
-        100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
-        the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
-        frequency have two million samples, or 20 a period where these are more. A random input has 10 samples, or a
-        multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
-        A record that is made for a spectrum has as many.
-        """
+        It is 100 samples per period of the excitation, more if the structure or a short run needs it. With a single
+        frequency the number of samples per period is an integer, so that spectra of whole periods have no leakage. Long
+        runs at high frequency have two million samples, or 20 per period if that is more. A random input has 10 samples
+        per period of its highest frequency, or a multiple: half the rate of its own spline, so that the samples
+        coincide with its pieces. A record for a shock response spectrum has the same rate."""
         random = self._has_random_band and highest > 0.0
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / duration)
@@ -543,47 +544,46 @@ class Scenario(Schema):
         return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 
     def frequency_of_interest_hz(self, highest: float) -> float:
-        """Highest frequency, Hz, that the model of a run resolves without ``reduction``, whatever the output rate.
+        """Highest frequency, Hz, that the model of a run resolves by default (without ``reduction``).
 
-        50 times the highest frequency of the excitation, Hz (10 times that of a random one or of a record that is made
-        for a spectrum), and with 64 times a low natural frequency about ten bending modes of a beam: peak accelerations
-        at a stop need that many.
-        """
+        It is 50 times the highest frequency of the excitation, Hz (10 times for a random input or a record for a shock
+        response spectrum), and at least 64 times a low natural frequency, which is about ten bending modes of a beam:
+        peak accelerations at a stop need that many."""
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         return max((10.0 if self._has_random_band else 50.0) * highest, 64.0 * rough)
 
     @property
     def _has_random_band(self) -> bool:
-        """Whether the excitation fills a band of frequencies."""
+        """Whether the excitation contains a band of frequencies."""
         return self.excitation.stationary or any(each.kind == "matched" for _, each in self.excitation.items)
 
     @property
     def all_bodies(self) -> dict[str, Body]:
-        """The bodies by name; a beam or chain alone is called beam or chain."""
+        """The bodies by name; a single beam or chain is called beam or chain."""
         bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain, **self.bodies}
         return {name: body for name, body in bodies.items() if body is not None}
 
     @property
     def has_mesh(self) -> bool:
-        """Whether a body has a mesh that can be finer."""
+        """Whether a body has a mesh that can be refined."""
         return any(body.refine() is not body for body in self.all_bodies.values())
 
     @property
     def default_body(self) -> str:
-        """The body that a place without one means; empty where there are several."""
+        """Body of places that name none; empty if there are several."""
         bodies = self.all_bodies
         return next(iter(bodies)) if len(bodies) == 1 else ""
 
     def body_path(self, name: str) -> Path:
-        """Where a body is written."""
+        """Path of a body in the scenario."""
         return ("bodies", name) if name in self.bodies else (name,)
 
     def body_at(self, path: Path) -> str:
-        """The body that a path leads into; empty where it leads into none."""
+        """The body at or above a path; empty if the path is not in a body."""
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
     def refine(self, modes: int) -> Self:
-        """A copy with so many modes and twice the elements of every mesh, to estimate errors."""
+        """A copy with this number of modes and twice as many elements in every mesh, to estimate errors."""
         bodies = {name: body.refine() for name, body in self.all_bodies.items()}
         named = {name: body for name, body in bodies.items() if name in self.bodies}
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
@@ -591,16 +591,16 @@ class Scenario(Schema):
 
     @property
     def is_lasting(self) -> bool:
-        """Whether the excitation goes on, so that the motion has means."""
+        """Whether the excitation is steady, so that the motion has mean values."""
         return self.excitation.kind != "none" and not self.excitation.shock
 
     @property
     def starts_unrelaxed(self) -> bool:
-        """Whether a motion begins with Maxwell branches that have not relaxed."""
+        """Whether a motion starts with Maxwell branches that have not relaxed."""
         return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
     def more_modes(self, mode_count: int) -> str:
-        """The setting of the reduction that gives so many modes; empty if all are kept."""
+        """The reduction setting that gives this number of modes; empty if all are kept."""
         written = self.reduction
         if written is None:
             return f"give reduction: {{modes: {mode_count}}}"
@@ -610,7 +610,7 @@ class Scenario(Schema):
 
     @property
     def bare_dashpots(self) -> tuple[str, ...]:
-        """Snubbers with a dashpot at points of bodies with a mesh that have no point mass there."""
+        """Snubbers with a dashpot, on bodies with a mesh, without a point mass at the contact."""
         return tuple(
             located.item.name
             for located in self.located_snubbers
@@ -618,9 +618,9 @@ class Scenario(Schema):
         )
 
     def inverse_mass(self, located: LocatedItem) -> float:
-        """Sum of 1 / m over the places of a snubber on bodies with a mesh, 1/kg, m being the point mass there.
+        """Sum of 1 / m over the places of a snubber on bodies with a mesh, 1/kg, where m is the point mass there.
 
-        It is that of the squared shapes of all modes at the contact: infinite where there is no point mass.
+        It equals the sum of the squared shapes of all modes at the contact: infinite without a point mass.
         """
         bodies, total = self.all_bodies, 0.0
         for place in located.item.places:
@@ -632,7 +632,7 @@ class Scenario(Schema):
         return total
 
     def listed(self, *keys: str) -> Iterator[LocatedItem]:
-        """Items of these lists of the scenario, then those of its bodies and hinges."""
+        """Items in these lists of the scenario, then of its bodies and hinges, with their paths."""
         bodies, default = self.all_bodies, self.default_body
         lists: list[tuple[Path, str, Any]] = [((key,), default, getattr(self, key)) for key in keys]
         for name, body in bodies.items():
@@ -651,14 +651,14 @@ class Scenario(Schema):
 
     @property
     def located_snubbers(self) -> tuple[LocatedItem, ...]:
-        """The snubbers with their paths and bodies: those of the scenario, of the bodies, and the stops of hinges.
+        """All snubbers with paths and bodies: of the scenario, of the bodies, and the stops of hinges.
 
-        Both stops of a pair have its path.
+        Both stops of a pair have the same path.
         """
         return tuple(located._replace(item=stop) for located in self.listed("snubbers") for stop in located.item.stops)
 
     def located_snubber(self, name: str) -> LocatedItem:
-        """The snubber with this name, its path and its body."""
+        """The snubber with a name, with its path and body."""
         return next(located for located in self.located_snubbers if located.item.name == name)
 
     @property
@@ -668,29 +668,28 @@ class Scenario(Schema):
 
     @property
     def nonlinear_springs(self) -> tuple[LocatedItem, ...]:
-        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
-        friction contacts, springs of kind friction."""
+        """Springs and joints that are nonlinear or have Maxwell branches, then the friction contacts, with paths."""
         springs = self.listed("springs_to_ground", "springs_between", "joints")
         return (*(spring for spring in springs if has_own_law(spring.item)), *self.listed("friction"))
 
     @property
     def has_cubic_springs(self) -> bool:
-        """Whether the motion has no closed form, because of a cubic spring."""
+        """Whether the motion has no closed form because of a cubic spring."""
         return any(located.item.kind == "cubic" for located in self.nonlinear_springs)
 
     @property
     def all_snubbers(self) -> tuple[Any, ...]:
-        """The snubbers of the scenario and those listed in the bodies."""
+        """The snubbers of the scenario and of the bodies."""
         return tuple(located.item for located in self.located_snubbers)
 
     @property
     def has_force_tables(self) -> bool:
-        """Whether the force of a snubber is a table."""
+        """Whether the force of a snubber is a force-deflection curve."""
         return any(snubber.force_deflection is not None for snubber in self.all_snubbers)
 
     @property
     def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
-        """The outputs with their paths: those of the scenario, then those of the run alone."""
+        """The outputs with their paths: those of the scenario, then those of the run only."""
         of_run = () if self.run is None else self.run.outputs
         return (
             *((("outputs", k), output) for k, output in enumerate(self.outputs)),
@@ -698,7 +697,7 @@ class Scenario(Schema):
         )
 
     def output_unit(self, output: Any) -> str:
-        """SI unit of an output; that which it states for a row of a recovery matrix."""
+        """SI unit of an output; for a row of a recovery matrix the unit given there."""
         dimension = output_dimension(output, self.all_bodies, self.default_body)
         return str(output.unit) if dimension is None else dimension.unit or "1"
 
@@ -709,14 +708,14 @@ class Scenario(Schema):
 
     @property
     def base_force(self) -> str | None:
-        """Name of the output that is the force of the whole base, vertically; None where there is none."""
+        """Name of the output for the vertical force of the whole base; None if there is none."""
         reactions = (each for each in self.outputs if isinstance(each, ReactionOutput))
         of_base = (each for each in reactions if each.kind == "reaction_force" and each.support == "base")
         return next((each.name for each in of_base if each.direction in (None, "z")), None)
 
     @property
     def level_unit(self) -> str:
-        """SI unit of the excitation's levels; empty where levels multiply a profile or several forces, or are none."""
+        """SI unit of the excitation's levels; empty if levels are factors or do not exist."""
         if getattr(self.sweep, "profile", ()) or getattr(self.sweep, "profile_file", None):
             return ""
         quantity = getattr(self.excitation, "quantity", None)
@@ -724,11 +723,11 @@ class Scenario(Schema):
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:
-        """The probes; without any, those by default."""
+        """The probes; if there are none, the default probes."""
         return self.probes or self._default_probes()
 
     def _default_probes(self) -> tuple[Probe, ...]:
-        """A probe at each place on which a snubber acts, else the default probes of the bodies."""
+        """A probe at each place of a snubber, else the default probes of the bodies."""
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
         for _, body, snubber, _ in sorted(self.listed("snubbers"), key=lambda each: len(each.item.probed_places)):
@@ -748,7 +747,7 @@ class Scenario(Schema):
 
     @property
     def bodies_of_places(self) -> dict[str, dict[str, str]]:
-        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma)."""
+        """Body of each probe and snubber, by section and name (two bodies with a comma)."""
         probes = {probe.name: (probe.place.body,) for probe in self.effective_probes}
         snubbers = {s.name: (place.body or body for place in s.places) for _, body, s, _ in self.located_snubbers}
         return {
@@ -769,7 +768,7 @@ class Scenario(Schema):
 
 
 def _lowest_excited_hz(scenario: Scenario, _: Path) -> float | None:
-    """Frequency below which the excitation has nothing, Hz; of a pulse a thirtieth of its highest."""
+    """Lowest frequency of the excitation, Hz; for a pulse a thirtieth of its highest."""
     lowest: list[float] = []
     for _path, part in scenario.excitation.items:
         ends = [point[0] for point in getattr(part, "table", ())] or list(part.frequencies_hz)
@@ -779,7 +778,7 @@ def _lowest_excited_hz(scenario: Scenario, _: Path) -> float | None:
 
 
 def _highest_density(scenario: Scenario, path: Path) -> float | None:
-    """1 for the first point with the highest density of an acceleration; nothing is asked of the others."""
+    """1 for the first point with the highest acceleration density, so that only this one is checked."""
     owner = next(item for at, item in scenario.excitation.items if ("excitation", *at) == path[: len(at) + 1])
     densities = [point.density or 0.0 for point in owner.psd]
     first = path[-1] == densities.index(max(densities))
@@ -787,13 +786,13 @@ def _highest_density(scenario: Scenario, path: Path) -> float | None:
 
 
 UsualSizes = Mapping[str, Callable[[Scenario, Path], float | None]]
-"""By `Usual.times` what a range is multiplied by, SI, of a section at a path; None where nothing is asked."""
+"""For each reference size, a function that gives it (SI) for a section at a path; None if it does not apply."""
 _SIZES: UsualSizes = {
     "": lambda *_: 1.0,
     "excitation": _lowest_excited_hz,
     "highest density": _highest_density,
 }
-"""What is known of a scenario without its model."""
+"""Reference sizes that are known without the model."""
 
 
 def _on(body: str | None, place: AtPlace) -> AtPlace:
@@ -801,7 +800,7 @@ def _on(body: str | None, place: AtPlace) -> AtPlace:
 
 
 def _round_number(least: float) -> float:
-    """Return the next of 1, 2, 5, 10, 20, ..."""
+    """The next larger number in 1, 2, 5, 10, 20, ..."""
     decade = 10.0 ** math.floor(math.log10(least))
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade >= least * (1.0 - 1e-12))
 
@@ -813,15 +812,15 @@ USED: dict[str, frozenset[str]] = {
     "nnm": frozenset({"nnm"}),
     "identify-stiffness": frozenset({"identify_stiffness"}),
 }
-"""Sections that each command uses, of those that not all of them use (``vary``: sweep with many cases)."""
+"""For each command the sections that it uses, of those that not every command uses (``vary``: sweep of a study)."""
 
 
 Source = str | FilePath | Mapping[str, Any] | Scenario
-"""What a scenario is read from, see `load_scenario`."""
+"""Anything that a scenario can be read from, see `load_scenario`."""
 
 
 def scenario_of(source: Source, command: str = "") -> Scenario:
-    """The scenario of a source, which is read unless it is one; ``command`` as of `load_scenario`.
+    """The scenario of a source; ``command`` as for `load_scenario`.
 
     Raises
     ------
@@ -836,24 +835,24 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
 
     Parameters
     ----------
-    source : path of a YAML file; or YAML text (it has a line break, or begins with a brace); or a mapping like
-        the one in such a file; or a scenario, to be varied.
-    overrides : what to change, applied after `extends`: ``{"beam.thickness": "4 mm"}`` or
+    source : path of a YAML file; or YAML text (with a line break, or a brace at its beginning); or a mapping with the
+        same content; or a scenario, to be changed.
+    overrides : changes that are applied after `extends`: ``{"beam.thickness": "4 mm"}`` or
         ``["beam.thickness=4 mm", "snubbers[0].gap=0.1 mm"]``. An override acts like a file that extends this one:
-        mappings merge, lists and a mapping whose ``kind`` changes are replaced whole, ``null`` (``None``) takes a
-        key away, so that its default holds.
-    command : what the scenario is for, such as ``run`` or ``sweep``: then a section that it does not use is left out
-        with a warning if it is wrong. By default all sections are checked.
+        mappings are merged, lists and mappings whose ``kind`` changes are replaced, ``null`` (``None``) removes a key,
+        so that its default applies.
+    command : name of the command, such as ``run`` or ``sweep``: an invalid section that the command does not use is
+        then ignored with a warning. By default all sections are checked.
 
     Returns
     -------
     Scenario
-        As it is written, in SI units.
+        As written, in SI units.
 
     Raises
     ------
     ScenarioError
-        With every problem found: path, message, remedy, file and line.
+        With every problem: path, message, remedy, file and line.
     """
     if isinstance(source, os.PathLike) or (isinstance(source, str) and not _is_yaml(source)):
         path = FilePath(source)
@@ -874,12 +873,12 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
 
 
 def _is_yaml(text: str) -> bool:
-    """Whether a text is YAML; else it is the path of a file."""
+    """Whether a text is YAML; otherwise it is the path of a file."""
     return "\n" in text or text.lstrip().startswith("{")
 
 
 def _source_data(source: str | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
-    """The data of a source that is no file, and its name for output files; see `load_scenario`."""
+    """The data of a source that is not a file, and its name for output files; see `load_scenario`."""
     if isinstance(source, Scenario):
         return _tree_of(source), source.source
     if isinstance(source, Mapping):
@@ -892,12 +891,12 @@ def _source_data(source: str | Mapping[str, Any] | Scenario) -> tuple[WrittenMap
 
 
 def stored_scenario(text: str) -> Scenario:
-    """The scenario that a result file holds: its complete text, from which no other file is opened.
+    """The scenario stored in a result file: complete text, without reference to other files.
 
     Raises
     ------
     ScenarioError
-        If it is no valid scenario, or extends another one.
+        If it is not a valid scenario, or extends another one.
     """
     root = parse(text, "<text>")
     if isinstance(root, Mapping) and "extends" in root:
@@ -907,7 +906,7 @@ def stored_scenario(text: str) -> Scenario:
 
 
 def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
-    """The scenario without sections that a command does not use, if only these are wrong; else raises the error."""
+    """The scenario without sections that a command does not use, if only these are invalid; else raises the error."""
     used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
     unused = (frozenset().union(*USED.values()) - used) & root.keys()
     if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
@@ -919,7 +918,7 @@ def _without_unused_sections(root: WrittenMapping, name: str, command: str, erro
 
 
 def _tree_of(scenario: Scenario) -> WrittenMapping:
-    """The data of a scenario, in which files are relative to where they were written."""
+    """The data of a scenario, with file names relative to their original folder."""
     root: WrittenMapping = from_python(as_plain_data(scenario))
     for at, _ in named_files(scenario):
         owner: Any = root
@@ -930,20 +929,20 @@ def _tree_of(scenario: Scenario) -> WrittenMapping:
 
 
 def _locate(root: WrittenMapping, error: ScenarioError | ValidationError) -> ScenarioError:
-    """The errors of data with the places where these are written, in the order of the lines of the first file."""
+    """The errors of data with file and line, in the order of the lines of the first file."""
     problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
     unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
     return ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
 
 
 def _validate(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -> Scenario:
-    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located.
+    """Validate data; raises the errors of all fields, else of all sections, else between sections, with their location.
 
     Parameters
     ----------
     root : the data.
     name : for output files.
-    warnings : about what was left out.
+    warnings : about ignored sections.
     """
     written: Counter[tuple[Dimension, str]] = Counter()
     token = UNITS_WRITTEN.set(written)
@@ -961,7 +960,7 @@ def _validate(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -
 
 
 def template(kind: str = "beam") -> str:
-    """Return a commented scenario that is valid as it stands, as `beamsim new` writes it.
+    """A commented scenario that is valid as it stands, as `beamsim new` writes it.
 
     Parameters
     ----------

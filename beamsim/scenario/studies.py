@@ -1,4 +1,4 @@
-"""Studies: numbers of a scenario that are varied from case to case, each named by its path."""
+"""Studies: parameters of a scenario that vary from case to case, each named by its path."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from beamsim.scenario.units import RATIO, UnitError, read_quantity
 
 Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
-LEAST_DATA = 10  # measured values of a number of which a distribution is made
+LEAST_DATA = 10  # measured values that a distribution needs at least
 
 
 class _Parameter(Schema):
@@ -56,32 +56,33 @@ class _Parameter(Schema):
     path: q.Text
     """Path of the number or choice, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
     also: tuple[q.Text, ...] = ()
-    """Other paths that take the same value, such as a probe that moves with a snubber."""
+    """Other paths with the same value, such as a probe that moves with a snubber."""
 
 
 class ListedParameter(_Parameter):
-    """A list of values."""
+    """A parameter with a list of values."""
 
     known_by: ClassVar[tuple[str, ...]] = ("values",)
 
     values: Annotated[tuple[q.AnyValue, ...], Field(min_length=1)]
-    """The values, with or without unit; or choices, such as supports."""
+    """The values, with or without unit; or words, such as kinds of supports."""
 
 
 class Catalogue(Schema):
-    """A choice that sets several keys at once, such as one of the snubbers that can be bought."""
+    """A choice that sets several keys at once, such as one of several available snubbers."""
 
     known_by: ClassVar[tuple[str, ...]] = ("choices",)
 
     name: q.Name = "choice"
-    """What is chosen; it names a dataset of the result file and a column of its table."""
+    """Name of the choice, used in the result file and its table."""
     choices: Annotated[dict[q.Text, dict[q.Text, Any]], Field(min_length=1)]
-    """By name what each choice sets, as --set does: {hard: {snubbers.tip.stiffness: 200 kN/m, snubbers.tip.gap: 0 mm},
-    soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90 N]]}}."""
+    """For each choice the values that it sets, as with --set: {hard: {snubbers.tip.stiffness: 200 kN/m,
+    snubbers.tip.gap: 0 mm}, soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90
+    N]]}}."""
 
     @property
     def path(self) -> str:
-        """What stands for it among the paths of numbers."""
+        """A name for it in place of a path."""
         return self.name
 
 
@@ -95,7 +96,7 @@ class _Ranged(_Parameter):
     to: q.AnyValue
     """Last value."""
     spacing: Spacing = "linear"
-    """Whether the values or their logarithms are evenly spaced, or sampled uniformly."""
+    """linear or logarithmic spacing of the values, or of the distribution of samples."""
 
 
 class _Toleranced(_Parameter):
@@ -104,7 +105,7 @@ class _Toleranced(_Parameter):
     known_by: ClassVar[tuple[str, ...]] = ("tolerance",)
 
     tolerance: q.AnyValue
-    """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
+    """Deviation to either side: in percent of the value in the scenario, or in the unit of the quantity."""
 
 
 class RangedParameter(_Ranged):
@@ -115,46 +116,46 @@ class RangedParameter(_Ranged):
 
 
 class TolerancedParameter(_Toleranced):
-    """The value in the scenario and its tolerance."""
+    """A parameter at several values within its tolerance."""
 
     points: q.SteppedCount = 3
     """Number of values from the lowest to the highest."""
 
 
 class SampledRange(_Ranged):
-    """Any value of a range."""
+    """A parameter that is sampled in a range."""
 
 
 class SampledTolerance(_Toleranced):
-    """Any value within the tolerance about the value in the scenario."""
+    """A parameter that is sampled within its tolerance."""
 
     distribution: Literal["uniform", "normal"] = "uniform"
-    """Uniform within the tolerance; or normal, truncated at the tolerance of three standard deviations."""
+    """uniform within the tolerance; or normal, where the tolerance is three standard deviations and truncates it."""
 
 
 class Scattered(_Parameter):
-    """A number that scatters about its value in the scenario, which is the mean."""
+    """A random parameter; its mean is the value in the scenario."""
 
     known_by: ClassVar[tuple[str, ...]] = ("deviation",)
 
     deviation: q.AnyValue
-    """Standard deviation: in percent of the scenario's value, or in the quantity's own unit."""
+    """Standard deviation: in percent of the value in the scenario, or in the unit of the quantity."""
     distribution: Literal["normal", "lognormal"] = "normal"
-    """Lognormal of what cannot be negative, such as a stiffness."""
+    """lognormal for quantities that cannot be negative, such as a stiffness."""
 
 
 class Measured(_Parameter):
-    """A number of which measured values are known; its distribution is a smooth one through these."""
+    """A random parameter with measured values; its distribution is a smooth fit to them."""
 
     known_by: ClassVar[tuple[str, ...]] = ("data",)
 
     data: Annotated[Annotated[tuple[q.AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
-    have units."""
+    contain units."""
     column: q.Text | None = None
-    """Heading of the column of the file, or its number; needed where it has several."""
+    """Heading or number of the column in the file; required if there are several."""
     decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
 
 
 AnyParameter = Annotated[
@@ -184,12 +185,12 @@ MOST_CASES = 200_000
 
 
 class _ManyCases(Schema):
-    """Common part of sections that ask for many cases."""
+    """Common part of sections that define many cases."""
 
     section: ClassVar[str] = "vary"
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Unknown paths, values that their fields do not accept, too many cases."""
+        """Problems: unknown paths, values that their fields refuse, too many cases."""
         parameters: tuple[Any, ...] = getattr(self, "parameters", ())
         yield from parameter_problems(scenario, parameters, (*path, "parameters"))
         count = case_count(self)
@@ -202,16 +203,16 @@ class _ManyCases(Schema):
 
 
 class _Study(_ManyCases):
-    """Common part of studies that judge cases."""
+    """Common part of studies that compare cases."""
 
     responses: tuple[q.Text, ...] = ()
-    """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
+    """Responses to compute, such as peak_force; all by default. The bending stress takes longest."""
     minimise: q.Text = ""
-    """Response that is smallest in the best case that meets every limit: a quantity such as peak_force, which counts
-    where it is largest, or a response by name, such as snubbers/tip/peak_force. Without it the best case is the one
-    with the largest margin."""
+    """Response that the best case minimises among those that meet every limit: a quantity such as peak_force, of which
+    the largest value counts, or a response by name, such as snubbers/tip/peak_force. Without it the best case is the
+    one with the largest margin. """
     maximise: q.Text = ""
-    """Response that is largest in the best case; see minimise."""
+    """Response that the best case maximises; see minimise."""
 
     def check(self) -> None:
         """Refuse two objectives."""
@@ -219,16 +220,16 @@ class _Study(_ManyCases):
 
 
 class Correlation(Schema):
-    """Two numbers that are drawn together."""
+    """Correlation of two random parameters."""
 
     between: Annotated[tuple[q.Text, ...], PAIR]
-    """Paths of both, as the parameters have them."""
+    """Paths of both parameters, as in the list of parameters."""
     coefficient: Annotated[float, q.Quantity(units.NUMBER, above=-1.0, below=1.0)]
-    """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
+    """Rank correlation (Spearman): 1 for the same order, -1 for the opposite order."""
 
 
 def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, path: Path) -> Problems:
-    """Correlations of what is no parameter, of one with itself, or stated twice; samples too small to have them."""
+    """Problems of correlations: unknown parameters, a parameter with itself, repetitions, too few samples."""
     paths, stated = [parameter.path for parameter in sample.parameters], set[frozenset[str]]()
     for k, correlation in enumerate(sample.correlations):
         place, pair = (*path, "correlations", k, "between"), frozenset(correlation.between)
@@ -244,25 +245,25 @@ def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, pat
 
 
 class Tolerances(Schema):
-    """Tolerances of manufacture: every case is solved as it is, and again for each of a sample of deviations."""
+    """Manufacturing tolerances: every case is solved with nominal values and again for a sample of deviations."""
 
     samples: q.SteppedCount = 20
-    """Number of deviations, a Latin-hypercube sample; it is the same for all cases."""
+    """Number of deviations, a Latin-hypercube sample; the same for all cases."""
     seed: q.RandomSeed = 0
     """Seed of the random generator."""
     quantile: q.Quantile = 1.0
-    """Limits and the objective judge a case by this quantile of its values, counted from the good side; by default by
-    the worst of them."""
+    """Limits and the objective use this quantile of a case's values, counted from the good side; by default the worst
+    value."""
     worst_cases: q.NotNegativeWhole | None = None
-    """Largest number of further cases that are solved to find the worst of the best design within its tolerances, where
-    the worst judges; by default 50 for each number. 0: the worst is that of the sample."""
+    """Largest number of additional cases to find the worst deviation of the best design, if the worst value is used; by
+    default 50 per parameter. 0: only the sample is used."""
     parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
-    """The numbers with a tolerance. That of a varied number is about its value in each case."""
+    """The parameters with a tolerance. For a varied parameter the tolerance is around its value in each case."""
     correlations: tuple[Correlation, ...] = ()
-    """Which of their deviations go together; all others are independent."""
+    """Correlations of the deviations; by default they are independent."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Unknown paths, deviations that a field does not accept, whole numbers, numbers that are varied in part."""
+        """Problems: unknown paths, invalid deviations, whole numbers, parameters that are varied in part."""
         problems = list(parameter_problems(scenario, self.parameters, (*path, "parameters")))
         yield from problems
         yield from _correlation_problems(self, path)
@@ -271,7 +272,7 @@ class Tolerances(Schema):
         try:
             varied = varied_parameters(scenario)
         except InvalidValueError:
-            return  # reported where it is varied
+            return  # reported at the varied parameter
         for k, asked in enumerate(self.parameters):
             number, place = resolve_parameter(scenario, asked), (*path, "parameters", k, "path")
             if number.whole:
@@ -285,11 +286,11 @@ class Tolerances(Schema):
 
     @property
     def search_budget(self) -> int:
-        """Further cases that are solved at most to find the worst of the best design."""
+        """Largest number of additional cases to find the worst deviation of the best design."""
         return 50 * len(self.parameters) if self.worst_cases is None else self.worst_cases
 
     def check(self) -> None:
-        """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
+        """Refuse a quantile that the sample with the nominal case cannot distinguish from the worst."""
         if self.quantile < 1.0 and math.ceil(self.quantile * self.samples) >= self.samples:
             enough = math.ceil(round(1.0 / (1.0 - self.quantile), 6))
             raise InvalidValueError(
@@ -299,23 +300,23 @@ class Tolerances(Schema):
 
 
 class _ToleratedStudy(_Study):
-    """Common part of studies that choose among cases."""
+    """Common part of studies that select a best case."""
 
     tolerances: Tolerances | None = None
-    """Deviations of each case, by which it is judged."""
+    """Deviations of each case, which are part of its evaluation."""
 
 
 class Grid(_ToleratedStudy):
-    """Every combination of the parameters' values."""
+    """All combinations of the parameters' values."""
 
     kind: Literal["grid"] = "grid"
-    """Every combination."""
+    """All combinations."""
     parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
     """The varied parameters."""
 
 
 class Zipped(_ToleratedStudy):
-    """All first values together, all second values together, and so on."""
+    """First values of all parameters together, second values together, and so on."""
 
     kind: Literal["zip"] = "zip"
     """Values paired by position."""
@@ -323,7 +324,7 @@ class Zipped(_ToleratedStudy):
     """The varied parameters; all need the same number of values."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Different numbers of values."""
+        """A problem if the numbers of values differ."""
         yield from super().problems(scenario, path)
         counts = [value_count(parameter) for parameter in self.parameters]
         if len(set(counts)) > 1:
@@ -335,7 +336,7 @@ class Zipped(_ToleratedStudy):
 
 
 class OneAtATime(_Study):
-    """The scenario as it is, and every value of each parameter with all others as they are: a tornado."""
+    """The nominal case, and every value of each parameter with all others nominal (tornado chart)."""
 
     kind: Literal["one_at_a_time"] = "one_at_a_time"
     """One parameter at a time."""
@@ -355,28 +356,28 @@ class LatinHypercube(_ToleratedStudy):
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters."""
     correlations: tuple[Correlation, ...] = ()
-    """Which of them go together; all others are independent."""
+    """Correlations of the parameters; by default they are independent."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Correlations of what is no parameter."""
+        """Problems of correlations with unknown parameters."""
         yield from super().problems(scenario, path)
         yield from _correlation_problems(self, path)
 
 
 class Sobol(_Study):
-    """A sample for Sobol' indices: which parameter accounts for which share of a response's variance."""
+    """A sample for Sobol' indices: the share of each parameter in the variance of a response."""
 
     kind: Literal["sobol"] = "sobol"
     """A sample for Sobol' indices."""
     samples: q.SteppedCount
-    """Size n of the sample, a power of two; there are n times the number of parameters plus two cases."""
+    """Size n of the sample, a power of two; the number of cases is n (number of parameters + 2)."""
     seed: q.RandomSeed = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
-    """The varied parameters, which are independent of each other."""
+    """The varied parameters; they are independent."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A sample that is no power of two, and a single parameter."""
+        """Problems: a sample size that is not a power of two, and a single parameter."""
         yield from super().problems(scenario, path)
         if self.samples & (self.samples - 1):
             power = 2 ** (self.samples - 1).bit_length()
@@ -390,45 +391,45 @@ class Sobol(_Study):
 Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0)]
 
 
-LEAST_SAMPLES = 100  # with which intervals hold the probability as often as they say (benchmarks/probabilities.py)
+LEAST_SAMPLES = 100  # smallest sample for which intervals have their stated coverage (benchmarks/probabilities.py)
 
 
 class Reliability(_ManyCases):
-    """How likely it is that a limit is exceeded. Every history has other realisations of random and matched inputs."""
+    """Probability of exceeding limits. Random and matched inputs have another realisation in every history."""
 
     kind: Literal["reliability"] = "reliability"
     """The probability of exceeding limits."""
     method: Literal["monte_carlo", "form", "importance_sampling", "subset"] | None = None
-    """The first-order reliability method (FORM), which has no interval; importance sampling about the
-    design points, the default; subset simulation, the default with random inputs; or Monte Carlo, the default with a
-    matched record."""
+    """form: first-order reliability method, without an interval; importance_sampling around the design points, the
+    default; subset: subset simulation, the default with random inputs; monte_carlo, the default with a matched
+    record."""
     event: Literal["any_limit", "all_limits"] = "any_limit"
-    """What is to be unlikely: that any limit is exceeded (a series system), or all of them are (a parallel one)."""
+    """any_limit: failure if any limit is exceeded (series system); all_limits: if all are (parallel system)."""
     coefficient_of_variation: Variation | None = None
-    """Largest standard deviation of the probability over itself; what is less sure is not reliable. By default 10 %, of
-    a subset simulation 30 %."""
+    """Largest relative standard deviation of the probability; a less certain result is marked as not reliable. By
+    default 10 %, 30 % for subset simulation."""
     samples: q.SteppedCount = 1000
-    """Histories of each level of a subset simulation, with which importance sampling begins, of the sample at increased
-    scatter (512 at most) and of further batches; 100 or more, but for form and monte_carlo."""
+    """Histories in each level of a subset simulation, in the first sample of importance sampling, in the sample with
+    increased scatter (512 at most) and in further batches; at least 100, except for form and monte_carlo."""
     most_cases: q.SteppedCount = 20_000
-    """Number of histories at most."""
+    """Largest number of histories."""
     seed: q.RandomSeed = 0
     """Seed of the random generator."""
     parameters: tuple[RandomParameter, ...] = ()
-    """The numbers that scatter; none is needed with a random or matched input."""
+    """The random parameters; none is required with a random or matched input."""
     correlations: tuple[Correlation, ...] = ()
-    """Which of them go together; all others are independent."""
+    """Correlations of the parameters; by default they are independent."""
     responses: tuple[q.Text, ...] = ()
-    """Responses that are computed in addition to those of limits."""
+    """Responses to compute in addition to those with limits."""
 
     def method_with(self, inputs: Sequence[RandomInput | MatchedInput]) -> str:
-        """The method; where none is written it follows from the random inputs, as records cannot be blended."""
+        """The method; by default it follows from the random inputs."""
         if any(isinstance(item, MatchedInput) for item in inputs):
             return self.method or "monte_carlo"
         return self.method or ("subset" if inputs else "importance_sampling")
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """Nothing or a whole number that scatters, no limit, few samples, random inputs with a method for numbers."""
+        """Problems: nothing random, random whole numbers, no limit, few samples, an unsuitable method."""
         yield from super().problems(scenario, path)
         yield from _correlation_problems(self, path)
         inputs = inputs_with_seed(scenario.excitation)
@@ -452,7 +453,7 @@ class Reliability(_ManyCases):
             message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
             yield problem((*path, "method"), message, "write monte_carlo")
         for k, parameter in enumerate(self.parameters):
-            with suppress(InvalidValueError):  # is reported with the parameter
+            with suppress(InvalidValueError):  # reported with the parameter
                 if resolve_parameter(scenario, parameter).whole:
                     message = f"= {parameter.path} is a whole number, which does not scatter"
                     yield problem((*path, "parameters", k, "path"), message, "leave it out")
@@ -463,25 +464,25 @@ class Reliability(_ManyCases):
 
 
 class Optimise(_ManyCases):
-    """The best design: a search for the numbers with the smallest or largest response that meet every limit."""
+    """The best design: a search for parameters that meet every limit and minimise or maximise a response."""
 
     kind: ClassVar[str] = "optimise"
     section: ClassVar[str] = "optimise"
 
     parameters: Annotated[tuple[SoughtInRange, ...], Field(min_length=1)]
-    """What may be chosen: numbers with ranges or values, and catalogues."""
+    """The design parameters: numbers with ranges or values, and catalogues."""
     minimise: Aim = ""
-    """What is to be small: a response as of vary.minimise; responses that are added up, each over the value that counts
-    as one, {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, of which no one design is best.
-    Without it the smallest margin of the limits is to be large."""
+    """Response to minimise, as in vary.minimise; or a weighted sum of responses, each divided by the given value,
+    {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, for a Pareto front. Without an
+    objective the smallest margin of the limits is maximised. """
     maximise: Aim = ""
-    """What is to be large; with minimise there are two objectives."""
+    """Response to maximise; together with minimise there are two objectives."""
     tolerances: Tolerances | None = None
-    """Deviations of each design, by which it is judged: the best one is that for what is built."""
+    """Deviations of each design, which are part of its evaluation: the best design is the best as built."""
     responses: tuple[q.Text, ...] = ()
-    """Responses that are computed in addition to the objectives and those of limits; only these by default."""
+    """Responses to compute in addition to the objectives and limits; none by default."""
     most_cases: q.SteppedCount = 400
-    """Number of designs that are tried at most, each with its deviations."""
+    """Largest number of designs, each with its deviations."""
     seed: q.RandomSeed = 0
     """Seed of the random generator."""
 
@@ -500,26 +501,28 @@ Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol | Reliabili
 Value = float | str
 
 _SECTIONS = ("vary", "optimise", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
-AS_IT_IS = "as it is"  # in a catalogue what the scenario has, where that is none of the choices
+AS_IT_IS = "as it is"  # entry of a catalogue that leaves the scenario unchanged
 _LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
 @dataclass(frozen=True)
 class VariedParameter:
-    """A varied parameter in SI units."""
+    """A varied parameter with values in SI units."""
 
     path: str
-    places: tuple[Path, ...]  # where its value goes
+    places: tuple[Path, ...]  # paths that get its value
     unit: str  # SI unit, "1" for plain numbers and words
     nominal: Value  # in the scenario
     values: tuple[Value, ...]  # as listed; empty for a range
     low: float = math.nan
     high: float = math.nan
-    points: int = 0  # of a range
+    points: int = 0  # number of values of a range
     spacing: str = "linear"
     distribution: str = "uniform"
-    whole: bool = False  # only whole numbers
-    choices: Mapping[str, Mapping[Path, Any]] = field(default_factory=dict)  # of a catalogue, what each sets
+    whole: bool = False  # whether only whole numbers are allowed
+    choices: Mapping[str, Mapping[Path, Any]] = field(
+        default_factory=dict
+    )  # of a catalogue, the values that each choice sets
 
     @property
     def count(self) -> int:
@@ -528,12 +531,12 @@ class VariedParameter:
 
     @property
     def dependent_places(self) -> tuple[Path, ...]:
-        """All places that depend on it."""
+        """All paths that it changes, directly or as a consequence."""
         return (*self.places, *dict.fromkeys(place for changes in self.choices.values() for place in changes))
 
 
 def varied_parameters(scenario: Whole) -> tuple[VariedParameter, ...]:
-    """The varied parameters of a scenario that passed its checks; in a reliability study also the seeds of inputs."""
+    """The varied parameters of a valid scenario; in a reliability study also the seeds of inputs."""
     assert scenario.study is not None
     numbers = tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
     if not isinstance(scenario.study, Reliability):
@@ -543,17 +546,17 @@ def varied_parameters(scenario: Whole) -> tuple[VariedParameter, ...]:
 
 
 def inputs_with_seed(excitation: Input) -> list[tuple[Path, RandomInput | MatchedInput]]:
-    """The inputs whose realisation follows from a seed, each with its path within the excitation."""
+    """The inputs with a seed, with their paths below the excitation."""
     return [(at, item) for at, item in excitation.items if isinstance(item, RandomInput | MatchedInput)]
 
 
 def drawn_parameters(scenario: Whole, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
-    """The parameters of an ensemble: by path the values of all draws, SI numbers or text as a list of values has it.
+    """The parameters of an ensemble, from the values of all draws by path (SI numbers, or text as in a list of values).
 
     Raises
     ------
     ScenarioError
-        LocatedItem in ``draws``.
+        With its location in ``draws``.
     """
     parameters, problems, taken = [], [], dict[Path, str]()
     for path, values in draws.items():
@@ -590,7 +593,7 @@ def _drawn_parameter(scenario: Whole, path: str, values: list[Any]) -> VariedPar
 
 
 def _number(scenario: Whole, path: str, places: Sequence[Path]) -> VariedParameter:
-    """The number or word at places, before it is varied."""
+    """The number or word at these paths, with its nominal value."""
     field, nominal = field_type_at(scenario, places[0]), value_at(scenario, places[0])
     nominal = str(nominal) if isinstance(nominal, q.Rate) else nominal  # with its unit, like a word
     return VariedParameter(
@@ -601,7 +604,7 @@ def _number(scenario: Whole, path: str, places: Sequence[Path]) -> VariedParamet
 
 
 def case_count(vary: _ManyCases) -> int:
-    """Number of cases that are solved at most, each realisation counted."""
+    """Largest number of cases, counting every realisation."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
     if isinstance(vary, Reliability):
@@ -626,12 +629,12 @@ def value_count(parameter: Any) -> int:
 
 
 def parameter_problems(scenario: Whole, parameters: Sequence[Any], path: Path) -> Problems:
-    """Problems of the parameters that a section lists at a path, each alone and with the others."""
+    """Problems of the parameters in a list at a path, individually and together."""
     yield from listing_problems(parameters, path, lambda each: resolve_parameter(scenario, each).dependent_places)
 
 
 def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
-    """Resolve a parameter; raises `InvalidValueError`, ``at`` being relative to the parameter."""
+    """Resolve a parameter; raises `InvalidValueError` with a path relative to the parameter."""
     if isinstance(parameter, Catalogue):
         return _resolved_catalogue(scenario, parameter)
     places = _places(scenario, parameter.path, ("path",))
@@ -681,7 +684,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
     for end in (low, high):
         for place in places:
-            if not isinstance(parameter, Scattered):  # which has no ends
+            if not isinstance(parameter, Scattered):  # which has no range
                 _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
     if number.whole and points and abs(high - low) + 1 < points:
         raise InvalidValueError(
@@ -692,7 +695,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
 
 
 def _check_range(parameter: RangedParameter | SampledRange, low: float, high: float) -> None:
-    """Refuse a range that is empty, falls where it must not, or has no logarithm."""
+    """Refuse a range that is empty, falls, or has no logarithm."""
     if low == high:
         raise InvalidValueError(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
     if isinstance(parameter, SampledRange) and low > high:
@@ -705,7 +708,7 @@ def _check_range(parameter: RangedParameter | SampledRange, low: float, high: fl
 
 
 def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParameter:
-    """Changes by each choice: where a scenario with these overrides differs from the one without."""
+    """Values that each choice of a catalogue sets, found by comparing the scenario with and without its overrides."""
     written = {key: value for key, value in as_plain_data(scenario).items() if key not in _SECTIONS}
     as_it_is, choices = type(scenario).model_validate(written), dict[str, dict[Path, Any]]()
     for name, settings in catalogue.choices.items():
@@ -732,7 +735,7 @@ def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParamete
 
 
 def _differences(first: Any, second: Any, place: Path) -> Iterator[tuple[Path, Any]]:
-    """Where two parts of scenarios differ, and what the second one has there."""
+    """Yield the differences between two sections, with the values of the second."""
     keys: Iterable[tuple[Any, Any]] = ()
     if isinstance(first, Schema) and type(first) is type(second):
         first, second, keys = first.__dict__, second.__dict__, type(first).keys().items()
@@ -763,7 +766,7 @@ def _places(scenario: Whole, path: str, source_path: Path) -> list[Path]:
 
 
 def _read(scenario: Whole, place: Path, value: Value, path: Path) -> Value:
-    """Read a value as the field at a place does; a level must be of the quantity there."""
+    """Read a value as the field at a path does; a level must have the quantity of that field."""
     read: Any = read_as(scenario, place, value, path)
     if isinstance(read, q.LevelValue):
         field: Any = field_type_at(scenario, place)
@@ -779,7 +782,7 @@ def _read(scenario: Whole, place: Path, value: Value, path: Path) -> Value:
 
 
 def _deviation(scenario: Whole, place: Path, tolerance: Value, nominal: float, key: str) -> float:
-    """Deviation under a key in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
+    """The deviation at a key in SI units: a share of the nominal value, or an absolute value."""
     at: Path = (key,)
     try:
         if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):
@@ -799,10 +802,10 @@ def _deviation(scenario: Whole, place: Path, tolerance: Value, nominal: float, k
 
 @dataclass(frozen=True)
 class ToleratedParameter:
-    """A number with a tolerance, in SI units."""
+    """A parameter with a tolerance, in SI units."""
 
-    number: VariedParameter  # about its value in the scenario
-    share: float | None  # the tolerance as a share of the value, where it is given in percent
+    number: VariedParameter  # with its nominal value
+    share: float | None  # the tolerance as a share of the value, if given in percent
 
     def reach(self, value: float) -> float:
         """Largest deviation from a value."""
@@ -815,7 +818,7 @@ def tolerances_of(scenario: Whole) -> Tolerances | None:
 
 
 def tolerated_parameters(scenario: Whole) -> tuple[ToleratedParameter, ...]:
-    """The numbers with a tolerance of a scenario that passed its checks; none without tolerances."""
+    """The parameters with a tolerance in a valid scenario; empty without tolerances."""
     tolerances = tolerances_of(scenario)
     if tolerances is None:
         return ()

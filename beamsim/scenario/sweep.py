@@ -1,4 +1,4 @@
-"""What periodic motions are followed in: sweeps in frequency, continuations, and nonlinear normal modes."""
+"""Analyses of periodic motions: frequency sweeps, continuations, and nonlinear normal modes."""
 
 from __future__ import annotations
 
@@ -56,36 +56,36 @@ Harmonics = Annotated[int, q.Whole(1, 500)]
 
 
 class _Path(Span[Number]):
-    """A parameter that periodic motions are continued in."""
+    """A continuation parameter of periodic motions."""
 
     points_at: tuple[Number, ...] = ()
     """Values at which every branch gets a point."""
 
     def in_metres(self, scenario: Whole) -> Self:
-        """The same with positions in m on the body of the scenario."""
+        """A copy with positions in m on the body of the scenario."""
         return self
 
     def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
-        """The parameter's own value in the scenario, where the curve has the levels; None where there is none."""
+        """The value of the parameter in the scenario, for a curve with these levels; None if there is none."""
         return None
 
     def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
-        """Why the parameter, given at a path, cannot be changed in a scenario."""
+        """Problems if the parameter at a path cannot be varied in this scenario."""
         yield from ()
 
 
 class FrequencyPath(_Path[q.Frequency]):
-    """The excitation's frequency changes."""
+    """The frequency of the excitation as parameter."""
 
     kind: Literal["frequency"] = "frequency"
-    """The excitation's frequency."""
+    """The frequency of the excitation."""
 
 
 class LevelPath(_Path[q.PositiveLevel]):
-    """The excitation's level changes, at its own frequency."""
+    """The level of the excitation as parameter, at fixed frequency."""
 
     kind: Literal["level"] = "level"
-    """The excitation's level."""
+    """The level of the excitation."""
 
     def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
         """The first level of the curve, else that of the excitation."""
@@ -93,7 +93,7 @@ class LevelPath(_Path[q.PositiveLevel]):
 
 
 def no_stop_of_hinge(path: Path, name: str) -> Problems:
-    """That a stop of a hinge, named at a path, is not what a snubber is needed for."""
+    """A problem if the stop of a hinge is named where a snubber is required."""
     yield problem(path, f"= {name} is a stop of a hinge", "vary joints[0].stops[0].stiffness or angle in a study")
 
 
@@ -103,7 +103,7 @@ def stops_of_hinges(scenario: Whole) -> set[str]:
 
 
 class SnubberPath(Schema):
-    """A property of one snubber changes."""
+    """A property of one snubber as parameter."""
 
     snubber: q.Name | None = None
     """Name of the snubber; may be omitted if there is only one."""
@@ -112,21 +112,21 @@ class SnubberPath(Schema):
         kind: Any
 
     def changed(self, scenario: Whole) -> LocatedItem | None:
-        """The snubber, or pair of stops, that is meant; None where there is none."""
+        """The snubber, or pair of stops, that is varied; None if it is not found."""
         written: tuple[LocatedItem, ...] = tuple(scenario.listed("snubbers"))
         if self.snubber is None:
             return written[0] if len(written) == 1 else None
         return next((located for located in written if located.item.name == self.snubber), None)
 
     def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
-        """What the snubber has."""
+        """The value of the snubber."""
         located = self.changed(scenario)
         assert located is not None
         value: float | None = getattr(located.item, self.kind)
         return value
 
     def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber that there is not, or whose gap follows from its preload."""
+        """Problems: an unknown snubber, or a gap that follows from a preload."""
         located, where = self.changed(scenario), (*path, "snubber")
         if located is None:
             yield from self._problems_of_name(scenario, where)
@@ -143,7 +143,7 @@ class SnubberPath(Schema):
             )
 
     def _problems_of_name(self, scenario: Whole, body_path: Path) -> Problems:
-        """A name at a path that is missing, unknown, or that of one stop of a pair."""
+        """Problems of the snubber's name: missing, unknown, or that of one stop of a pair."""
         written = tuple(scenario.listed("snubbers"))
         names = [each.item.name for each in written]
         pairs = [each.item.name for each in written for stop in each.item.stops if stop.name == self.snubber]
@@ -160,27 +160,27 @@ class SnubberPath(Schema):
 
 
 class GapPath(SnubberPath, _Path[q.Gap]):
-    """A snubber's gap changes."""
+    """The gap of a snubber as parameter."""
 
     kind: Literal["gap"] = "gap"
-    """A snubber's gap."""
+    """The gap of a snubber."""
 
 
 class StiffnessPath(SnubberPath, _Path[q.Stiffness]):
-    """A snubber's stiffness changes; a dashpot given by a ratio changes with it."""
+    """The stiffness of a snubber as parameter; a dashpot given by a ratio changes with it."""
 
     kind: Literal["stiffness"] = "stiffness"
-    """A snubber's stiffness."""
+    """The stiffness of a snubber."""
 
 
 class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
-    """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
+    """The position of a snubber along a beam as parameter; a dashpot given by a ratio changes with it."""
 
     kind: Literal["position"] = "position"
-    """A snubber's position along the beam, or the share of its length: 60 %."""
+    """The position of a snubber along the beam, or its share of the length: 60 %."""
 
     def _body(self, scenario: Whole) -> tuple[Any, Body]:
-        """The snubber, and the body that it is on."""
+        """The snubber and its body."""
         located = self.changed(scenario)
         assert located is not None
         if (name := located.bodies[0]) not in scenario.all_bodies:
@@ -188,19 +188,19 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
         return located.item, scenario.all_bodies[name]
 
     def in_metres(self, scenario: Whole) -> Self:
-        """The same with positions in m on the body of the snubber."""
+        """A copy with positions in m on the body of the snubber."""
         _, body = self._body(scenario)
         points_at = tuple(map(body.metres, self.points_at))
         ends = {"from": body.metres(self.from_), "to": body.metres(self.to)}
         return self.model_copy(update={**ends, "points_at": points_at})
 
     def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
-        """Where the snubber is, m."""
+        """The position of the snubber, m."""
         snubber, body = self._body(scenario)
         return body.metres(snubber.places[0].position)
 
     def problems_of_parameter(self, scenario: Whole, path: Path) -> Problems:
-        """A snubber that cannot move along a beam, and positions that are not on it."""
+        """Problems: a snubber that cannot move along a beam, and positions that are not on it."""
         yield from super().problems_of_parameter(scenario, path)
         located = self.changed(scenario)
         if located is None or isinstance(located.item, HingeStop):
@@ -232,7 +232,7 @@ SecondParameter = Annotated[LevelPath | GapPath | StiffnessPath | PositionPath, 
 
 
 class Shooting(Schema):
-    """Newton's method on the flow over one period, with exact derivatives."""
+    """Newton's method for the state after one period, with exact derivatives."""
 
     kind: Literal["shooting"] = "shooting"
     """Shooting."""
@@ -244,9 +244,9 @@ class HarmonicBalance(Schema):
     kind: Literal["harmonic_balance"] = "harmonic_balance"
     """Harmonic balance."""
     harmonics: Harmonics = 21
-    """Highest harmonic of the fundamental frequency of the motion."""
+    """Highest harmonic of the fundamental frequency."""
     largest_error: q.Ratio = 0.01
-    """Largest truncation error, relative to the motion, of a result that counts as reliable."""
+    """Largest truncation error, relative to the motion, up to which a result is reliable."""
 
 
 Method = Annotated[
@@ -261,7 +261,7 @@ MOST_CYCLES = 5_000_000
 
 
 def swept_cycles(low: float, high: float, rate: q.Rate, direction: str) -> float:
-    """Cycles of a swept sine, up and down for ``both``; in general not whole.
+    """Number of cycles of a swept sine, up and down for ``both``; in general not an integer.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def swept_cycles(low: float, high: float, rate: q.Rate, direction: str) -> float
 
 
 def demand_cycles(cycles: float, rate: q.Rate, path: Path) -> None:
-    """Refuse a sweep of too many or too few cycles; ``path`` is the path of its rate."""
+    """Refuse a sweep with too many or too few cycles; ``path`` is the path of its rate."""
     if cycles > MOST_CYCLES:
         message = f"= {rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})"
         raise InvalidValueError(message, "sweep faster or over fewer frequencies", path)
@@ -283,19 +283,19 @@ def demand_cycles(cycles: float, rate: q.Rate, path: Path) -> None:
 
 
 class SweptOverlay(Schema):
-    """A swept sine over the same frequencies and levels, overlaid on the response curve."""
+    """A swept sine over the same frequencies and levels, drawn over the response curve."""
 
     rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     direction: Literal["up", "down", "both"] = "both"
-    """Up, down, or up and then down."""
+    """up, down, or both: up and then down."""
 
 
 class OfSines(Schema):
-    """Common part of what follows motions under sines."""
+    """Common part of analyses of motions under sines."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """An excitation that is no sine, and levels in a unit of something else."""
+        """Problems: an excitation that is not a sine, and levels in a wrong unit."""
         unfit, run = list(sine_problems(scenario.excitation, "sweep")), scenario.run
         yield from unfit
         if run is not None and run.low_pass is not None and getattr(self, "accelerations", True):
@@ -308,7 +308,7 @@ class OfSines(Schema):
             yield from self.problems_with_sine(scenario, path)
 
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
-        """What else is wrong where the excitation is a sine."""
+        """Further problems if the excitation is a sine."""
         yield from ()
 
 
@@ -316,48 +316,48 @@ class Continuation(OfSines):
     """Branches of periodic motions, stable and unstable, continued in frequency or another parameter."""
 
     kind: Literal["continuation"] = "continuation"
-    """Continuation of periodic motions in a parameter."""
+    """Continuation of periodic motions."""
     from_: q.Frequency | None = Field(default=None, alias="from")
     """First frequency; short for continue_in: {kind: frequency, from: ..., to: ...}."""
     to: q.Frequency | None = None
     """Last frequency."""
     continue_in: ResponseParameter | None = None
-    """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
+    """The continuation parameter, instead of from and to: frequency, level, gap, stiffness or position."""
     levels: Annotated[tuple[q.Level, ...], Field(min_length=1)] = ()
-    """Levels, with one curve each; by default the level of the excitation."""
+    """Levels, with one curve for each; by default the level of the excitation."""
     method: Method = Shooting.model_construct()
-    """Shooting (exact), or harmonic balance."""
+    """shooting (exact), or harmonic_balance."""
     follow_folds_in: SecondParameter | None = None
     """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
     overlay: SweptOverlay | None = None
-    """A swept sine overlaid on a frequency response."""
+    """A swept sine drawn over a frequency response."""
     points_at: tuple[q.Frequency, ...] = ()
-    """Frequencies at which every branch gets a point; with continue_in they are given there."""
+    """Frequencies at which every branch gets a point; with continue_in use the key there."""
     stored_harmonics: Harmonics = 5
     """Highest harmonic of the motion that is stored at every point."""
     seek_at: q.NotNegativeWhole = 3
-    """Number of values of the parameter at which coexisting motions are sought (shooting); 0 for none."""
+    """Number of parameter values at which coexisting motions are searched for (shooting); 0 for none."""
     side_branches: Literal["limited", "required", "none"] = "limited"
-    """Branches that leave others at bifurcations (shooting), and coexisting ones: limited (the outcome names what a
-    limit cut off), required (a limit that cuts one off makes the result incomplete) or none (not followed or sought).
-    """
+    """Branches that start at bifurcations (shooting), and coexisting ones. limited: followed within the limits below,
+    and the outcome names those that are cut off; required: a cut-off branch makes the result incomplete; none: not
+    followed. """
     longest_period: Annotated[int, q.Whole(1, 64)] = 2
-    """Longest period followed after period doublings, in periods of the excitation."""
+    """Longest period after period doublings, in periods of the excitation."""
     most_points: q.Count = 4000
-    """Largest number of points of the curve of a level."""
+    """Largest number of points on the curve of a level."""
     most_branch_points: q.Count = 2000
-    """Largest number of points of one branch, so that others can be followed as well."""
+    """Largest number of points on one branch, so that others can be followed too."""
     most_side_points: q.Count = 300
-    """Largest number of points of a branch that leaves another one: at a period doubling or a branch point."""
+    """Largest number of points on a branch that starts at a period doubling or a branch point."""
     most_branches: q.Count = 40
-    """Largest number of branches of a level."""
+    """Largest number of branches for a level."""
     longest_time: q.Duration = 600.0
     """Longest computing time for the curve of a level."""
     convergence: Literal["on", "off"] | None = None
-    """Whether values are compared with those of a finer model; by default off."""
+    """Whether results are compared with those of a finer model; off by default."""
 
     def check(self) -> None:
-        """Demand one range, and refuse what does not go together."""
+        """Require one range, and refuse combinations that are not supported."""
         self._demand_one_range()
         parameter = self.parameter
         if parameter.kind == "level" and self.levels:
@@ -390,7 +390,7 @@ class Continuation(OfSines):
             demand_cycles(cycles, self.overlay.rate, ("overlay", "rate"))
 
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
-        """A parameter that cannot be changed, ranges that leave something out, a method for nonlinear systems alone."""
+        """Problems: a parameter that cannot be varied, incomplete ranges, a method that needs nonlinear contacts."""
         given = {"follow_folds_in": self.follow_folds_in, "continue_in": self.continue_in}
         unfit = [
             found
@@ -405,7 +405,7 @@ class Continuation(OfSines):
             yield problem((*path, "method"), message, "use shooting, or add a snubber")
 
     def _problems_of_ranges(self, scenario: Whole, path: Path) -> Problems:
-        """Points beyond the range, and a second range that leaves out where the folds are."""
+        """Problems: points outside the range, and a second range that does not contain the folds' value."""
         section = path if self.continue_in is None else (*path, "continue_in")
         second: Any = self.follow_folds_in
         try:
@@ -446,7 +446,7 @@ class Continuation(OfSines):
 
     @property
     def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:
-        """What is followed, from where to where."""
+        """The continuation parameter with its range."""
         if self.continue_in is not None:
             return self.continue_in
         return FrequencyPath.model_construct(from_=self.from_, to=self.to, points_at=self.points_at)
@@ -465,19 +465,19 @@ class _UpAndDown(OfSines, FrequencyRange):
     """Levels, with one sweep for each; by default the level of the excitation."""
 
     direction: Literal["up", "down", "both"] = "up"
-    """Up, down, or up and then down."""
+    """up, down, or both: up and then down."""
     orders: tuple[q.PositiveNumber, ...] = (0.5, 1.0, 2.0, 3.0, 4.0)
-    """Harmonics that are tracked: multiples of the excitation frequency, 0.5 for the first subharmonic."""
+    """Harmonics to track, as multiples of the excitation frequency; 0.5 is the first subharmonic."""
     accelerations: bool = True
-    """Whether absolute accelerations of the probes are stored in addition to relative displacements."""
+    """Whether to store absolute accelerations of the probes in addition to relative displacements."""
     impacts: bool = False
-    """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed, and of
-    friction slides, distance, energy lost and wear power."""
+    """Whether to compute impacts per cycle, their impulse, contact time, energy loss and highest speed, and for
+    friction slides, distance, energy loss and wear power."""
     convergence: Literal["on", "off"] | None = None
-    """Whether values are compared with those of a finer model; by default on, in a study for the cases that decide."""
+    """Whether results are compared with those of a finer model; by default on, in a study for the deciding cases."""
 
     def check(self) -> None:
-        """Reject a range that contradicts the direction, and orders that cannot be tracked."""
+        """Refuse a range that contradicts the direction, and harmonics that cannot be tracked."""
         super().check()
         for index, order in enumerate(self.orders):
             if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
@@ -488,14 +488,14 @@ class _UpAndDown(OfSines, FrequencyRange):
                 )
 
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
-        """Impacts of no contact."""
+        """A problem if impacts are requested without contacts."""
         if self.impacts and not scenario.all_snubbers and not any(scenario.listed("friction")):
             message = "needs a snubber or friction, and there is none"
             yield problem((*path, "impacts"), message, "leave it out, or add a snubber")
 
     @property
     def tracked_orders(self) -> tuple[float, ...]:
-        """The orders as fractions that repeat within 12 cycles, each once, increasing."""
+        """The harmonics as fractions with a period of at most 12 cycles, increasing."""
         return tuple(sorted({float(Fraction(order).limit_denominator(12)) for order in self.orders}))
 
 
@@ -507,40 +507,40 @@ class SweptSine(_UpAndDown):
     rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     profile: tuple[ProfilePoint, ...] = ()
-    """A table of levels, each from a frequency on, instead of one level (`levels` are then factors on it)."""
+    """A table of levels, each from its frequency on, instead of one level (`levels` are then factors)."""
     between: Between = "held"
-    """Between the points of the profile: each level held, or log-log interpolation."""
+    """Between the points of the profile: constant level (held), or log-log interpolation (log_log)."""
     notches: tuple[Notch, ...] = ()
-    """Frequency ranges in which a level is not exceeded."""
+    """Frequency ranges with a reduced level."""
     profile_file: Annotated[CurveFile, SHORT_FOR_FILE] | None = None
-    """A CSV file with the table of levels: a frequency and a level in each row, interpolated log-log (`levels` are then
-    factors on it). Its name, relative to the folder of the scenario, or {file: level.csv, column: qualification}."""
+    """A CSV file with the table of levels: a frequency and a level in each row, with log-log interpolation (`levels`
+    are then factors). Its name, relative to the folder of the scenario, or {file: level.csv, column: qualification}."""
     notch_to: dict[str, OutputLimit] | None = Field(default=None, json_schema_extra=_NOTCHES)
-    """Limits to which the level is lowered: {probes.tip.acceleration: 20 g, base.force: 2 kN}. Names are
+    """Response limits at which the level is reduced: {probes.tip.acceleration: 20 g, base.force: 2 kN}. Names are
     probes.<name>.acceleration or .displacement, snubbers.<name>.force, base.force and outputs.<name>."""
     tolerance: Annotated[float, q.Quantity(replace(units.NUMBER, example="1e-12"), minimum=1e-13, maximum=1e-3)] = 1e-12
     """Bound on the truncation error of the sine, relative to its amplitude."""
     history_rate: q.Frequency | None = None
-    """Sample rate of the time history; without it only values per cycle are stored."""
+    """Sample rate of the time history; without it only values for each cycle are stored."""
 
     @property
     def cycles(self) -> float:
-        """Cycles of the sweep, up and down; in general not whole."""
+        """Number of cycles of the sweep, up and down; in general not an integer."""
         return swept_cycles(self.from_, self.to, self.rate, self.direction)
 
     @property
     def duration(self) -> float:
-        """Time of the sweep, up and down, s."""
+        """Duration of the sweep, up and down, s."""
         once = log2(self.to / self.from_) if self.rate.unit == "oct/s" else self.to - self.from_
         return (2.0 if self.direction == "both" else 1.0) * once / self.rate.value
 
     @property
     def has_varying_level(self) -> bool:
-        """Whether the level differs between frequencies: by a profile, notches or limits of the response."""
+        """Whether the level depends on frequency: by a profile, notches or response limits."""
         return bool(self.profile or self.profile_file or self.notches or self.notch_to)
 
     def check(self) -> None:
-        """Reject a table that does not increase, unusable tolerances, and a sweep of too many or too few cycles."""
+        """Refuse a table that does not increase, unusable tolerances, and a sweep with too many or too few cycles."""
         super().check()
         demand_cycles(self.cycles, self.rate, ("rate",))
         if self.profile_file is None:
@@ -557,11 +557,11 @@ class SweptSine(_UpAndDown):
                 )
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
-        """Steps of the level."""
+        """Warnings about steps of the level."""
         yield from level_jumps(scenario, path, self)
 
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
-        """Too many samples, and limits of the level on what there is not."""
+        """Problems: too many samples, and response limits on unknown quantities."""
         yield from super().problems_with_sine(scenario, path)
         samples = self.duration * (self.history_rate or 0.0)
         if samples > MOST_SAMPLES:
@@ -579,7 +579,7 @@ class SweptSine(_UpAndDown):
                 yield problem(("excitation", "level"), message, "give a positive level")
 
     def _check_notches(self, limits: Mapping[str, float]) -> None:
-        """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
+        """Refuse response limits with two directions, negative levels, or accelerations that are not stored."""
         if not limits:
             raise InvalidValueError(
                 "limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",)
@@ -608,20 +608,20 @@ class SweptSine(_UpAndDown):
 
 
 def _problems_of_notch(scenario: Whole, path: Path, name: str, limit: float) -> Problems:
-    """A limit on what this structure does not have, or in a unit of something else.
+    """Problems of a response limit: an unknown quantity, or a wrong unit.
 
     Parameters
     ----------
-    scenario : that has the places.
+    scenario : with the places.
     path : path of the limit.
-    name : what is limited.
-    limit : its value, which remembers its unit.
+    name : name of the limited quantity.
+    limit : its value, which stores its unit.
 
     Yields
     ------
     Problem
     """
-    outputs = {output.name: output for output in scenario.outputs}  # sweeps have none of the run alone
+    outputs = {output.name: output for output in scenario.outputs}  # outputs of run alone are not in sweeps
     names = {
         "probes": [probe.name for probe in scenario.effective_probes],
         "snubbers": [snubber.name for snubber in scenario.all_snubbers],
@@ -649,16 +649,16 @@ def _problems_of_notch(scenario: Whole, path: Path, name: str, limit: float) -> 
 
 
 class SteppedSine(_UpAndDown):
-    """Steady states at a list of frequencies, each started from the previous one."""
+    """Steady states at a list of frequencies; each starts from the one before."""
 
     kind: Literal["stepped"] = "stepped"
     """Steady states, frequency by frequency."""
     points: q.SteppedCount = 100
     """Number of frequencies."""
     spacing: Literal["logarithmic", "linear"] = "linear"
-    """How the frequencies are spaced."""
+    """Spacing of the frequencies."""
     steady_to: q.PositiveNumber = 1e-6
-    """A motion is steady if it repeats to this fraction of its size."""
+    """A motion is steady if it repeats up to this fraction of its size."""
     most_cycles: q.Count = 2000
     """Largest number of cycles at one frequency."""
     longest_period: q.Few = 16
@@ -668,7 +668,7 @@ class SteppedSine(_UpAndDown):
 
 
 def _problems_of_probe(scenario: Whole, path: Path, name: str) -> Problems:
-    """A probe that there is not; ``path`` is the path of what names it."""
+    """A problem if the probe does not exist; ``path`` is the path of the key that names it."""
     yield from unknown((*path, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
 
 
@@ -677,29 +677,30 @@ Drawn = tuple[str, str, float, float]  # name and unit of a coordinate of a star
 
 
 class BoxCoordinate(Schema):
-    """Displacement and velocity of a probe with which motions start, from static equilibrium."""
+    """Range of initial displacements and velocities of a probe, added to static equilibrium."""
 
     probe: q.Name
-    """Probe that is displaced or moves."""
+    """Name of the probe."""
     mode: q.Count | None = None
-    """Natural mode in which all else moves with it; without one as a force at the probe deflects the structure."""
+    """Natural mode that determines the rest of the structure; by default its static deflection under a force at the
+    probe."""
     displacement: tuple[q.Amplitude, q.Amplitude] = (0.0, 0.0)
     """Smallest and largest displacement."""
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     """Smallest and largest velocity."""
 
     def check(self) -> None:
-        """Demand a range."""
+        """Require a range."""
         if not any(high - low for low, high in (self.displacement, self.velocity)):
             raise InvalidValueError("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A probe that there is not."""
+        """A problem if the probe does not exist."""
         yield from _problems_of_probe(scenario, path, self.probe)
 
     @property
     def ranges(self) -> tuple[Drawn, Drawn]:
-        """Both."""
+        """The ranges of displacement and velocity."""
         of = f" of {self.probe}{f' in mode {self.mode}' if self.mode else ''}"
         return (f"displacement{of}", "m", *self.displacement), (f"velocity{of}", "m/s", *self.velocity)
 
@@ -712,30 +713,30 @@ class _Starts(Schema):
 
 
 class PhaseStarts(_Starts):
-    """The excitation is switched on at any phase, at static equilibrium."""
+    """The excitation is switched on at a random phase, at static equilibrium."""
 
     kind: Literal["phases"] = "phases"
-    """Phases at switch-on."""
+    """Random phase at switch-on."""
 
     ranges: ClassVar[tuple[Drawn, ...]] = (("phase", "rad", 0.0, tau),)
 
 
 class StateStarts(_Starts):
-    """Displacements and velocities at phase zero, evenly distributed in a box."""
+    """Random displacements and velocities at phase zero, uniform in a box."""
 
     kind: Literal["states"] = "states"
-    """States in a box."""
+    """Random states in a box."""
     box: Annotated[tuple[BoxCoordinate, ...], Field(min_length=1)]
-    """Its coordinates."""
+    """Coordinates of the box."""
 
     @property
     def ranges(self) -> tuple[Drawn, ...]:
-        """Of all coordinates."""
+        """Ranges of all coordinates."""
         return tuple(each for coordinate in self.box for each in coordinate.ranges)
 
 
 class HistoryStarts(_Starts, FrequencyRange):
-    """The frequency comes up, or down, from any frequency of a range, and then stays."""
+    """The frequency is swept up or down from a random value to the frequency, and then stays."""
 
     kind: Literal["history"] = "history"
     """Sweeps up and down to the frequency, from static equilibrium."""
@@ -745,37 +746,37 @@ class HistoryStarts(_Starts, FrequencyRange):
 
     @property
     def ranges(self) -> tuple[Drawn, ...]:
-        """Of the first frequency."""
+        """Range of the initial frequency."""
         return (("first frequency", "Hz", self.from_, self.to),)
 
 
 class ImpulseAt(Schema):
-    """An impulse at a probe."""
+    """An impulse of a force at a probe."""
 
     kind: Literal["impulse"] = "impulse"
     """Impulse of a force at a probe."""
     probe: q.Name
-    """Probe."""
+    """Name of the probe."""
     to: Annotated[float, q.Quantity(units.IMPULSE, above=0.0)]
-    """Largest impulse that is tried, either way."""
+    """Largest impulse to try, in both directions."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A probe that there is not."""
+        """A problem if the probe does not exist."""
         yield from _problems_of_probe(scenario, path, self.probe)
 
 
 class BasePulse(Schema):
-    """A pulse of the base's acceleration that is short against all periods: its velocity changes at once."""
+    """A base acceleration pulse much shorter than all periods: a sudden change of the base's velocity."""
 
     kind: Literal["base_pulse"] = "base_pulse"
-    """Change of the base's velocity."""
+    """Sudden change of the base's velocity."""
     to: q.Speed
-    """Largest change that is tried, either way."""
+    """Largest velocity change to try, in both directions."""
 
     probe: ClassVar[str] = ""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A base that rests."""
+        """A problem if the base does not move."""
         if not getattr(scenario.excitation, "on_base", False):
             yield problem(path, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
 
@@ -787,12 +788,12 @@ Disturbance = Annotated[ImpulseAt | BasePulse, BY_FORM]
 
 
 class Coexisting(OfSines):
-    """All motions found at a frequency, how likely each is, and what makes the structure leave it."""
+    """Coexisting motions at a frequency, their probabilities, and the disturbances that leave them."""
 
     kind: Literal["coexisting"] = "coexisting"
-    """Which of several motions."""
+    """Coexisting motions."""
     at: tuple[q.Frequency, ...] = ()
-    """Frequencies; or a range with its number of frequencies."""
+    """Frequencies; instead of a range with points."""
     from_: q.Frequency | None = Field(default=None, alias="from")
     """First frequency."""
     to: q.Frequency | None = None
@@ -800,26 +801,26 @@ class Coexisting(OfSines):
     points: q.SteppedCount | None = None
     """Number of frequencies of the range."""
     starts: Annotated[PhaseStarts | StateStarts | HistoryStarts, BY_FORM] = PhaseStarts.model_construct()
-    """From where motions start."""
+    """Initial states of the motions."""
     disturbances: tuple[Disturbance, ...] = ()
-    """What the smallest disturbance that leaves each stable motion is sought of: {kind: impulse, probe: tip,
-    to: 0.1 N s} or {kind: base_pulse, to: 0.5 m/s}."""
+    """Disturbances; the smallest one that leaves each stable motion is searched for: {kind: impulse, probe: tip, to:
+    0.1 N s} or {kind: base_pulse, to: 0.5 m/s}."""
     unstable: bool = True
-    """Whether branches are followed from the stable motions to find unstable ones at the same frequencies."""
+    """Whether to follow branches from the stable motions, to find unstable motions at the same frequencies."""
     steady_to: q.PositiveNumber = 1e-5
-    """A motion is settled if it repeats to this fraction of its size; its shooting begins there."""
+    """A motion is settled if it repeats up to this fraction of its size; shooting starts from there."""
     most_cycles: q.Count = 1000
-    """Largest number of cycles until a motion has settled."""
+    """Largest number of cycles for a motion to settle."""
     longest_period: q.Few = 16
     """Longest period considered, in cycles of the excitation."""
     convergence: Literal["on", "off"] | None = None
-    """Whether the largest values of stable motions are compared with those of a finer model; by default off, in a
-    study on for the cases that decide."""
+    """Whether the largest values of stable motions are compared with those of a finer model; off by default, in a study
+    on for the deciding cases."""
 
     levels: ClassVar[tuple[float, ...]] = ()
 
     def check(self) -> None:
-        """Demand frequencies, given one way, and refuse more starts than are computed."""
+        """Require frequencies in one form, and refuse too many starts."""
         self.exclude("at", "from", "to", "points", remedy="give a list, or a range with points")
         if not (self.at or (self.from_ and self.to and self.points)):
             raise InvalidValueError("has no frequencies", "give at: [65 Hz, 78 Hz], or from, to and points")
@@ -831,14 +832,14 @@ class Coexisting(OfSines):
 
     @property
     def frequencies(self) -> tuple[float, ...]:
-        """Hz, increasing."""
+        """The frequencies, Hz, increasing."""
         low, high, last = self.from_ or 0.0, self.to or 0.0, (self.points or 2) - 1
         of_range = [low + k / last * (high - low) for k in range(last + 1)]
         return tuple(sorted(set(map(float, self.at or of_range))))
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lowest and highest frequency."""
+        """Lowest and highest frequency, Hz."""
         return self.frequencies[0], self.frequencies[-1]
 
 
@@ -846,19 +847,20 @@ Sweep = Annotated[SweptSine | SteppedSine | Continuation | Coexisting, BY_FORM]
 
 
 Tolerance = Annotated[float, q.Quantity(replace(units.NUMBER, example="1e-5"), minimum=1e-20, maximum=0.1)]
-"""Of the functional, the square of a relative deviation: below it is round-off, above a motion is far from periodic."""
+"""Tolerance of the functional, the square of a relative deviation: limited by round-off and by motions far from
+periodic."""
 ShareOfFrequency = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0, maximum=0.5)]
 
 
 class ShootingMethod(Schema):
-    """Brake orbits (at rest twice per period), exact, by shooting over half a period."""
+    """Brake orbits (at rest twice per period), computed exactly by shooting over half a period."""
 
     kind: Literal["shooting"] = "shooting"
     """Half-period shooting."""
 
 
 class FullPeriodMethod(Schema):
-    """Exact motions, including non-brake orbits, by shooting over the whole period."""
+    """Exact motions, including orbits that are never at rest, by shooting over the whole period."""
 
     kind: Literal["full_period"] = "full_period"
     """Full-period shooting with a phase condition."""
@@ -869,7 +871,7 @@ class FullPeriodMethod(Schema):
 
 
 class ExpansionMethod(Schema):
-    """The expansion for weak springs, compared with exact motions."""
+    """The asymptotic expansion for weak springs, compared with exact motions."""
 
     kind: Literal["multiple_scales"] = "multiple_scales"
     """Method of multiple scales."""
@@ -883,7 +885,7 @@ class RelaxedMinimisationMethod(Schema):
     steps: Annotated[int, q.Whole(1, 10_000)] = 75
     """Number of equal steps in the stiffness factor."""
     tolerance: Tolerance = 1e-5
-    """Value of the functional, over twice the energy of the motion (no unit), below which a step is accepted."""
+    """Largest accepted value of the functional, divided by twice the energy of the motion (dimensionless)."""
     iterations: q.Count = 200
     """Largest number of iterations of the optimiser in each step."""
 
@@ -900,17 +902,17 @@ ModeMethod = Annotated[
 
 
 class PhaseResonance(Schema):
-    """The excitation holds the damped structure on the mode at phase resonance; its frequency is computed."""
+    """The damped structure under an excitation in phase resonance with the mode, at a computed frequency."""
 
     levels: tuple[q.PositiveLevel, ...] = ()
-    """Levels of the excitation, each at its own resonance; by default that of the excitation."""
+    """Levels of the excitation, each at its own resonance; by default the level of the excitation."""
     periods: Annotated[int, q.Whole(1, 10_000)] = 50
-    """Number of periods of the damped motion computed from the predicted start."""
+    """Number of periods of the damped motion, starting from the prediction."""
     span: ShareOfFrequency = 0.1
-    """Fraction of the frequency by which the response curve extends on both sides."""
+    """Range of the response curve on both sides, as a fraction of the frequency."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """What a scenario lacks, or has too much of, to hold its mode by a force."""
+        """Problems: a scenario whose mode cannot be kept in resonance by one force."""
         excitation = scenario.excitation
         if scenario.nnm.method.kind == "multiple_scales":
             yield problem(path, "needs the exact mode, not its expansion", "use method: shooting")
@@ -925,7 +927,7 @@ class PhaseResonance(Schema):
 
 
 def _driven_through_contacts(scenario: Whole) -> Problems:
-    """Springs to the ground through which a moving base excites the structure too; its work has no single conjugate."""
+    """Problems of springs to the ground under base motion, which excite the structure too."""
     for path, _, snubber, _ in scenario.located_snubbers:
         if getattr(snubber, "mounted_on", "base") == "ground":
             yield problem(
@@ -945,17 +947,17 @@ def _driven_through_contacts(scenario: Whole) -> Problems:
 
 
 class StiffnessFactorContinuation(Span[q.Factor]):
-    """The stiffness of the nonlinear springs increases from zero to its full value."""
+    """The stiffness of the nonlinear springs as parameter, from zero to its full value."""
 
     kind: Literal["stiffness_factor"] = "stiffness_factor"
-    """Factor on the stiffness of snubbers and nonlinear springs."""
+    """Factor of the stiffness of snubbers and nonlinear springs."""
     from_: q.Factor = Field(default=0.0, alias="from")
     """First factor; 0 is the linear mode."""
     to: q.Factor = 1.0
     """Last factor; 1 is the full stiffness."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A factor that multiplies changes of slope until a slope of a softening spring would be negative."""
+        """A problem if a factor would give a softening spring a negative slope."""
         key, largest = max(("from", self.from_), ("to", self.to), key=lambda end: end[1])
         for place, _, spring, _ in scenario.nonlinear_springs:
             if not isinstance(spring, PiecewiseLinearSpring):
@@ -972,14 +974,14 @@ class StiffnessFactorContinuation(Span[q.Factor]):
 
 
 class EnergyContinuation(Span[q.Energy]):
-    """The energy changes."""
+    """The energy as parameter."""
 
     kind: Literal["energy"] = "energy"
     """Energy relative to static equilibrium."""
 
 
 class FrequencyContinuation(Span[q.Frequency]):
-    """The frequency changes."""
+    """The frequency as parameter."""
 
     kind: Literal["frequency"] = "frequency"
     """Frequency of the motion."""
@@ -995,30 +997,31 @@ class NonlinearMode(Schema):
     """The nonlinear normal mode and its continuation parameter."""
 
     mode: q.Count
-    """Number of the linear mode from which it starts, from 1."""
+    """Number of the linear mode at which the branch starts, from 1."""
     energy: q.Energy | None = None
     """Energy of the motion if the stiffness factor is the parameter."""
     continue_in: ContinueIn = StiffnessFactorContinuation.model_construct()
-    """The parameter that changes: stiffness_factor, energy or frequency."""
+    """The continuation parameter: stiffness_factor, energy or frequency."""
     method: ModeMethod = ShootingMethod.model_construct()
-    """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
+    """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (asymptotic
     expansion for weak springs) or relaxed_minimisation (Hazim 2010, for comparison)."""
     energies: tuple[q.Energy, ...] = ()
-    """Energies at which the backbone and its tongues get a point; if the stiffness factor is the parameter, none."""
+    """Energies at which the backbone and its tongues get a point; not allowed if the stiffness factor is the
+    parameter."""
     frequencies: tuple[q.Frequency, ...] = ()
-    """Frequencies at which they get a point, whatever the parameter is."""
+    """Frequencies at which they get a point, for any parameter."""
     phase_resonance: PhaseResonance | None = None
     """Excite the damped structure at phase resonance with the mode."""
     convergence: Literal["on", "off"] | None = None
-    """Whether values are compared with those of a finer model; by default off."""
+    """Whether results are compared with those of a finer model; off by default."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A mode that there is not, and levels in a unit of something else."""
+        """Problems: an unknown mode, and levels in a wrong unit."""
         yield from mode_problems(scenario, (*path, "mode"), self.mode)
         yield from level_problems(scenario, path, self)
 
     def check(self) -> None:
-        """Refuse an energy where it is what changes, and methods that follow the factor only."""
+        """Refuse an energy if it is the parameter, and methods that need the stiffness factor."""
         going, kind = self.continue_in, self.method.kind
         if kind in _IN_FACTOR and not isinstance(going, StiffnessFactorContinuation):
             raise InvalidValueError(

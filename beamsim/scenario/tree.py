@@ -1,8 +1,7 @@
-"""YAML as data that remember the file and line of every value, and back to text.
+"""YAML as data that store the file and line of every value; and back to text.
 
-PyYAML by itself reads ``2e5`` as text, ``off`` as false, and keeps the last of two equal keys in
-silence. Here numbers and booleans are those of YAML 1.2, and equal keys are refused. Anchors, aliases
-and merge keys (``<<``) work.
+PyYAML alone reads ``2e5`` as text and ``off`` as false, and silently keeps the last of two equal keys. Here numbers and
+booleans follow YAML 1.2, and equal keys are refused. Anchors, aliases and merge keys (``<<``) work.
 
 `extends` and overrides merge such trees: mappings are merged, all other values are replaced. A mapping whose ``kind``
 changes is replaced completely, and so are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). A
@@ -47,27 +46,27 @@ MOST_CHARACTERS = 1_000_000
 """A longer document is refused: reading it would take seconds."""
 _KEEP_APART = "keep measured data in files of their own"
 MOST_VALUES = 25_000
-"""A document of more keys and values than this, as written or with its aliases unfolded, is refused: of more, PyYAML
-would take longer than two seconds."""
+"""A document with more keys and values (as written, or with aliases expanded) is refused: PyYAML would need more than
+two seconds."""
 _UNFOLDS = f"unfolds to more than {MOST_VALUES} values"
 
 
 class WrittenMapping(dict[str, Any]):
-    """A mapping, where it was written, and where the value of each key was."""
+    """A mapping with the location of itself and of the value of each key."""
 
     mark: Mark = NOWHERE
     marks: Mapping[Any, Mark] = MappingProxyType({})
 
 
 class WrittenList(list[Any]):
-    """A list, and where each of its items was written."""
+    """A list with the location of each item."""
 
     marks: Mapping[Any, Mark] = MappingProxyType({})
-    of_python = False  # whether it is an array or a list of Python, not of a text
+    of_python = False  # whether it is a Python array or list, not text
 
 
 def from_python(value: object) -> Any:
-    """Plain data of a Python value: mappings, sequences, numbers (NumPy's too), text; none of it has a place."""
+    """Convert a Python value to plain data: mappings, sequences, numbers (also NumPy), text; without locations."""
     if isinstance(value, Mapping):
         return WrittenMapping({str(key): from_python(item) for key, item in value.items()})
     if isinstance(value, (list, tuple)):
@@ -87,7 +86,7 @@ def from_python(value: object) -> Any:
 
 
 def locate(root: Any, path: Path) -> Mark:
-    """Return file and line of the value at a path, or of the nearest enclosing one."""
+    """File and line of the value at a path, or of the nearest enclosing value."""
     value, mark = root, (root.mark[0], None)
     for part in path:
         part = str(part) if isinstance(value, dict) else part
@@ -99,13 +98,13 @@ def locate(root: Any, path: Path) -> Mark:
 
 
 def located_problem(root: Any, found: Problem) -> Problem:
-    """Return the problem with the file and line of the value at its path."""
+    """A copy of a problem with the file and line of its path."""
     file, line = locate(root, tuple(path_parts(found.path)) or _written_path(root, found.path))
     return replace(found, file=file, line=line)
 
 
 def _written_path(root: Any, path: str) -> Path:
-    """Keys and indices of what is written at a path with a key that is no name (``gap:0.1 mm``), or next above it."""
+    """Keys and indices of the value at a path with an invalid key (``gap:0.1 mm``), or of the one above it."""
     value, walked = root, Path()
     while isinstance(value, (dict, list)):
         below = {path_text((*walked, key)): key for key in (value if isinstance(value, dict) else range(len(value)))}
@@ -118,16 +117,16 @@ def _written_path(root: Any, path: str) -> Path:
 
 
 class _TooLong(Exception):
-    """A document has more values than allowed; with the line of the first that is too many."""
+    """The document has more values than allowed; stores the line of the first value beyond the limit."""
 
 
 class _Loader(yaml.SafeLoader):
-    """Resolves plain scalars as YAML 1.2 does, and ends at `MOST_VALUES`."""
+    """Resolves plain scalars as YAML 1.2 does, and stops at `MOST_VALUES`."""
 
     composed = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Compose the next value, unless it is one too many."""
+        """Compose the next value; stop if there are too many."""
         self.composed += 1
         if self.composed > MOST_VALUES:
             raise _TooLong(self.line + 1)
@@ -148,13 +147,13 @@ for _tag, _pattern, _first in (
 
 
 def parse(text: str, file: str | None = None) -> Any:
-    """Read one YAML document: mappings and lists that know where they were written, and scalars.
+    """Read one YAML document, with the location of mappings, lists and values.
 
     Raises
     ------
     ScenarioError
-        If it is not YAML, holds several documents or custom tags, or a mapping has two equal keys
-        or one that is not text; all of these at once.
+        If it is not YAML, contains several documents or custom tags, or a mapping has equal keys or a key that is not
+        text; with all such problems.
     """
     reader = _Reader(file)
     try:
@@ -168,7 +167,7 @@ def parse(text: str, file: str | None = None) -> Any:
 
 
 def _unreadable(error: Exception, text: str, file: str | None) -> Problem:
-    """Why a text is no document that is read."""
+    """The problem of a text that is not a valid document."""
     if isinstance(error, _TooLong):
         message = f"has more than {MOST_VALUES} keys and values"
         return problem((), message, _KEEP_APART, (file, error.args[0]))
@@ -184,7 +183,7 @@ def _unreadable(error: Exception, text: str, file: str | None) -> Problem:
 
 
 def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
-    """The bracket within which parsing failed, and its line; empty where it failed outside of brackets."""
+    """The bracket inside which parsing failed, and its line; empty if it failed outside brackets."""
     mark = error.context_mark
     if mark is None or error.context not in ("while parsing a flow mapping", "while parsing a flow sequence"):
         return ""
@@ -192,7 +191,7 @@ def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
 
 
 def _colon_remedy(lines: list[str]) -> str:
-    """What to do about a colon, in the last of the lines, where none may be: the line before may lack one."""
+    """The remedy for a misplaced colon in the last of the lines: the line before may lack one."""
     before = [number for number, line in enumerate(lines[:-1], 1) if line.partition("#")[0].strip()]
     if before and ":" not in lines[before[-1] - 1].partition("#")[0]:
         return f"line {before[-1]} has no colon between key and value"
@@ -225,7 +224,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
 
 @dataclass
 class _Reader:
-    """Turns PyYAML's nodes into data that know their places."""
+    """Converts PyYAML's nodes to data with locations."""
 
     file: str | None
     problems: list[Problem] = field(default_factory=list)
@@ -233,7 +232,7 @@ class _Reader:
     count: int = 0
 
     def data(self, node: yaml.Node, path: Path) -> Any:
-        """What a node at a path is: mappings and lists that know where they were written, and scalars."""
+        """Convert a node at a path: mappings and lists with locations, and scalars."""
         self.count += 1
         if self.count > MOST_VALUES:
             raise ScenarioError(problem((), _UNFOLDS, "use fewer aliases", (self.file, None)))
@@ -255,11 +254,11 @@ class _Reader:
             self.open.discard(id(node))
 
     def _note_duplicate(self, path: Path, line: int, node: yaml.Node) -> None:
-        """Note that a key was given before, in a line."""
+        """Record a key that was already given, with its line."""
         self._problem(path, f"is given twice, first in line {line}", "keep one of the two", node)
 
     def _scalar(self, node: yaml.ScalarNode, path: Path) -> object:
-        """The text, number or truth of a node at a path."""
+        """Convert the text, number or boolean of a node at a path."""
         kind = node.tag.removeprefix(_TAG)
         try:
             return _SCALARS[kind](node.value)
@@ -268,7 +267,7 @@ class _Reader:
             return None
 
     def _unreadable_scalar(self, node: yaml.ScalarNode, path: Path, kind: str) -> None:
-        """That a node at a path has a tag of no kind of scalar, or text that is none of its kind."""
+        """Record a node with an unknown tag, or with text that does not fit its tag."""
         if kind in _SCALARS:
             message = f"= {single_line(node.value)} is not a valid {kind}"
             self._problem(path, message, "correct it, or remove its tag", node)
@@ -300,7 +299,7 @@ class _Reader:
         return items
 
     def _merged(self, key_node: yaml.Node, value_node: yaml.Node, path: Path) -> list[tuple[yaml.Node, yaml.Node]]:
-        """A key that is no text, with its value, where it merges another mapping; else it is a problem."""
+        """Resolve a key that is not text: a merge key gives the keys of another mapping, others are problems."""
         if key_node.tag == _TAG + "merge":
             return [(key_node, value_node)]
         shown = single_line(key_node.value) if isinstance(key_node.value, str) else "a list or mapping"
@@ -310,7 +309,7 @@ class _Reader:
     def _merge(
         self, items: WrittenMapping, marks: dict[str, Mark], node: yaml.Node, path: Path, key_node: yaml.Node
     ) -> None:
-        """Add the keys of mappings that a mapping has not itself, of several the first."""
+        """Add the keys of merged mappings that a mapping does not have itself; the first mapping wins."""
         for source in node.value if isinstance(node, yaml.SequenceNode) else [node]:
             if not isinstance(source, yaml.MappingNode):
                 remedy = "merge an alias of a mapping: <<: *name"
@@ -330,11 +329,11 @@ _SCALARS: dict[str, Callable[[str], object]] = {
     "int": lambda text: int(text, 0 if text[:2] in ("0o", "0x") else 10),
     "float": lambda text: float(text.lower().replace(".inf", "inf").replace(".nan", "nan")),
 }
-"""By YAML's name of a kind of scalar how its text is read."""
+"""Function that reads the text of each kind of scalar, by its YAML name."""
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes text that YAML 1.1 or YAML 1.2 would read as something else."""
+    """Quotes text that YAML 1.1 or YAML 1.2 would read as another type."""
 
 
 _Dumper.add_implicit_resolver(
@@ -345,7 +344,7 @@ _Dumper.add_implicit_resolver(
 
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    """Escape the line break U+0085, which PyYAML writes as it is and reads back as a space."""
+    """Escape the line break U+0085, which PyYAML writes unchanged and reads back as a space."""
     style = '"' if "\x85" in text else None
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
@@ -356,7 +355,7 @@ _FIRST = ("name", "kind", "body", "at", "position", "mass", "between", "masses",
 
 
 def dump_yaml(data: Any) -> str:
-    """Plain data as YAML text, the keys that say what a mapping is first."""
+    """Plain data as YAML text; keys that identify a mapping come first."""
     return yaml.dump(
         _order(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120
     )
@@ -376,10 +375,10 @@ ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = tuple(
     for either in ("continue_in | from to", "gap | preload", "section | width thickness", "periods | last",
                    "modes | highest_frequency")
 )  # fmt: skip
-"""Keys of one mapping that exclude each other: those given replace those inherited."""
+"""Keys of a mapping that exclude each other: a given key replaces the inherited ones."""
 
 REPLACED_WHOLE = frozenset({"applied_to", "at", "mounted_on", "start", "released_force", "reduction"})
-"""Mappings distinguished by the keys they have; merging two of them would make neither."""
+"""Mappings that are identified by their keys; merging two of them would be invalid."""
 
 
 def read_file(path: FilePath) -> Any:
@@ -408,8 +407,8 @@ def read_file(path: FilePath) -> Any:
 
 
 def _not_text(raw: bytes, error: UnicodeDecodeError, file: str) -> Problem:
-    """That the content of a file is not text, and what to do with that of a result file."""
-    if raw.startswith(b"\x89HDF"):  # no text: 0x89 begins no character of UTF-8
+    """The problem of a file that is not text; with a remedy for result files."""
+    if raw.startswith(b"\x89HDF"):  # 0x89 cannot start a UTF-8 character
         remedy = f'a result is read by beamsim.load("{file}"), its case is beamsim.load("{file}").scenario'
         return problem((), "is an HDF5 file, not YAML", remedy, (file, None))
     line = raw.count(b"\n", 0, error.start) + 1
@@ -426,24 +425,24 @@ def _similar_file(path: FilePath) -> str:
 
 
 def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[FilePath, ...] = ()) -> WrittenMapping:
-    """Merge a document into the one it extends, recursively.
+    """Merge a document into the document that it extends, recursively.
 
     Parameters
     ----------
     root : the document.
-    file : what it was read from.
-    folder : base of relative paths.
+    file : the file that it was read from.
+    folder : base folder of relative paths.
     chain : the files that extend this one.
 
     Returns
     -------
     WrittenMapping
-        The document with all that it extends, without ``extends``.
+        The merged document, without ``extends``.
 
     Raises
     ------
     ScenarioError
-        If a document holds no keys, a file cannot be read, or files extend each other in a circle.
+        If a document has no keys, a file cannot be read, or files extend each other in a circle.
     """
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
@@ -454,7 +453,7 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
 def _merge_into_base(
     root: WrittenMapping, named: Any, mark: Mark, folder: FilePath, chain: tuple[FilePath, ...]
 ) -> WrittenMapping:
-    """A document merged into the file that it names, at a mark, as the one that it extends; see `resolve_extends`."""
+    """Merge a document into the file that it extends; see `resolve_extends`."""
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
         raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", mark))
@@ -478,7 +477,7 @@ def _merge_into_base(
 
 
 def _without_keys(root: Any, file: str | None) -> Problem:
-    """That a document is empty, a list or a single value."""
+    """The problem of a document that is empty, a list or a single value."""
     if root is None:
         message = "is empty" if file else "the scenario is empty"
         return problem((), message, "beamsim new writes a template", (file, None))
@@ -488,22 +487,22 @@ def _without_keys(root: Any, file: str | None) -> Problem:
 
 
 class _NestedOverrides(WrittenMapping):
-    """What overrides say inside a mapping, by key, or a list, by index; it replaces neither as a whole."""
+    """Overrides inside a mapping, by key, or inside a list, by index; they do not replace it as a whole."""
 
 
 def merge(base: Any, over: Any, key: str = "") -> Any:
-    """Merge one part of a document into that of the document it extends.
+    """Merge a value into the corresponding value of the extended document.
 
     Parameters
     ----------
-    base : the part that is extended.
-    over : what is merged into it; it replaces a base of another kind or of a key in `REPLACED_WHOLE`, and all that is
-        no mapping.
-    key : of both.
+    base : the value that is extended.
+    over : the value to merge. It replaces ``base`` unless both are mappings of the same kind with a key that is not in
+        `REPLACED_WHOLE`.
+    key : key of both values.
 
     Returns
     -------
-    The merged part.
+    The merged value.
     """
     inside = isinstance(over, _NestedOverrides)
     if isinstance(base, WrittenList) and inside:
@@ -527,7 +526,7 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
         if item is None and name in base:
             del merged[name]
     given = {name for name, item in over.items() if item is not None}
-    for either in ALTERNATIVES:  # those inherited make room for those given
+    for either in ALTERNATIVES:  # a given key replaces inherited alternatives
         chosen = [names for names in either if names & given]
         for names in either if chosen else ():
             for name in names - over.keys() if names not in chosen else ():
@@ -539,17 +538,17 @@ _EXAMPLE = "write for example beam.thickness=4 mm, snubbers.tip.gap=0.1 mm or sn
 
 
 def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMapping:
-    """Return the tree with values changed: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
+    """Change values in a document: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
 
-    An item of a list is given by its index or name, ``snubbers.tip.gap``, all of them by ``[*]``. Values in text are
-    read as YAML. Overrides act like one file that extends this one and says only that: mappings merge, one whose kind
-    changes is replaced whole, ``null`` takes a key away. That of a whole mapping or list comes before those of what is
-    in it, whatever their order.
+    A list item is named by its index or name, ``snubbers.tip.gap``, all items by ``[*]``. Values given as text are read
+    as YAML. Overrides act like one file that extends this one: mappings are merged, a mapping whose kind changes is
+    replaced, ``null`` removes a key. An override of a whole mapping or list is applied before overrides inside it, in
+    any order.
 
     Raises
     ------
     ScenarioError
-        For every override that cannot be read or does not exist.
+        With every override that cannot be read or whose path does not exist.
     """
     problems: list[Problem] = []
     if isinstance(overrides, str):
@@ -585,12 +584,12 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
 
 
 def written_number(root: Any, path: Path, value: float, dimension: Dimension) -> float | str | None:
-    """How a number was written: at its path, or, in a case of a study, among what varies; None where neither has it.
+    """The text or number that the user wrote for a value, or in the parameters of a study; None if there is none.
 
     Parameters
     ----------
-    root : of the data.
-    path : of the number.
+    root : the data.
+    path : path of the number.
     value, dimension : SI, and its dimension.
     """
     here = root
@@ -605,7 +604,7 @@ def written_number(root: Any, path: Path, value: float, dimension: Dimension) ->
 
 
 def _numbers(written: Any) -> Iterator[Any]:
-    """All numbers and texts in what was written, but for arrays that come from Python."""
+    """All numbers and texts in data, except those from Python arrays."""
     if isinstance(written, dict):
         written = list(written.values())
     if isinstance(written, list):
@@ -630,7 +629,7 @@ def _split(override: str) -> tuple[str, Any]:
 
 
 def _places(root: WrittenMapping, path: str) -> list[Path]:
-    """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
+    """Paths of all values that a path stands for, with names of items and ``[*]`` resolved."""
     parts = path_parts(path)
     if not parts:
         raise InvalidValueError("is not a path of an override", _EXAMPLE)
@@ -641,7 +640,7 @@ def _places(root: WrittenMapping, path: str) -> list[Path]:
 
 
 def _step(prefix: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any]]:
-    """One part of a path further; the value is None where the path leads to what is not there yet."""
+    """Resolve one part of a path; the value is None if it does not exist yet."""
     where = path_text(prefix)
     if isinstance(items, list):
         yield from (((*prefix, k), items[k]) for k in indices(items, part, prefix))
@@ -657,18 +656,18 @@ def _step(prefix: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any
 
 
 def indices(items: Sequence[Any], part: str | int, prefix: Path) -> Sequence[int]:
-    """Indices of the items of a list that a part of a path means: one by its index or name, all by ``*``.
+    """Indices of the list items that a part of a path stands for: one by its index or name, all by ``*``.
 
     Parameters
     ----------
-    items : as they were written, or sections.
-    part : of the path.
+    items : data as written, or sections.
+    part : the part of the path.
     prefix : path of the list.
 
     Raises
     ------
     InvalidValueError
-        Where there is no such item.
+        If there is no such item.
     """
     where = path_text(prefix)
     if part == "*" and items:
@@ -695,7 +694,7 @@ def indices(items: Sequence[Any], part: str | int, prefix: Path) -> Sequence[int
 
 
 def body_path_remedy(root: WrittenMapping, parts: Sequence[str | int]) -> str:
-    """The remedy for a path to an item that a body lists, ``snubbers.stop`` for ``chain.snubbers.stop``; else empty."""
+    """A remedy that adds the body to the path of one of its items (``chain.snubbers.stop``); empty if there is none."""
     single = {(key,): root.get(key) for key in ("beam", "chain")}
     several = root.get("bodies")
     bodies = single | {("bodies", key): body for key, body in (several if isinstance(several, dict) else {}).items()}

@@ -1,6 +1,6 @@
 """Conversion of values as written (``151.1 kN/m``, ``2 g``, ``60 rpm``) to SI numbers.
 
-A bare number is SI. Besides what SI and imperial units mean anyway:
+A number without unit is in SI units. In addition to the usual meaning of SI and imperial units:
 
 - a frequency is in Hz, so ``0.8 rad/s`` is 0.1273 Hz and ``60 rpm`` is 1 Hz;
 - ``g`` is standard gravity in an acceleration or its power spectral density, gram in a mass;
@@ -23,24 +23,22 @@ from beamsim.scenario.base import InvalidValueError
 
 @dataclass(frozen=True)
 class Dimension:
-    """What a quantity measures: its name, its SI unit as text, an example of how to write it, and its range.
+    """A physical quantity: its name, SI unit as text, an example, and its range.
 
-    The range is that of sizes, whatever their sign; zero is in it. It has room for resonators of nanometres, for
-    bridges, and for models without dimensions, in which masses and stiffnesses are about 1. What lies outside is a
-    typing error, or would overflow in what is computed of it.
-    """
+    The range limits the magnitude; zero is allowed. It includes nanometre resonators, bridges, and dimensionless models
+    with masses and stiffnesses around 1. A value outside is a typing error, or would overflow in computations."""
 
     name: str
     unit: str
     example: str
-    smallest: float = 1e-30  # SI, other than zero
+    smallest: float = 1e-30  # SI, except zero
     largest: float = 1e30
     gravity: bool = False  # `g` means standard gravity here
     plain: bool = False  # a number without any unit, not even % or mm/m
 
     @property
     def with_article(self) -> str:
-        """The name after a or an."""
+        """The name with its article, a or an."""
         return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
 
 
@@ -94,9 +92,9 @@ FORCE_PER_LENGTH_PSD = Dimension("spectral density of a force per length", "N^2/
 PRESSURE_PSD = Dimension("pressure spectral density", "Pa^2/Hz", "10 Pa^2/Hz", 1e-36, 1e36)
 DENSITY_SLOPE = Dimension("slope of a density", "dB/oct", "3 dB/oct", 1e-6, 1e3)
 ANY = Dimension("number", "", "150 kN/m", 1e-60, 1e60)
-"""A number of which the field that it is meant for is known later."""
+"""A number whose field, and so whose dimension, is known later."""
 LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD, ANGULAR_ACCELERATION_PSD)
-"""Densities of what an excitation may be."""
+"""Spectral densities of all quantities of an excitation."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Letters, exponents, products, quotients and parentheses; a numeral is an exponent or a leading 1.
@@ -109,15 +107,15 @@ _SPELLINGS = {
     unit.lower(): unit
     for unit in ("m", "mm", "cm", "um", "kg", "g", "s", "ms", "N", "kN", "Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "J")
 }
-"""What is probably meant, whatever its capitals."""
+"""Probable meaning of a misspelled unit, in any capitalisation."""
 
 
 class UnitError(InvalidValueError):
-    """A value cannot be read as what is wanted; a message shows it as it was written."""
+    """A value that cannot be read as a certain quantity; the message shows it as written."""
 
 
 UNITS_WRITTEN: ContextVar[Counter[tuple[Dimension, str]] | None] = ContextVar("units_written", default=None)
-"""How often what is read is in which unit, while quantities of a scenario are read; bare numbers have none."""
+"""While a scenario is read: how often each unit is used; numbers without unit are not counted."""
 
 
 # --- the table of units -----------------------------------------------------------------------------------------------
@@ -128,7 +126,7 @@ Powers = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as its SI size, ``factor`` times pi to the power ``pi``, its base units, and the power of the radian."""
+    """A unit: its SI size ``factor`` times pi to the power ``pi``, its base units, and the power of the radian."""
 
     factor: Fraction = Fraction(1)
     pi: int = 0
@@ -166,12 +164,12 @@ _DEFINED = {
     "gravity": ("9.80665", "m/s^2"), "g_0": ("1", "gravity"), "g_n": ("1", "gravity"), "gn": ("1", "gravity"),
     "dec": ("3.3219280948873623479", "oct"), "rpm": ("1", "turn/min"), "rps": ("1", "turn/s"),
 }  # fmt: skip
-"""Units by what they are: a number of others."""
+"""Units defined by others: a factor and a unit."""
 _OF_TURN = {
     **dict.fromkeys(("turn", "rev", "revolution", "cycle"), 1), **dict.fromkeys(("deg", "degree"), 360),
     "arcmin": 21600, "arcsec": 1296000, "grade": 400, "gon": 400, "mil": 6400,
 }  # fmt: skip
-"""Angles, by how many of them make a turn."""
+"""Angles, by their number in a full turn."""
 _SIMPLE = {
     "rad": Unit(radians=1),
     **{name: Unit(Fraction(2, count), pi=1, radians=1) for name, count in _OF_TURN.items()},
@@ -188,7 +186,7 @@ _SPELT_OUT = {
 
 
 def _find_unit(symbol: str, gravity: bool) -> Unit | None:
-    """A unit by its symbol or name, with or without a prefix or the s of a plural; None for an unknown one."""
+    """The unit of a symbol or name, with optional prefix or plural s; None if unknown."""
     if gravity and symbol in ("g", "mg"):
         return Unit(Fraction("0.001" if symbol == "mg" else 1)).times(_unit("gravity", False))
     for name in (symbol, symbol.removesuffix("s")):
@@ -211,7 +209,7 @@ _EXPONENT = r"(?:\s*\^\s*(-?\d|\(-?\d\)))?"
 _FACTOR = re.compile(rf"\s*([*/]?)\s*(?:(\()|(1)(?=\s*/)|([A-Za-zµμ_]+|%){_EXPONENT})")
 _CLOSING = re.compile(rf"\){_EXPONENT}")
 _BRACKETS = str.maketrans("[]", "()")
-_MOST_DIGITS = 200  # of the size of a unit in brackets, to a power: larger ones are no physical units
+_MOST_DIGITS = 200  # digits of the size of a unit in brackets with an exponent; larger ones are not physical
 
 
 @lru_cache(maxsize=1024)
@@ -221,7 +219,7 @@ def _unit(text: str, gravity: bool) -> Unit:
     Raises
     ------
     UnitError
-        If it is no product and quotient of known units.
+        If it is not a product or quotient of known units.
     """
     text = text.translate(_BRACKETS)
     if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
@@ -236,7 +234,7 @@ def _unit(text: str, gravity: bool) -> Unit:
 
 
 def _product(rest: str, gravity: bool) -> tuple[Unit | None, str]:
-    """The product of the units with which a text begins, up to a closing bracket, and what follows; None of others."""
+    """The product of the units at the beginning of a text, up to a closing bracket, and the rest; None if not valid."""
     unit: Unit | None = None
     while rest and not (rest.startswith(")") and unit is not None):
         factor = _FACTOR.match(rest)
@@ -255,7 +253,7 @@ def _product(rest: str, gravity: bool) -> tuple[Unit | None, str]:
 
 
 def _in_brackets(rest: str, gravity: bool) -> tuple[Unit | None, str]:
-    """The unit in brackets, to its power, of which a text has what comes after the opening one, and what follows."""
+    """The unit in brackets with its exponent, for a text after the opening bracket, and the rest."""
     unit, rest = _product(rest, gravity)
     closing = _CLOSING.match(rest)
     if unit is None or closing is None:
@@ -264,7 +262,7 @@ def _in_brackets(rest: str, gravity: bool) -> tuple[Unit | None, str]:
 
 
 def _to_power(unit: Unit, power: int) -> Unit | None:
-    """A power of a unit; None where that is no physical unit but a number too large to compute with."""
+    """A power of a unit; None if the result is too large to be physical."""
     digits = max(math.log10(unit.factor.numerator), math.log10(unit.factor.denominator))
     powers = (unit.radians, *(of for _, of in unit.powers))
     large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for of in powers)
@@ -275,7 +273,7 @@ def _to_power(unit: Unit, power: int) -> Unit | None:
 
 
 def read_quantity(value: object, dimension: Dimension) -> float:
-    """Return the value in the SI unit of ``dimension``.
+    """Convert a value to the SI unit of a dimension.
 
     Parameters
     ----------
@@ -301,7 +299,7 @@ def size_of(unit: str, dimension: Dimension) -> float:
     Raises
     ------
     UnitError
-        If it is no unit of the dimension.
+        If it is not a unit of the dimension.
     """
     if not unit.strip():
         raise UnitError("it is empty", "")
@@ -311,13 +309,13 @@ def size_of(unit: str, dimension: Dimension) -> float:
 def read_level(
     value: object, dimensions: tuple[Dimension, ...], *, any_size: bool = False
 ) -> tuple[float, Dimension | None]:
-    """Return the SI value and which of the dimensions its unit has (``None`` for a bare number).
+    """Convert a value to SI, and return the dimension of its unit (``None`` for a number without unit).
 
     Parameters
     ----------
-    value : as of `read_quantity`.
-    dimensions : that it may have.
-    any_size : whether it may be out of their range, which the caller then checks.
+    value : as for `read_quantity`.
+    dimensions : the allowed dimensions.
+    any_size : whether values out of range are accepted; the caller then checks them.
     """
     remedy = "write for example " + " or ".join(each.example for each in dimensions)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
@@ -342,7 +340,7 @@ def read_level(
 
 
 def number_and_unit(written: float | str) -> tuple[float, str]:
-    """The number of a valid quantity and its unit as it is written, empty without one.
+    """The number and unit of a valid quantity as written; the unit is empty if there is none.
 
     >>> number_and_unit("2.7 g/cm^3"), number_and_unit(65)
     ((2.7, 'g/cm^3'), (65.0, ''))
@@ -352,12 +350,12 @@ def number_and_unit(written: float | str) -> tuple[float, str]:
 
 
 def is_in_gravities(unit: str) -> bool:
-    """Whether a unit of an acceleration or of its density is made of standard gravity."""
+    """Whether a unit of acceleration or acceleration density contains standard gravity."""
     return _GRAVITY.search(unit) is not None
 
 
 def demand_in_range(value: float, dimension: Dimension, remedy: str) -> None:
-    """Refuse what follows from numbers and is outside the range of its dimension; raises `InvalidValueError`."""
+    """Refuse a computed value outside the range of its dimension; raises `InvalidValueError`."""
     if not dimension.smallest <= value <= dimension.largest:
         allowed = f"{dimension.smallest:g} to {dimension.largest:g}"
         message = f"comes to {dimension.with_article} of {value:g} {dimension.unit}, outside {allowed}"
@@ -365,7 +363,7 @@ def demand_in_range(value: float, dimension: Dimension, remedy: str) -> None:
 
 
 def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> float:
-    """The number, if its size is in the range of one of the dimensions."""
+    """Return a number if its magnitude is in the range of one of the dimensions; otherwise raise `UnitError`."""
     smallest, largest = min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
     if number != 0.0 and not smallest <= abs(number) <= largest:
         raise UnitError(_outside_the_range(dimensions[0], smallest, largest), remedy)
@@ -373,14 +371,14 @@ def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> f
 
 
 def _outside_the_range(dimension: Dimension, smallest: float, largest: float) -> str:
-    """What is wrong with a number of a dimension that is not between two, in its unit."""
+    """The message for a number outside its range, in the unit of its dimension."""
     return f"is outside the range of {dimension.with_article}, {smallest:g} to {largest:g} {dimension.unit}".rstrip()
 
 
 def _scaled(factor: str | float, size: Unit, remedy: str) -> float:
-    """Return the number of units in SI units, rounded once.
+    """Convert a number of units to SI, rounded once.
 
-    So 7 mm and 0.7 cm are the same number, and 4.2 g is the float nearest to 0.0042 kg.
+    So 7 mm and 0.7 cm are equal, and 4.2 g is the float nearest to 0.0042 kg.
     """
     try:
         number = float(factor)
@@ -394,7 +392,7 @@ def _scaled(factor: str | float, size: Unit, remedy: str) -> float:
 
 
 def _spelling_question(text: str, dimensions: tuple[Dimension, ...]) -> str:
-    """The question whether an ill-spelt unit is another, 'hz' for Hz; empty if that has none of the dimensions."""
+    """A question about a misspelled unit, 'hz' for Hz; empty if no unit of these dimensions is similar."""
     meant = re.sub(r"[A-Za-zµμ]+", lambda name: _SPELLINGS.get(name[0].lower(), name[0]), text)
     return f"did you mean {meant}?" if meant != text and any(_fits(meant, each) for each in dimensions) else ""
 
@@ -408,9 +406,9 @@ def _fits(text: str, dimension: Dimension) -> bool:
 
 @lru_cache(maxsize=1024)
 def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
-    """How many SI units one of a unit is, and of which one of the dimensions.
+    """Size of a unit in SI units, and its dimension among the allowed ones.
 
-    What is per radian may be per one. A frequency given by an angle is in turns.
+    Units per radian also fit quantities per 1. A frequency given as an angle per time is converted to turns.
     """
     try:
         for dimension in dimensions:
@@ -428,14 +426,14 @@ def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
 
 
 def _another_dimension(text: str, dimensions: tuple[Dimension, ...]) -> str:
-    """That a unit has none of the dimensions."""
+    """The message for a unit that has none of the dimensions."""
     names = [dimension.with_article for dimension in dimensions]
     expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
     return f"must be {expected}, not {_dimension_text(_unit(text, all(each.gravity for each in dimensions)), text)}"
 
 
 def _unit_remedy(text: str, dimensions: tuple[Dimension, ...]) -> str:
-    """The remedy for a unit that has none of the dimensions, or is unknown."""
+    """The remedy for an unknown or unsuitable unit."""
     if dimensions == (LENGTH,) and re.fullmatch(r"mils?", text):
         return "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
     return _spelling_question(text, dimensions) or "write for example " + " or ".join(
@@ -444,7 +442,7 @@ def _unit_remedy(text: str, dimensions: tuple[Dimension, ...]) -> str:
 
 
 def _dimension_text(unit: Unit, text: str) -> str:
-    """Name the dimension that was given."""
+    """Name of the dimension of a unit."""
     if not unit.powers:
         return (ANGLE if unit.radians else RATIO).with_article
     for dimension in _NAMED:

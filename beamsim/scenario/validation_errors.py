@@ -1,4 +1,4 @@
-"""What pydantic finds wrong, as problems in terms of the file."""
+"""Converts pydantic's validation errors to problems in terms of the scenario file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from beamsim.scenario.units import UnitError
 
 
 def problems_of(root: type[Schema], error: ValidationError) -> list[Problem]:
-    """What pydantic found; that a list is too short is left out where its items are wrong, too."""
+    """Problems of a validation error; a too short list is not reported if its items are invalid too."""
     details = error.errors(include_url=False)
     wrong = [detail["loc"] for detail in details]
     return [
@@ -42,7 +42,7 @@ def problems_of(root: type[Schema], error: ValidationError) -> list[Problem]:
 
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
-    """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""
+    """The classes that a field may hold, by their union tag (`""` if there is none)."""
     if get_origin(annotation) is Annotated:
         return members(get_args(annotation)[0], tag_of(annotation))
     if isinstance(annotation, type) and issubclass(annotation, Schema):
@@ -58,15 +58,15 @@ def _is_tag(part: str | int) -> bool:
 
 
 def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo | None]:
-    """Return the class whose key the location's last part is, and the field if there is one."""
+    """The class that has the last part of a location as its key, and the field, if there is one."""
     schema, field = root, None
     choices: dict[str, type[Schema]] = {}
     within_mapping = False
     for number, part in enumerate(location, 1):
         if _is_tag(part):
-            if part in choices and number < len(location):  # the last one is a form of the field itself
+            if part in choices and number < len(location):  # the last part is a form of the field itself
                 schema, choices = choices[str(part)], {}
-        elif within_mapping:  # the part is a name, such as a body's
+        elif within_mapping:  # the part is a name, such as that of a body
             within_mapping = False
         elif isinstance(part, str):
             if field is not None and choices:
@@ -80,7 +80,7 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
 
 
 def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
-    """Return path, message and remedy of one of pydantic's errors."""
+    """Path, message and remedy of one of pydantic's errors."""
     location = tuple(error["loc"])
     path = tuple(part for part in location if not _is_tag(part))
     context, value = error.get("ctx", {}), error.get("input")
@@ -137,7 +137,7 @@ def _entry_remedy(key: str, schema: type[Schema], field: FieldInfo | None) -> st
 
 
 def _with_usual_example(remedy: str, path: Path, field: FieldInfo | None) -> str:
-    """A remedy that gives the example of a dimension, with that which suits the key."""
+    """Replace the dimension's example in a remedy by one that suits the key."""
     key = next((part for part in reversed(path) if isinstance(part, str)), "")
     for item in (*field.metadata, *nested_annotations(field.annotation)) if field is not None else ():
         if isinstance(item, Quantity) and remedy == f"write for example {item.dimension.example}":
@@ -161,7 +161,7 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
         return "extends must be at the top level of a file"
     if ":" in key:
         return f"write a space after the colon: {key.replace(':', ': ', 1)}"
-    if re.match(r"\s*[\d.]", key):  # what follows the comma of 0,3 mm or 90,000 N within { }
+    if re.match(r"\s*[\d.]", key):  # the rest after the comma in 0,3 mm or 90,000 N within { }
         return "a comma separates keys: write decimals with a point, and no comma between thousands"
     keys = list(schema.keys())
     if keys == ["kind"]:
@@ -173,7 +173,7 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
 
 
 def _section_of_key(key: str, schema: type[Schema]) -> str:
-    """Of a key that stands too far out: the section that has it, or in which it is a kind."""
+    """The section to which a key at the wrong level belongs."""
     homes = []
     for section, attribute in schema.keys().items():
         annotation = schema.model_fields[attribute].annotation
