@@ -19,8 +19,15 @@ from beamsim.plots.understood import interpretation
 from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import limit_label, limit_unit, limits, longer_run, read_first
 from beamsim.scenario.base import count_text
-from beamsim.scenario.quantities import ASKS, FACTOR, acceleration_amplitude, amplitude_unit, level_unit, power_of
-from beamsim.scenario.scenario import USED
+from beamsim.scenario.quantities import (
+    FACTOR,
+    QUESTION_END,
+    acceleration_amplitude,
+    amplitude_unit,
+    level_unit,
+    power_of,
+)
+from beamsim.scenario.scenario import USED_SECTIONS
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import value_in_words
 
@@ -51,7 +58,7 @@ class Screen:
         files : written by the command, the result file first.
         """
         verdict, *statements = self.status(result)
-        asked = [text for text in result.warnings if ASKS in text]
+        asked = [text for text in result.warnings if QUESTION_END in text]
         lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements]
         lines += [*textwrap.wrap(understood_of(result), WIDTH), *(f"warning: {text}" for text in asked), *self.body()]
         more = len(result.warnings) - len(asked)
@@ -266,7 +273,7 @@ def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
 def understood_of(result: Result) -> str:
     """What was understood of the case of a result, in a line."""
     command = KINDS[result.KIND].command
-    if command not in USED:
+    if command not in USED_SECTIONS:
         return ""  # it compares a result with measurements
     inputs = result["inputs"].rows("number") if "inputs" in result.datasets else ()
     return interpretation(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)

@@ -36,7 +36,7 @@ from beamsim.contacts.sliders import (
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.scenario.body import LocatedItem
-from beamsim.scenario.connections import OfHinge
+from beamsim.scenario.connections import HingeElement
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
@@ -124,12 +124,12 @@ def describe_springs(
             law = _as_installed(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
-        on_ground = on_ground and not isinstance(spring, OfHinge)
+        on_ground = on_ground and not isinstance(spring, HingeElement)
         cubic, linear, own = numbers
         infos.append(
             SpringInfo(
                 spring.name, spring.kind, places, masses, row, on_ground, float(lever), cubic, linear, own,
-                _normal_force(spring), gap_unit="rad" if isinstance(spring, OfHinge) else "m",
+                _normal_force(spring), gap_unit="rad" if isinstance(spring, HingeElement) else "m",
             )
         )  # fmt: skip
     return tuple(infos)
@@ -139,7 +139,7 @@ def _normal_force(spring: Any) -> float | None:
     """That of friction where it is constant, N; 0 of a hinge, where none is known."""
     if spring.kind != FRICTION or spring.pressed_by is not None:
         return None
-    return 0.0 if isinstance(spring, OfHinge) else float(spring.constant_force)
+    return 0.0 if isinstance(spring, HingeElement) else float(spring.constant_force)
 
 
 def _law_of_friction(contact: Any) -> ContactLaw:

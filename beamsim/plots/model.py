@@ -14,7 +14,7 @@ from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.plots.understood import amplitude_text, excitation_text
-from beamsim.scenario.body import OnSupport
+from beamsim.scenario.body import SupportMounting
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, LoadedRegion, LoadSite, Place, ends_of
 from beamsim.system.reduced_model import ActingLoads
@@ -132,7 +132,7 @@ def stop_text(name: str, stop: SnubberNumbers) -> str:
 def _mounting(sketch: Sketch, name: str) -> str:
     """What a stop stands on, where it is not the base."""
     on = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", "base")
-    if isinstance(on, OnSupport):
+    if isinstance(on, SupportMounting):
         return f", on support {on.support}{f' of {on.body}' if on.body else ''}"
     return ", on the ground" if on == "ground" else ""
 
@@ -166,7 +166,7 @@ def _carries(sketch: Sketch, part: Any, name: str) -> bool:
     """Whether a support that moves carries a stop along."""
     on, default = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", None), sketch.scenario.default_body
     support = part.applied_to
-    if not isinstance(on, OnSupport) or support.joint:
+    if not isinstance(on, SupportMounting) or support.joint:
         return False
     return (on.support, on.body or default) == (support.support, support.body or default)
 

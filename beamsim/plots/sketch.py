@@ -14,7 +14,7 @@ from matplotlib.path import Path as MarkerPath
 from beamsim.plots.drawing import DARK, RED
 from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
-from beamsim.scenario.connections import placed
+from beamsim.scenario.connections import place_bodies
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.places import Link, Place, Site, StationPart, Stations, ends_of
 from beamsim.system.structural import SnubberNumbers
@@ -62,11 +62,11 @@ class Sketch:
 
     def __init__(self, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> None:
         self.scenario, self.stations, self.stops = scenario, stations, stops
-        at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
+        at = place_bodies(scenario.joints, scenario.all_bodies, scenario.default_body)
         self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
-        rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations.parts))
+        rows = list(dict.fromkeys(at.groups.get(part.body, part.body) for part in stations.parts))
         for site in self.sites.values():  # the first of two places lies below the second
-            low, high = ([at.group.get(place.body, place.body) for place in ends_of(site)] * 2)[:2]
+            low, high = ([at.groups.get(place.body, place.body) for place in ends_of(site)] * 2)[:2]
             if low in rows and high in rows and rows.index(low) > rows.index(high):
                 rows.remove(low)
                 rows.insert(rows.index(high), low)
@@ -76,7 +76,7 @@ class Sketch:
         self.rest = np.zeros(stations.position.size)
         self.lines = {
             part.body: self._lines_of(
-                part, rows.index(at.group.get(part.body, part.body)), at.origin.get(part.body, 0.0)
+                part, rows.index(at.groups.get(part.body, part.body)), at.origins.get(part.body, 0.0)
             )
             for part in stations.parts
         }

@@ -244,7 +244,7 @@ class Result:
     @property
     def input_files(self) -> dict[str, Record] | None:
         """What the files of the scenario held; None where it names none."""
-        return dict(self.scenario.file_records(as_read=True)) or None
+        return dict(self.scenario.file_records(unchanged_only=True)) or None
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """Unit of a value of the summary; empty where the name of the value ends with it.

@@ -27,12 +27,12 @@ Path = tuple[str | int, ...]
 Problems = Iterator[Problem]
 Mark = tuple[str | None, int | None]
 """File and line."""
-NOWHERE: Mark = (None, None)
+NO_MARK: Mark = (None, None)
 Whole = Any
 """The complete scenario. Sections are checked against it but cannot import its class, which imports theirs."""
 
 
-PAIR = Field(min_length=2, max_length=2)
+TWO_ITEMS = Field(min_length=2, max_length=2)
 LONGEST_VALUE = 60  # characters of a value in a message
 MOST_NAMES = 40  # listed in a message
 LEAST_LIKENESS = 0.65  # similarity of two words above which one is suggested for the other
@@ -94,7 +94,7 @@ class InvalidValueError(ValueError):
         return problem((*path, *self.at), self.message, self.remedy)
 
 
-def problem(path: Path, message: str, remedy: str = "", mark: Mark = NOWHERE) -> Problem:
+def problem(path: Path, message: str, remedy: str = "", mark: Mark = NO_MARK) -> Problem:
     """Make a problem of the value at a path of the scenario.
 
     Parameters
@@ -161,14 +161,14 @@ class Schema(BaseModel):
         defer_build=True,
     )
 
-    known_by: ClassVar[tuple[str, ...]] = ()
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that distinguish this class from the other members of a union, see `Variants`; ``section: sandwich`` if the
     kind of the section below the key distinguishes it."""
 
-    not_compared: ClassVar[tuple[str, ...]] = ()
+    uncompared_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that are ignored when two sections are compared."""
 
-    stated: ClassVar[Mapping[str, str]] = {}
+    unit_attributes: ClassVar[Mapping[str, str]] = {}
     """For each key the attribute that `as_plain_data` always writes, because a unit implies it; None to write
     nothing."""
 
@@ -218,11 +218,11 @@ class Schema(BaseModel):
         return super().model_copy(update=changed, deep=deep)
 
     def __eq__(self, other: object) -> bool:
-        names = [name for key, name in self.attributes().items() if key not in self.not_compared]
+        names = [name for key, name in self.attributes().items() if key not in self.uncompared_keys]
         return type(other) is type(self) and all(getattr(self, name) == getattr(other, name) for name in names)
 
     def __hash__(self) -> int:
-        names = [name for key, name in self.attributes().items() if key not in self.not_compared]
+        names = [name for key, name in self.attributes().items() if key not in self.uncompared_keys]
         return hash((type(self), *(_hashable(getattr(self, name)) for name in names)))
 
     @model_validator(mode="before")
@@ -292,7 +292,7 @@ def as_plain_data(value: object) -> Any:
             given = name in value.model_fields_set or name == "kind"
             empty = isinstance(held, (tuple, dict)) and not held
             empty = empty and held == type(value).model_fields[name].get_default(call_default_factory=True)
-            if key in value.stated and (stated := getattr(value, value.stated[key])) is not None:
+            if key in value.unit_attributes and (stated := getattr(value, value.unit_attributes[key])) is not None:
                 written[key] = stated
             elif given and held is not None and not empty:
                 written[key] = as_plain_data(held)
@@ -348,13 +348,14 @@ def tag_of(member: Any) -> str:
 class Variants:
     """Marks a union whose member is chosen by the form of the raw value.
 
-    A mapping is chosen by its key ``kind``, if the members differ in it, and by the keys in `Schema.known_by`; a member
+    A mapping is chosen by its key ``kind``, if the members differ in it, and by `Schema.distinguishing_keys`; a member
     without such keys takes every other mapping. A union may also contain words, a list, a mapping by names, and a
-    number or text. If there is a message, it replaces all errors about the choice."""
+    number or text. If there is a message, it replaces all errors about the choice.
+    """
 
     message: str = ""
     remedy: str = ""
-    choose: Callable[[Any], str | None] | None = (
+    tag_function: Callable[[Any], str | None] | None = (
         None  # function that gives the tag of a raw value or section, if the form is not enough
     )
 
@@ -368,7 +369,7 @@ class Variants:
         forms = _UnionMembers(sections, kinds, others, by_kind, by_kind or bool(self.message))
         return core_schema.tagged_union_schema(
             {tag: handler.generate_schema(member) for tag, member in members.items()},
-            self.choose or forms.tag,
+            self.tag_function or forms.tag,
             custom_error_type="variants" if self.message else None,
             custom_error_message=self.message or None,
             custom_error_context={"remedy": self.remedy},
@@ -381,34 +382,37 @@ class _UnionMembers:
 
     sections: dict[str, type[Schema]]
     kinds: dict[str, tuple[str, ...]]  # of the sections
-    others: dict[str, Any]  # words, lists, mappings by names, numbers and text
-    by_kind: bool  # whether ``kind`` distinguishes the sections
-    strict: bool  # whether there is a message for values that match no member
+    non_mappings: dict[str, Any]  # words, lists, mappings by names, numbers and text
+    has_kinds: bool  # whether ``kind`` distinguishes the sections
+    has_message: bool  # whether there is a message for values that match no member
 
     def tag(self, value: Any) -> str | None:
         """Tag of the union member that a raw value or section belongs to; None if it belongs to none."""
         if isinstance(value, Schema):
             return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
-        sections, usual = self.sections, [tag for tag, schema in self.sections.items() if not schema.known_by]
+        sections, usual = (
+            self.sections,
+            [tag for tag, schema in self.sections.items() if not schema.distinguishing_keys],
+        )
         if isinstance(value, dict) and sections:
-            if self.by_kind:
+            if self.has_kinds:
                 usual = [tag for tag, kinds in self.kinds.items() if value.get("kind") in kinds]
                 sections = {tag: sections[tag] for tag in usual}
             for tag, schema in sections.items():
-                for key, _, kind in (known.partition(": ") for known in schema.known_by):
+                for key, _, kind in (known.partition(": ") for known in schema.distinguishing_keys):
                     if (held := value.get(key)) is not None and (not kind or kind_of(held) == kind):
                         return tag
             return next(iter(usual), None)
         for form, types in (("<mapping>", dict), ("<list>", (list, tuple))):
-            if isinstance(value, types) and form in self.others:
+            if isinstance(value, types) and form in self.non_mappings:
                 return form
-        text = self.others.get("<text>")
+        text = self.non_mappings.get("<text>")
         if text is not None and isinstance(value, str) and (value in get_args(text) or hasattr(text, "__metadata__")):
             return "<text>"
-        if self.strict:
+        if self.has_message:
             number = not isinstance(value, str) or any(character.isdigit() for character in value)
-            return "<number>" if "<number>" in self.others and number else None
-        forms = [tag for tag in ("<number>", "<text>") if tag in self.others]
+            return "<number>" if "<number>" in self.non_mappings and number else None
+        forms = [tag for tag in ("<number>", "<text>") if tag in self.non_mappings]
         return next(iter(forms + usual), next(reversed(sections), None))
 
 
@@ -482,7 +486,7 @@ def suggestion(name: str, names: Iterable[str], introduction: str) -> str:
     return f"did you mean {meant}?" if meant else f"{introduction} {', '.join(names[:MOST_NAMES])}{more}"
 
 
-MEANT = {
+SYNONYMS = {
     "above": "top over upper up",
     "below": "bottom under beneath underneath lower down",
     "clamped": "fixed built_in encastre encastred",
@@ -534,14 +538,16 @@ def closest_name(name: str, names: Iterable[str]) -> str:
     """
     word, numbers = re.sub(r"[\s-]", "_", name.lower()), re.findall(r"\d+", name)
     known = {each.lower(): each for each in names if not numbers or re.findall(r"\d+", each) in ([], numbers)}
-    means = [each for key, words in MEANT.items() if word in words.split() for each in [known.get(key)] if each]
+    means = [each for key, words in SYNONYMS.items() if word in words.split() for each in [known.get(key)] if each]
     alike = means or [known[each] for each in get_close_matches(word, known, n=1, cutoff=LEAST_LIKENESS)]
     if not alike:  # thickness_mm, e_modulus, Length
         alike = [known[each] for each in known if min(len(each), len(word)) > 3 and (each in word or word in each)]
     return alike[0] if alike else ""
 
 
-def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_without_any: str = "") -> Iterator[Problem]:
+def unknown(
+    path: Path, name: str, kind: str, known_names: Iterable[str], remedy_without_any: str = ""
+) -> Iterator[Problem]:
     """Yield a problem if a name is not among the known ones.
 
     Parameters
@@ -549,7 +555,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_witho
     path : where the name is written.
     name : the name.
     kind : what it names, in the singular ("body").
-    known : the known names.
+    known_names : the known names.
     remedy_without_any : the remedy if there are no known names.
 
     Yields
@@ -557,7 +563,7 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], remedy_witho
     Problem
         One problem, or none if the name is known.
     """
-    names = list(known)
+    names = list(known_names)
     if name not in names:
         plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")
         remedy = suggestion(name, names, f"the {plural} are") if names else remedy_without_any or f"there is no {kind}"

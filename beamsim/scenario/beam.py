@@ -213,7 +213,7 @@ class Bending(NamedTuple):
     depth: float | None = None  # twice the distance of the outermost fibre, m; None if unknown
 
 
-class Bent(Schema):
+class BendingSource(Schema):
     """Common part of all ways to give the bending stiffness and mass of a segment."""
 
     @property
@@ -226,7 +226,7 @@ class Bent(Schema):
         yield from ()
 
 
-class SolidBending(Bent):
+class SolidBending(BendingSource):
     """One material and a cross-section."""
 
     width: q.BodyWidth | None = None
@@ -273,10 +273,10 @@ class SolidBending(Bent):
         )  # fmt: skip
 
 
-class SandwichBending(Bent):
+class SandwichBending(BendingSource):
     """A sandwich of two materials."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("section: sandwich",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("section: sandwich",)
 
     section: SandwichSection
     """The sandwich; its faces and core have their own materials."""
@@ -296,10 +296,10 @@ class SandwichBending(Bent):
         return Bending(stiffness, mass, faces.youngs_modulus * depth / 2.0 / stiffness, depth)
 
 
-class StatedBending(Bent):
+class StatedBending(BendingSource):
     """Bending stiffness and mass per length as numbers, for example those of a sandwich panel."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
 
     bending_stiffness: q.BendingStiffness
     """Bending stiffness E I."""
@@ -364,19 +364,19 @@ class UniformSegment(NamedTuple):
     start: float  # m
     end: float  # m
     length: float  # m
-    section: Bent
+    section: BendingSource
     bending: Bending  # properties that its section gives
     bending_stiffness: float  # E I, N m^2
     mass_per_length: float  # with what is added, kg/m
 
 
 Support = Literal["clamped", "pinned", "free", "guided"]
-_HOLDS_DEFLECTION = ("clamped", "pinned")
-_HOLDS_SLOPE = ("clamped", "guided")
+_DEFLECTION_FIXED = ("clamped", "pinned")
+_SLOPE_FIXED = ("clamped", "guided")
 
-SHORTEST = 1e-3
+SHORTEST_SEGMENT = 1e-3
 """Part of an element below which a segment is too short for the mesh."""
-_TOGETHER = 1e-9  # of the length, within which ends of segments are the same
+_POSITION_ROUND_OFF = 1e-9  # of the length, within which ends of segments are the same
 
 
 class ElasticSupport(Schema):
@@ -396,8 +396,8 @@ class ElasticSupport(Schema):
     def check(self) -> None:
         """Reject springs where nothing moves."""
         for what, holding, keys in (
-            ("deflect", _HOLDS_DEFLECTION, ("stiffness", "dashpot")),
-            ("turn", _HOLDS_SLOPE, ("rotational_stiffness", "rotational_dashpot")),
+            ("deflect", _DEFLECTION_FIXED, ("stiffness", "dashpot")),
+            ("turn", _SLOPE_FIXED, ("rotational_stiffness", "rotational_dashpot")),
         ):
             for key in keys:
                 if self.kind in holding and getattr(self, key) > 0.0:
@@ -435,15 +435,15 @@ class PointMass(Schema):
     """Its moment of inertia about its place on the beam, against rotation of the beam there; none by default."""
 
 
-DEEPEST = 0.1  # depth of a beam over its length, from which on shear counts
-_SHEARED = "Euler-Bernoulli theory (no shear) is doubtful when the depth is more than a tenth of the length"
+LARGEST_DEPTH_RATIO = 0.1  # depth of a beam over its length, from which on shear counts
+_SHEAR_REMEDY = "Euler-Bernoulli theory (no shear) is doubtful when the depth is more than a tenth of the length"
 
 
 class BeamBody(Body):
     """Common part of all beams, however their bending stiffness is given."""
 
     body_kind: ClassVar[str] = "beam"
-    how_to_load: ClassVar[str] = "give line: whole, with a level in N/m"
+    load_remedy: ClassVar[str] = "give line: whole, with a level in N/m"
     has_slope: ClassVar[bool] = True
     base_directions: ClassVar[tuple[str, ...]] = ("z", "ry")
 
@@ -545,7 +545,7 @@ class BeamBody(Body):
         """The end at a position, where its deflection is held."""
         at = self.point(position)
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
-            if at == x and support in _HOLDS_DEFLECTION:
+            if at == x and support in _DEFLECTION_FIXED:
                 return f"the {support} {end} end"
         return ""
 
@@ -562,7 +562,7 @@ class BeamBody(Body):
         """
         slopes = tuple(j * c for j, c in enumerate(numbers))[1:]
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
-            for what, terms, holding in (("deflection", numbers, _HOLDS_DEFLECTION), ("slope", slopes, _HOLDS_SLOPE)):
+            for what, terms, holding in (("deflection", numbers, _DEFLECTION_FIXED), ("slope", slopes, _SLOPE_FIXED)):
                 value = sum(c * x**j for j, c in enumerate(terms))
                 scale = sum(abs(c) * self.length**j for j, c in enumerate(terms))
                 if support in holding and abs(value) > 1e-9 * scale:
@@ -579,14 +579,14 @@ class BeamBody(Body):
         yield from super().find_warnings(scenario, path)
         for segment in self.uniform_segments:
             yield from segment.section.material_warnings((*path, *segment.path))
-        if self.depth > DEEPEST * self.length:
-            yield f"{path_text(path)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEARED}"
+        if self.depth > LARGEST_DEPTH_RATIO * self.length:
+            yield f"{path_text(path)} is {self.depth:g} m deep and {self.length:g} m long: {_SHEAR_REMEDY}"
         ratio = min(segment.bending_stiffness / segment.mass_per_length for segment in self.uniform_segments)
         highest_hz = scenario.excitation.highest_tone_hz
         yield from coarse_mesh((*path, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
 
 
-class UniformBeam(Bent, BeamBody):
+class UniformBeam(BendingSource, BeamBody):
     """A beam along which nothing changes but point masses."""
 
     @property
@@ -611,7 +611,7 @@ class SandwichBeam(SandwichBending, UniformBeam):
 class SegmentedBeam(BeamBody):
     """A beam of segments, each with properties of its own."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("segments",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("segments",)
 
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     """The segments from left to right; together they cover the beam."""
@@ -637,25 +637,25 @@ class SegmentedBeam(BeamBody):
     def problems(self, scenario: Whole, path: Path) -> Problems:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
         yield from super().problems(scenario, path)
-        shortest, segments = SHORTEST * self.length / self.elements, self.uniform_segments
+        shortest, segments = SHORTEST_SEGMENT * self.length / self.elements, self.uniform_segments
         ends = [(each.path, key, x) for each in segments for key, x in (("from", each.start), ("to", each.end))]
         for place, key, x in ends:
-            if x > self.length * (1.0 + _TOGETHER):
+            if x > self.length * (1.0 + _POSITION_ROUND_OFF):
                 yield from self.position_problems_of_side(path, (*path, *place, key), x)
                 return
         for segment in segments:
             if segment.length <= shortest:
                 yield problem(
                     (*path, *segment.path, "to"),
-                    f"= {segment.end:g} m is not beyond its from = {segment.start:g} m by more than {SHORTEST:g} of an "
-                    "element",
+                    f"= {segment.end:g} m is not beyond its from = {segment.start:g} m by more than "
+                    f"{SHORTEST_SEGMENT:g} of an element",
                     "give from < to",
                 )
         bounds = [("from", 0.0, segments[0].start, segments[0])]
         bounds += [("from", before.end, after.start, after) for before, after in pairwise(segments)]
         bounds += [("to", self.length, segments[-1].end, segments[-1])]
         for key, expected, given, segment in bounds:
-            if abs(given - expected) > _TOGETHER * self.length:
+            if abs(given - expected) > _POSITION_ROUND_OFF * self.length:
                 yield problem(
                     (*path, *segment.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",

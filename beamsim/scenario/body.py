@@ -13,7 +13,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
-    PAIR,
+    TWO_ITEMS,
     InvalidValueError,
     Path,
     Problems,
@@ -85,7 +85,7 @@ class PointOfBody(Schema):
 class AtPlace(PointOfBody):
     """A point of a body, with the body's name."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
     level_quantities: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: q.Name | None = None
@@ -124,11 +124,11 @@ class AtPlace(PointOfBody):
         elif self.mass is not None:
             yield from body.mass_problems(where, number or (*path, "mass"), self.mass)
         elif self.position is not None:
-            sits = "" if "outputs" in path[:2] else _SITS.get(str(path[0]), "a force")
+            sits = "" if "outputs" in path[:2] else _MOVING_ITEMS.get(str(path[0]), "a force")
             yield from body.position_problems(where, (*path, "position"), self.position, sits)
 
 
-_SITS = {
+_MOVING_ITEMS = {
     "snubbers": "a snubber",
     "springs_to_ground": "a spring",
     "springs_between": "a spring",
@@ -154,7 +154,7 @@ BaseOrPlace = Literal["base"] | AtPlace
 """The base or a point of a body."""
 
 
-class Sited(PointOfBody):
+class PlacedItem(PointOfBody):
     """An item at a place: the key ``at``, or its short form ``position`` or ``mass`` if there is only one body."""
 
     at: AtPlace | None = None
@@ -207,7 +207,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
         )  # fmt: skip
 
 
-TwoPlaces = Annotated[tuple[Annotated[AtPlace | q.Count, Variants("names no place", _REMEDY)], ...], PAIR]
+TwoPlaces = Annotated[tuple[Annotated[AtPlace | q.Count, Variants("names no place", _REMEDY)], ...], TWO_ITEMS]
 """Two places; a number is that of a mass of the chain."""
 
 
@@ -218,7 +218,7 @@ def _placed(ends: Iterable[AtPlace | int]) -> tuple[AtPlace, ...]:
 class BetweenPlaces(Schema):
     """An item between two places, of two bodies or of one."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("between",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("between",)
 
     between: TwoPlaces
     """The two places; for two masses of a chain their numbers are enough: [1, 2]."""
@@ -298,7 +298,7 @@ def _numbered(items: Any, info: ValidationInfo) -> Any:
 NUMBERED = BeforeValidator(_numbered)
 
 
-class Probe(Sited):
+class Probe(PlacedItem):
     """A point whose motion is recorded."""
 
     name: q.Name
@@ -309,7 +309,7 @@ class Probe(Sited):
         yield from self.support_warnings(scenario, path)
 
 
-class PlacedForce(Sited):
+class PlacedForce(PlacedItem):
     """A constant force at a point."""
 
     force: q.Force
@@ -333,7 +333,7 @@ ROTATION_TAKES: tuple[Rotation, ...] = ("angular_acceleration", "angular_velocit
 class MovedSupport(Schema):
     """A support or joint that the excitation moves relative to the base."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("support", "joint")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("support", "joint")
 
     support: q.Name | None = None
     """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
@@ -400,15 +400,15 @@ def _sections_of_orbits(scenario: Whole) -> list[str]:
     return [name for name, section in given.items() if section is not None]
 
 
-def _fixed_stop_remedy(following: list[str]) -> str:
+def _fixed_stop_remedy(sections: list[str]) -> str:
     """The remedy for a stop that moves."""
-    return f"leave {' and '.join(following)} out, or mount it on the base"
+    return f"leave {' and '.join(sections)} out, or mount it on the base"
 
 
 class MovedStop(Schema):
     """A stop that the excitation moves relative to what it is mounted on."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("snubber",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("snubber",)
 
     snubber: q.Name
     """Name of the snubber; both stops of a pair move together."""
@@ -432,7 +432,7 @@ class MovedStop(Schema):
             )
 
 
-class OnSupport(Schema):
+class SupportMounting(Schema):
     """Mounting of a stop on a support that the excitation moves."""
 
     support: q.Name
@@ -498,7 +498,7 @@ class RayleighDamping(Schema):
     """Factor of the mass matrix."""
     stiffness: q.Time = 0.0
     """Factor of the stiffness matrix."""
-    ratios: Annotated[tuple[RatioAtFrequency, ...], PAIR] = ()
+    ratios: Annotated[tuple[RatioAtFrequency, ...], TWO_ITEMS] = ()
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
 
     def check(self) -> None:
@@ -593,10 +593,10 @@ class Body(Schema):
     if TYPE_CHECKING:
         damping: Any  # every kind of body has its own type
 
-    how_to_place: ClassVar[str] = "give a position on the beam, position: 270 mm"
+    place_remedy: ClassVar[str] = "give a position on the beam, position: 270 mm"
     """Remedy that shows how to write a place on it."""
 
-    how_to_load: ClassVar[str] = "list forces at its nodes: excitation: {kind: forces, forces: [...]}"
+    load_remedy: ClassVar[str] = "list forces at its nodes: excitation: {kind: forces, forces: [...]}"
     """What to use instead of a distributed load that belongs to another kind of body."""
 
     has_slope: ClassVar[bool] = False
@@ -770,7 +770,7 @@ class Body(Schema):
         if not self.sides:
             return self._other_kind_problem(body_path, path, "a beam")
         given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
-        return problem(path, f"{given}, but {path_text(body_path)} is {self.called}", self.how_to_place)
+        return problem(path, f"{given}, but {path_text(body_path)} is {self.called}", self.place_remedy)
 
     def position_problems_of_side(
         self, body_path: Path, path: Path, position: float | q.Share, axis: int = 0
@@ -822,7 +822,7 @@ class Body(Schema):
     def _other_kind_problem(self, body_path: Path, path: Path, other_kind: str) -> Problem:
         """The problem of a place that is written for another kind of body."""
         this = "the structure" if len(body_path) == 1 else path_text(body_path)
-        return problem(path, f"applies to {other_kind}, but {this} is {self.called}", self.how_to_place)
+        return problem(path, f"applies to {other_kind}, but {this} is {self.called}", self.place_remedy)
 
     def shape_problems(self, body_path: Path, path: Path, position: float | q.Share) -> Iterator[Problem]:
         """Problems of a position at which a mode shape was measured.

@@ -20,9 +20,9 @@ class Chain(Body):
     """Masses in a row, springs and dashpots between neighbours and to the walls (the base)."""
 
     body_kind: ClassVar[str] = "chain"
-    how_to_load: ClassVar[str] = "list forces on its masses: excitation: {kind: forces, forces: [...]}"
+    load_remedy: ClassVar[str] = "list forces on its masses: excitation: {kind: forces, forces: [...]}"
     reduced_by_default: ClassVar[bool] = False
-    how_to_place: ClassVar[str] = "give a mass by its number, mass: 1"
+    place_remedy: ClassVar[str] = "give a mass by its number, mass: 1"
 
     masses: Annotated[tuple[Mass, ...], Field(min_length=1)]
     """The n masses."""

@@ -15,7 +15,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
-    PAIR,
+    TWO_ITEMS,
     InvalidValueError,
     Path,
     Problems,
@@ -35,15 +35,15 @@ from beamsim.scenario.body import (
     BetweenPlaces,
     Body,
     Named,
-    OnSupport,
+    PlacedItem,
     RatioDamping,
-    Sited,
+    SupportMounting,
     TwoPlaces,
     refuse_unlike_directions,
 )
 from beamsim.scenario.files import DecimalMark
 
-Stretch = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
+Extension = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 
 
 class Maxwell(Schema):
@@ -58,7 +58,7 @@ class Maxwell(Schema):
     then also counts in the static equilibrium at the start."""
 
 
-class SpringToGround(Sited, Named):
+class SpringToGround(PlacedItem, Named):
     """A spring from a point of a body, or a mass of a chain, to the fixed ground."""
 
 
@@ -67,7 +67,7 @@ class SpringBetween(BetweenPlaces, Named):
 
     between: TwoPlaces = ()
     """The two places; the extension is positive when the second moves up from the first."""
-    masses: Annotated[tuple[q.Count, ...], PAIR] = ()
+    masses: Annotated[tuple[q.Count, ...], TWO_ITEMS] = ()
     """Numbers of two masses of a chain, instead of between; the extension is positive when they separate."""
 
     @property
@@ -123,7 +123,7 @@ class PiecewiseLinearSpring(Schema):
 
     kind: Literal["piecewise_linear"] = "piecewise_linear"
     """Piecewise-linear force, continuous, zero at zero extension."""
-    breakpoints: Annotated[tuple[Stretch, ...], Field(min_length=1)]
+    breakpoints: Annotated[tuple[Extension, ...], Field(min_length=1)]
     """Extensions at which the slope changes, increasing."""
     stiffnesses: tuple[q.NonNegativeStiffness, ...]
     """Slope below the first breakpoint, between the first two, ..., above the last: one more than breakpoints."""
@@ -193,7 +193,7 @@ _START = "subtract the gap or the preload from the measured curve, and give it w
 class SegmentFit(Schema):
     """A piecewise-linear curve fitted to measured points."""
 
-    segments: Annotated[int, q.Whole(1, 50)]
+    segments: Annotated[int, q.WholeNumber(1, 50)]
     """Number of straight lines."""
 
 
@@ -472,13 +472,13 @@ def _large_gap(path: Path, gap: float, largest: float) -> str:
 _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
 
 
-class Snubber(Sited, SnubberAtPlaces):
+class Snubber(PlacedItem, SnubberAtPlaces):
     """A one-sided spring, optionally with a dashpot, between a point of a body and the base or the ground."""
 
     side: Literal["below", "above", "both"]
     """below resists negative displacements, above positive ones; both makes a pair of stops, NAME.above and
     NAME.below."""
-    mounted_on: Annotated[Literal["base", "ground"] | OnSupport, BY_FORM] = "base"
+    mounted_on: Annotated[Literal["base", "ground"] | SupportMounting, BY_FORM] = "base"
     """base: moves with the base excitation; ground: fixed; {support: left}: moves with this support of a body, in the
     direction of the stop, if the excitation moves the support."""
 
@@ -641,7 +641,7 @@ class FrictionBase(Named):
             )  # fmt: skip
 
 
-class FrictionAtPlace(Sited, FrictionBase):
+class FrictionAtPlace(PlacedItem, FrictionBase):
     """Dry friction at a place, against the base or the ground, in the direction of the place's displacement."""
 
     mounted_on: Literal["base", "ground"] = "base"
@@ -670,7 +670,7 @@ JointEnd = Annotated[
 class Joint(Named):
     """Common part of all joints."""
 
-    between: Annotated[tuple[JointEnd, ...], PAIR]
+    between: Annotated[tuple[JointEnd, ...], TWO_ITEMS]
     """Two points of bodies, or a point and base."""
 
     def check(self) -> None:
@@ -685,7 +685,7 @@ class Joint(Named):
         return tuple(end for end in self.between if isinstance(end, AtPlace))
 
     @property
-    def turns_against(self) -> bool:
+    def transmits_moment(self) -> bool:
         """Whether the joint transmits a moment between its ends."""
         return False
 
@@ -694,7 +694,7 @@ class Joint(Named):
         bodies = scenario.all_bodies
         names = [place.body or scenario.default_body for place in self.places]
         for name in names:
-            if name in bodies and not bodies[name].has_slope and self.turns_against:
+            if name in bodies and not bodies[name].has_slope and self.transmits_moment:
                 yield problem(
                     path,
                     f"acts on the rotation of {name}, but the points of a {bodies[name].body_kind} only deflect",
@@ -707,11 +707,11 @@ class Joint(Named):
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A warning if the joined points do not coincide."""
-        for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
+        for apart in place_bodies(scenario.joints, scenario.all_bodies, scenario.default_body).joint_gaps:
             if ("joints", apart.index) == path:
                 yield (
                     f"{path_text(path)} joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
-                    f"it place {apart.through}: it acts as if they were together; check its positions"
+                    f"it place {apart.second_body}: it acts as if they were together; check its positions"
                 )
 
 
@@ -747,7 +747,7 @@ class HingeUnloading(Unloading):
     """Moment-angle curve of unloading, from zero. Without it the stop stays crushed."""
 
 
-class OfHinge(Schema):
+class HingeElement(Schema):
     """Common part of stops and friction of a hinge, which act between the rotations of its two sides."""
 
     units: ClassVar[tuple[str, str]] = ("rad", "N m")
@@ -761,14 +761,14 @@ class OfHinge(Schema):
     probed_places: ClassVar[tuple[AtPlace, ...]] = ()
     """None: a probe records displacements."""
 
-    def placed(self, name: str, places: tuple[AtPlace, ...]) -> Self:
+    def place_bodies(self, name: str, places: tuple[AtPlace, ...]) -> Self:
         """A copy with a name, at the places of its hinge."""
         copy = self.model_copy(update={"name": name})
         copy._places = places
         return copy
 
 
-class HingeStop(OfHinge, SnubberBase):
+class HingeStop(HingeElement, SnubberBase):
     """A stop of a hinge: the laws of snubbers, with moment over angle."""
 
     stiffness_example: ClassVar[str] = "2 kN m/rad"
@@ -825,7 +825,7 @@ class HingeFrictionMoments(Schema):
             )
 
 
-class HingeFriction(OfHinge, FrictionBase):
+class HingeFriction(HingeElement, FrictionBase):
     """The friction of a hinge as a contact; its moment replaces the product of coefficient and normal force."""
 
     @classmethod
@@ -842,11 +842,11 @@ class RigidJoint(Joint):
     kind: Literal["rigid"] = "rigid"
     """Couples deflection and slope."""
 
-    turns_against: ClassVar[bool] = True
+    transmits_moment: ClassVar[bool] = True
     """Always."""
 
 
-class _Turning(Joint):
+class _RotatingJoint(Joint):
     rotational_stiffness: q.RotationalStiffness = 0.0
     """Moment per difference of the slopes; none by default."""
     rotational_dashpot: q.RotationalDashpot = 0.0
@@ -858,7 +858,7 @@ class _Turning(Joint):
         return self.rotational_stiffness
 
     @property
-    def turns_against(self) -> bool:
+    def transmits_moment(self) -> bool:
         """Whether it has a rotational spring or dashpot."""
         return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
 
@@ -866,7 +866,7 @@ class _Turning(Joint):
 _LARGEST_ANGLE = 0.35  # rad, of a hinge
 
 
-class HingeJoint(_Turning):
+class HingeJoint(_RotatingJoint):
     """The deflection is equal on both sides; the slopes may differ."""
 
     kind: Literal["hinge"] = "hinge"
@@ -892,9 +892,9 @@ class HingeJoint(_Turning):
         return 0.0 if self.free_play else self.rotational_stiffness
 
     @property
-    def turns_against(self) -> bool:
+    def transmits_moment(self) -> bool:
         """Whether anything acts on its rotation."""
-        return super().turns_against or bool(self.stops) or self.friction is not None
+        return super().transmits_moment or bool(self.stops) or self.friction is not None
 
     @property
     def all_stops(self) -> tuple[tuple[Path, HingeStop], ...]:
@@ -904,7 +904,7 @@ class HingeJoint(_Turning):
             angle = math.copysign(0.5 * self.free_play, 1.0 if side == "above" else -1.0)
             play = {"name": f"play.{side}", "stiffness": self.rotational_stiffness, "angle": angle, "side": side}
             stops.append((("free_play",), HingeStop.model_validate(play)))
-        return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
+        return tuple((path, stop.place_bodies(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
         """A warning about stops at large angles."""
@@ -923,10 +923,10 @@ class HingeJoint(_Turning):
         """Its friction contact, if it has one, with the path below the joint."""
         if self.friction is None:
             return ()
-        return ((("friction",), HingeFriction.of(self.friction).placed(f"{self.name}.friction", self.places)),)
+        return ((("friction",), HingeFriction.of(self.friction).place_bodies(f"{self.name}.friction", self.places)),)
 
 
-class SpringJoint(_Turning):
+class SpringJoint(_RotatingJoint):
     """Springs and dashpots between the deflections and between the slopes."""
 
     kind: Literal["spring"] = "spring"
@@ -941,7 +941,7 @@ class SpringJoint(_Turning):
     def check(self) -> None:
         """Require at least one spring or dashpot."""
         super().check()
-        if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
+        if not (self.stiffness or self.dashpot or self.transmits_moment or self.maxwell):
             raise InvalidValueError(
                 "has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out"
             )
@@ -956,29 +956,29 @@ class JointGap:
 
     index: int  # number of the joint
     distance: float  # m along the bodies' common axis
-    through: str  # body of the second point
+    second_body: str  # body of the second point
 
 
 @dataclass(frozen=True)
-class Placed:
+class BodyPlacement:
     """Positions of the bodies along one axis, as the joints place them: a joint makes its two points coincide.
 
     The first joint between two bodies decides; a joint that closes a loop may not fit.
     """
 
-    origin: dict[str, float]  # m, start of each body
-    group: dict[str, str]  # for each body the first of the bodies that joints connect to it
-    apart: tuple[JointGap, ...]
+    origins: dict[str, float]  # m, start of each body
+    groups: dict[str, str]  # for each body the first of the bodies that joints connect to it
+    joint_gaps: tuple[JointGap, ...]
 
     @property
     def of_first_group(self) -> dict[str, float]:
         """Start, m, of each body that joints connect to the first one, which begins at 0."""
-        leading = next(iter(self.origin), "")
-        together = (name for name in self.origin if self.group[name] == self.group[leading])
-        return {name: self.origin[name] - self.origin[leading] for name in together}
+        leading = next(iter(self.origins), "")
+        together = (name for name in self.origins if self.groups[name] == self.groups[leading])
+        return {name: self.origins[name] - self.origins[leading] for name in together}
 
 
-def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
+def place_bodies(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> BodyPlacement:
     """Place the bodies by their joints.
 
     Parameters
@@ -1014,7 +1014,7 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
                 group[name] = group[first]
         elif first != second and abs(gap) > 1e-6 * max(x, y):
             apart.append(JointGap(index, abs(gap), second))
-    return Placed(origin, group, tuple(apart))
+    return BodyPlacement(origin, group, tuple(apart))
 
 
 def base_problems(scenario: Whole, path: Path, direction: str, motion: str) -> Problems:
@@ -1036,7 +1036,7 @@ def base_problems(scenario: Whole, path: Path, direction: str, motion: str) -> P
         if direction not in body.base_directions:
             remedy = f"use {' or '.join(filter(None, body.base_directions))}"
             yield problem(path, f"{motion} moves no point of {name}, a {body.body_kind}", remedy)
-    known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
+    known = place_bodies(scenario.joints, bodies, scenario.default_body).of_first_group
     if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
         yield problem(
             path, f"{motion} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",

@@ -209,7 +209,7 @@ class DistributedLoad(Schema):
         body, where, key = scenario.all_bodies[name], scenario.body_path(name), self.part
         if body.body_kind != self.acts_on:
             message = f"belongs to a {self.acts_on}, but {path_text(where)} is {body.called}"
-            yield problem((*path, key), message, body.how_to_load)
+            yield problem((*path, key), message, body.load_remedy)
             return
         if self.ends is not None:
             for index, end in enumerate(self.ends):
@@ -225,7 +225,7 @@ class DistributedLoad(Schema):
 class LineLoad(DistributedLoad):
     """Force per length along a beam, positive upwards."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("line",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("line",)
     level_quantities: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
     part: ClassVar[str] = "line"
@@ -239,7 +239,7 @@ class LineLoad(DistributedLoad):
 class AreaLoad(DistributedLoad):
     """Pressure on a plate, positive upwards."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("area",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("area",)
     level_quantities: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
     part: ClassVar[str] = "area"

@@ -78,7 +78,7 @@ def _with_article(quantity: str) -> str:
     return f"{'an' if quantity[0] == 'a' else 'a'} {quantity_text(quantity)}"
 
 
-_TAKEN = {
+_NOT_ALLOWED = {
     "acceleration": (
         "but the base moves", "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), or apply the "
         "force to {position: ...} or {mass: ...}",
@@ -95,10 +95,10 @@ _TAKEN = {
 """For each quantity that is allowed somewhere: why no other is allowed there, and a remedy."""
 
 
-def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
-    """Why a quantity is not allowed at a place, and a remedy; ``takes`` lists the allowed ones."""
-    no_force = " and takes no force" if takes[0] == "acceleration" and quantity == "force" else ""
-    why, remedy = _TAKEN[takes[0]]
+def not_taken(quantity: str, quantities: Sequence[str]) -> tuple[str, str]:
+    """Why a quantity is not allowed at a place, and a remedy; ``quantities`` lists the allowed ones."""
+    no_force = " and takes no force" if quantities[0] == "acceleration" and quantity == "force" else ""
+    why, remedy = _NOT_ALLOWED[quantities[0]]
     return f"{_with_article(quantity)}, {why}{no_force}", remedy
 
 
@@ -141,7 +141,7 @@ class Input(Schema):
         return self.highest_tone_hz
 
 
-class Driven(Input):
+class DrivenInput(Input):
     """Common part of excitations that move the base, a support or a stop, or act as a force."""
 
     applied_to: AppliedTo
@@ -149,7 +149,7 @@ class Driven(Input):
     whole} for a force per length on a beam; {area: whole} for a pressure on a plate, or a part of it; {support: left}
     or {joint: hinge} for a support that moves relative to the base; {snubber: stop} for a stop that moves relative to
     what it is mounted on. """
-    stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
+    unit_attributes: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
 
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
@@ -266,9 +266,9 @@ class Span(Schema, Generic[Number]):
                     f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*path, k)
                 )
 
-    changing: ClassVar[str] = "continuation"
-    suitable: ClassVar[str] = "give a range"
-    where_it_falls: ClassVar[str] = ""
+    range_noun: ClassVar[str] = "continuation"
+    range_remedy: ClassVar[str] = "give a range"
+    falling_range_remedy: ClassVar[str] = ""
     """Remedy if the last value is smaller than the first; empty if that is allowed."""
 
     def check(self) -> None:
@@ -276,9 +276,9 @@ class Span(Schema, Generic[Number]):
         super().check()
         first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {self.unit}".rstrip() for end in self.ends)
         if self.from_ == self.to:
-            raise InvalidValueError(f"= {last} equals the start of the {self.changing}", self.suitable, ("to",))
-        if self.where_it_falls and self.ends[1] < self.ends[0]:
-            raise InvalidValueError(f"= {last} lies below from = {first}", self.where_it_falls, ("to",))
+            raise InvalidValueError(f"= {last} equals the start of the {self.range_noun}", self.range_remedy, ("to",))
+        if self.falling_range_remedy and self.ends[1] < self.ends[0]:
+            raise InvalidValueError(f"= {last} lies below from = {first}", self.falling_range_remedy, ("to",))
 
 
 class FrequencyRange(Span[q.Frequency]):
@@ -289,8 +289,8 @@ class FrequencyRange(Span[q.Frequency]):
     to: q.Frequency
     """Last frequency; the higher one if there is a key direction."""
 
-    changing: ClassVar[str] = "sweep"
-    suitable: ClassVar[str] = "give a range, from 20 Hz to 400 Hz"
+    range_noun: ClassVar[str] = "sweep"
+    range_remedy: ClassVar[str] = "give a range, from 20 Hz to 400 Hz"
 
 
 Between = Literal["held", "log_log"]
@@ -299,7 +299,7 @@ Between = Literal["held", "log_log"]
 class _LevelAt(Schema):
     level: q.Level
     """Amplitude, zero to peak."""
-    stated: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
+    unit_attributes: ClassVar[Mapping[str, str]] = {"quantity": "quantity"}
 
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity, displacement or force; by default the unit of the level decides."""
@@ -333,8 +333,8 @@ class ProfilePoint(_LevelAt):
 class Notch(_LevelAt, FrequencyRange):
     """A frequency range with an upper limit of the level."""
 
-    changing: ClassVar[str] = "notch"
-    where_it_falls: ClassVar[str] = "exchange the two"
+    range_noun: ClassVar[str] = "notch"
+    falling_range_remedy: ClassVar[str] = "exchange the two"
 
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
@@ -436,7 +436,7 @@ class Tone(Schema):
     """Phase of the sine at t = 0."""
 
 
-class Harmonic(Driven, Tone):
+class Harmonic(DrivenInput, Tone):
     """A sin(2 pi f t + phase)."""
 
     kind: Literal["harmonic"] = "harmonic"
@@ -453,7 +453,7 @@ class Harmonic(Driven, Tone):
         return self.model_copy(update={"frequency": frequency_hz, "level": kept})
 
 
-class MultiTone(Driven):
+class MultiTone(DrivenInput):
     """A sum of sines."""
 
     kind: Literal["multi_tone"] = "multi_tone"
@@ -471,7 +471,7 @@ class MultiTone(Driven):
         return tuple(tone.frequency for tone in self.tones)
 
 
-class Shock(Driven):
+class Shock(DrivenInput):
     """Common part of pulses and steps, which begin at ``time`` and have one level."""
 
     if TYPE_CHECKING:
@@ -635,7 +635,7 @@ class Sawtooth(Shock):
         return 0.5 * self.level * self.duration
 
 
-class SweptSineInput(Driven, FrequencyRange):
+class SweptSineInput(DrivenInput, FrequencyRange):
     """A sine of increasing or decreasing frequency, for `beamsim run` (`beamsim sweep` has its own section)."""
 
     kind: Literal["swept_sine"] = "swept_sine"
@@ -682,7 +682,7 @@ class SweptSineInput(Driven, FrequencyRange):
         return max(self.from_, self.to)
 
 
-class SampledInput(Driven, RecordPreparation):
+class SampledInput(DrivenInput, RecordPreparation):
     """A measured motion of the base, or a measured force."""
 
     kind: Literal["sampled"] = "sampled"
@@ -820,7 +820,7 @@ def _growth(slope: float | None, ratio: float) -> float:
     return 10.0**exponent if abs(exponent) < 300.0 else math.inf
 
 
-class RandomInput(Driven):
+class RandomInput(DrivenInput):
     """Gaussian noise with a given power spectral density."""
 
     kind: Literal["random"] = "random"
@@ -914,7 +914,7 @@ def check_limit_curve(points: tuple[tuple[float, float], ...] | CurveFile, path:
         _demand_rising_or_steps([f for f, _ in points], lambda k: (*path, k, 0))
 
 
-class MatchedInput(Driven):
+class MatchedInput(DrivenInput):
     """A base acceleration with a given shock response spectrum."""
 
     kind: Literal["matched"] = "matched"
@@ -1078,7 +1078,7 @@ def sine_problems(excitation: Any, section: str) -> Problems:
         yield not_harmonic((section,), "the frequency of a harmonic excitation", excitation)
 
 
-def not_harmonic(path: Path, needed: str, excitation: Any) -> Problem:
+def not_harmonic(path: Path, needed_excitation: str, excitation: Any) -> Problem:
     """The problem of a section that needs another excitation."""
     remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
-    return problem(path, f"needs {needed}, but this one is {excitation.kind}", remedy)
+    return problem(path, f"needs {needed_excitation}, but this one is {excitation.kind}", remedy)

@@ -11,7 +11,7 @@ from pydantic import Field
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
-    PAIR,
+    TWO_ITEMS,
     InvalidValueError,
     Path,
     Problems,
@@ -71,7 +71,7 @@ class PadData(Schema):
     """Headings of the columns to use, if several have the same dimension."""
     decimal: DecimalMark | None = None
     """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
-    branches: Annotated[int, q.Whole(1, 8)] | None = None
+    branches: Annotated[int, q.WholeNumber(1, 8)] | None = None
     """Number of Maxwell branches; by default the smallest number that fits nearly as well as any larger one."""
 
     def check(self) -> None:
@@ -151,18 +151,18 @@ class ParameterUncertainty(Schema):
     """Standard deviation, relative to the value."""
 
 
-class SoughtParameter(Schema):
+class ParameterToIdentify(Schema):
     """A parameter to identify; may be abbreviated to its path."""
 
     parameter: q.Text
     """Path of the number, for example beam.youngs_modulus; [*] scales all items of a list by one factor."""
-    bounds: Annotated[tuple[Bound, ...], PAIR] = ()
+    bounds: Annotated[tuple[Bound, ...], TWO_ITEMS] = ()
     """Lowest and highest value, with or without unit."""
     prior: q.Ratio | None = None
     """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
 
 
-Sought = Annotated[SoughtParameter, ShortFor("parameter")]
+IdentifiedParameter = Annotated[ParameterToIdentify, ShortFor("parameter")]
 
 
 class MeasuredShapes(Schema):
@@ -263,7 +263,7 @@ class SteadyTest(_RecordedTest):
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
     by it."""
-    harmonics: Annotated[int, q.Whole(1, 500)] = 6
+    harmonics: Annotated[int, q.WholeNumber(1, 500)] = 6
     """Number of harmonics of the excitation frequency in the fit; a frequency response has one."""
     last: q.Duration | None = None
     """Use only this last part of a time signal, when the vibration is steady; by default all of it."""
@@ -341,7 +341,7 @@ class SweepTest(_AnyTest, FrequencyRange):
     """Excitation level of this test, in the quantity of the scenario's excitation."""
     direction: Literal["up", "down"] = "up"
     """Direction of the sweep."""
-    where_it_falls: ClassVar[str] = "give the lowest frequency first, and direction: down"
+    falling_range_remedy: ClassVar[str] = "give the lowest frequency first, and direction: down"
 
     rate: q.SweepRate | None = None
     """Sweep rate; a warning tells if it was too fast for steady vibration."""
@@ -378,13 +378,13 @@ AnyTest = Annotated[
 class NonlinearFit(Schema):
     """Identification of parameters from measured nonlinear vibrations."""
 
-    estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
+    estimate: Annotated[tuple[IdentifiedParameter, ...], Field(min_length=1)]
     """Parameters to identify, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
     """The measured vibrations, transients and sweeps."""
     leave_out: tuple[q.Text, ...] = ()
     """Names or files of tests to ignore."""
-    starts: q.Few = 5
+    starts: q.SmallCount = 5
     """Number of starting points: the values in the scenario, and random points around them."""
     spread: q.Ratio = 0.3
     """Relative spread of the random starting points about the values in the scenario."""
@@ -451,7 +451,7 @@ class IdentifyStiffness(Schema):
     """Check of the uncertainty by random sampling."""
     parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
     """Uncertain parameters of the structure."""
-    update: tuple[Sought, ...] = ()
+    update: tuple[IdentifiedParameter, ...] = ()
     """Structural parameters to update from measured_without before the snubber is identified."""
     shapes_without: MeasuredShapes | None = None
     """Mode shapes measured without the snubber."""
@@ -564,20 +564,20 @@ def _numbers(scenario: Whole, path: str) -> list[Path]:
     return places
 
 
-def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path]:
+def _sought_places(scenario: Whole, parameter: ParameterToIdentify, *, words: bool) -> list[Path]:
     """Paths of the numbers of a parameter to identify; they must lie within its bounds.
 
     Parameters
     ----------
     scenario : with the numbers.
-    item : the parameter to identify.
+    parameter : the parameter to identify.
     words : whether it may also be a choice of words, or several numbers with a common factor.
     """
-    path, at = item.parameter, ("parameter",)
+    path, at = parameter.parameter, ("parameter",)
     places = find_parameters(scenario, path, at)
     choices = choices_at(scenario, places[0])
     if choices and words and "supports" in places[0]:
-        if item.bounds or item.prior is not None:
+        if parameter.bounds or parameter.prior is not None:
             among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
             raise InvalidValueError(among, "leave them out; every choice is tried", at)
         return places
@@ -585,9 +585,9 @@ def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> li
     if words and not all(value > 0 for value in values):
         zero = f"= {path} is zero in this scenario, and is varied by a factor"
         raise InvalidValueError(zero, "give it a rough value to start from, or leave it out", at)
-    if not item.bounds:
+    if not parameter.bounds:
         return places
-    low, high = bounds_of(scenario, item)
+    low, high = bounds_of(scenario, parameter)
     if not low < high:
         raise InvalidValueError(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
     if not low <= values[0] <= high:
@@ -598,7 +598,7 @@ def _sought_places(scenario: Whole, item: SoughtParameter, *, words: bool) -> li
     return places
 
 
-def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
+def bounds_of(scenario: Whole, parameter: ParameterToIdentify) -> tuple[float, float]:
     """Lowest and highest value of a parameter to identify, in SI units; infinite if no bounds are given.
 
     Raises
@@ -606,10 +606,10 @@ def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
     InvalidValueError
         If the field would refuse a bound, or a bound of a position lies beyond its body.
     """
-    if not sought.bounds:
+    if not parameter.bounds:
         return -math.inf, math.inf
-    place = find_parameters(scenario, sought.parameter)[0]
-    low, high = (in_metres(scenario, place, read_as(scenario, place, bound, ("bounds",))) for bound in sought.bounds)
+    place = find_parameters(scenario, parameter.parameter)[0]
+    low, high = (in_metres(scenario, place, read_as(scenario, place, bound, ("bounds",))) for bound in parameter.bounds)
     if (side := side_at(scenario, place)) is not None:
         for bound in (low, high):
             beyond = scenario.all_bodies[side.body].position_problems_of_side(

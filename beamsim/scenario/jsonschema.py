@@ -24,7 +24,7 @@ def json_schema() -> dict[str, Any]:
 
     A quantity is a number in SI units or a text with a unit; its unit ends the description. A file that extends another
     one may be incomplete: sections that are merged have a second definition without required keys."""
-    whole = Scenario.model_json_schema(by_alias=True, schema_generator=_Describing)
+    whole = Scenario.model_json_schema(by_alias=True, schema_generator=_SchemaGenerator)
     parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
     extends = {
         "type": "string",
@@ -100,7 +100,7 @@ def _fit_examples(schema: Any, key: str) -> None:
         schema["examples"] = [example]
 
 
-class _Describing(GenerateJsonSchema):
+class _SchemaGenerator(GenerateJsonSchema):
     """Adds the descriptions of all keys, with SI units, and suitable examples."""
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:

@@ -44,13 +44,13 @@ assert set(SYSTEMS) == set(get_args(UnitSystem))
 class FileUnits(Schema):
     """Units of a file, one by one."""
 
-    length: Annotated[str, UnitType(of=units.LENGTH, example="mm")]
+    length: Annotated[str, UnitType(dimension=units.LENGTH, example="mm")]
     """Unit of displacements and coordinates: mm, in."""
-    mass: Annotated[str, UnitType(of=units.MASS, example="kg")]
+    mass: Annotated[str, UnitType(dimension=units.MASS, example="kg")]
     """Unit of the mass matrix: kg, t; lb if the masses are weights and WTMASS was not applied."""
-    force: Annotated[str, UnitType(of=units.FORCE, example="N")]
+    force: Annotated[str, UnitType(dimension=units.FORCE, example="N")]
     """Unit of forces: N, lbf. The stiffness matrix is in this unit per unit of length."""
-    time: Annotated[str, UnitType(of=units.TIME, example="s")] = "s"
+    time: Annotated[str, UnitType(dimension=units.TIME, example="s")] = "s"
     """Unit of time, used in the viscous damping matrix: s, ms."""
 
 
@@ -145,7 +145,7 @@ class MatricesBody(Body):
     body_kind: ClassVar[str] = "matrices"
     has_default_probe: ClassVar[bool] = False
     is_read_from_files: ClassVar[bool] = True
-    how_to_place: ClassVar[str] = "name a node: {node: 24, direction: z}"
+    place_remedy: ClassVar[str] = "name a node: {node: 24, direction: z}"
     base_directions: ClassVar[tuple[str, ...]] = ("", "x", "y", "z", "rx", "ry", "rz")
 
     kind: Literal["matrices"] = "matrices"

@@ -283,19 +283,19 @@ def dimension_at(scenario: Whole, place: Path) -> Dimension | None:
     return field.dimension if isinstance(field, q.Quantity) else None
 
 
-def dimension_of_level(scenario: Whole, place: Path, known: Mapping[str, Dimension]) -> Dimension:
+def dimension_of_level(scenario: Whole, place: Path, dimensions: Mapping[str, Dimension]) -> Dimension:
     """Dimension of the level at a path: from its unit, else from the neighbouring keys."""
     excitation: Any = scenario.excitation
-    if "0" in known:  # numbers of a shape, by the power of x
+    if "0" in dimensions:  # numbers of a shape, by the power of x
         body = scenario.all_bodies[str(place[-3]) if "bodies" in place else scenario.default_body]
-        return known.get(str(body.power_of_start(int(place[-1]))), NUMBER)
+        return dimensions.get(str(body.power_of_start(int(place[-1]))), NUMBER)
     if place[:2] == ("excitation", "forces"):
         excitation = excitation.forces[place[2]]
     quantity = q.meant(value_at(scenario, place)) or getattr(excitation, "quantity", None) or "acceleration"
     if quantity == q.FACTOR:
         return NUMBER
     spoken = quantity.replace("_", " ")
-    return known.get(quantity) or next((of for name, of in known.items() if spoken in name), NUMBER)
+    return dimensions.get(quantity) or next((of for name, of in dimensions.items() if spoken in name), NUMBER)
 
 
 def unit_of(scenario: Whole, path: str) -> str:

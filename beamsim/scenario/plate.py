@@ -131,8 +131,8 @@ class PlateBody(Body):
     body_kind: ClassVar[str] = "plate"
     mesh_order: ClassVar[float] = 2.0
     reaction_order: ClassVar[float] = 1.5  # strains at an edge are of a lower order than inside
-    how_to_load: ClassVar[str] = "give area: whole, with a level in Pa"
-    how_to_place: ClassVar[str] = "give x and y from its left and bottom edge, position: [270 mm, 100 mm] on a plate"
+    load_remedy: ClassVar[str] = "give area: whole, with a level in Pa"
+    place_remedy: ClassVar[str] = "give x and y from its left and bottom edge, position: [270 mm, 100 mm] on a plate"
 
     kind: Literal["plate"] = "plate"
     """A rectangular thin plate."""
@@ -340,7 +340,7 @@ class Plate(PlateBody):
 class StiffnessPlate(PlateBody):
     """A rectangular, thin, orthotropic plate by its stiffnesses and mass per area, such as a sandwich panel."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
 
     bending_stiffness: Rigidity
     """Bending stiffnesses per width: {dx, dy, nu, dxy}."""

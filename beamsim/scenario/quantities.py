@@ -177,13 +177,13 @@ class UsualRange:
     kHz, 120 rpm. Ranges extend about thirty times beyond plausible values. A question refuses no case, changes no exit
     code and stops no study."""
 
-    of: Dimension
+    dimension: Dimension
     units: tuple[str, ...]  # units that may be confused, SI first
     smallest: float  # SI, or relative to the reference size
     largest: float
-    why: str  # what is unusual; may contain the ratio to the reference size, and its name
-    times: str = ""  # name of the reference size
-    bare: bool = False  # whether only a number without a unit is questionable
+    text: str  # what is unusual; may contain the ratio to the reference size, and its name
+    reference: str = ""  # name of the reference size
+    bare_only: bool = False  # whether only a number without a unit is questionable
 
     def contains(self, value: float, size: float) -> bool:
         """Whether a value lies in the range, which is multiplied by a reference size (both SI)."""
@@ -199,18 +199,18 @@ class UsualRange:
         written : the value as the user wrote it.
         """
         number, unit = units.number_and_unit(written)
-        sizes = [units.size_of(name, self.of) for name in self.units]
-        if unit and (self.bare or not any(math.isclose(number * of, value, rel_tol=1e-12) for of in sizes)):
+        sizes = [units.size_of(name, self.dimension) for name in self.units]
+        if unit and (self.bare_only or not any(math.isclose(number * of, value, rel_tol=1e-12) for of in sizes)):
             return ""
         readings = (
             f"{number:g} {name}" for name, of in zip(self.units, sizes, strict=True) if self.contains(number * of, size)
         )
         meant = next(readings, "" if value != number else "another unit")
-        why = self.why.format(ratio=value / size, size=size)
+        why = self.text.format(ratio=value / size, size=size)
         return meant and f"= {number:g} {unit or self.units[0]} {why}; was {meant} meant?"
 
 
-ASKS = "meant?"
+QUESTION_END = "meant?"
 """Marks warnings that ask about the unit; they are printed on the first screen."""
 METRES = ("m", "mm")
 
@@ -451,13 +451,13 @@ class NumberOrText(FieldType):
 
 
 @dataclass(frozen=True)
-class Whole(FieldType):
+class WholeNumber(FieldType):
     """A whole number in a range."""
 
     minimum: int
     maximum: int = LARGEST_COUNT
     word: str = ""  # allowed in addition to numbers
-    what: str = "whole number"
+    noun: str = "whole number"
 
     @property
     def example(self) -> str:
@@ -483,7 +483,7 @@ class Whole(FieldType):
         """The remedy: how to write it."""
         if self.maximum < LARGEST_COUNT:
             return f"write a whole number from {self.minimum} to {self.maximum}"
-        return f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
+        return f"write a {self.noun}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
 
     def json_schema(self) -> JsonSchemaValue:
         """JSON Schema for a bounded integer."""
@@ -492,7 +492,7 @@ class Whole(FieldType):
 
 
 @dataclass(frozen=True)
-class SeedType(Whole):
+class SeedType(WholeNumber):
     """A seed, or a weighted sum of the inputs of several: 0.8*4 + 0.6*7."""
 
     minimum: int = 0
@@ -521,7 +521,7 @@ def shares_of_seeds(seed: int | str) -> list[tuple[int, float]]:
         return [(seed, 1.0)]
     try:
         terms = [
-            (Whole(0, LARGEST_SEED).read(of), float(share))
+            (WholeNumber(0, LARGEST_SEED).read(of), float(share))
             for share, of in (term.split("*") for term in seed.split("+"))
         ]
         size = math.hypot(*(share for _, share in terms))
@@ -537,7 +537,7 @@ LONGEST_NAME = 100
 _HOW_TO_NAME = "use letters, digits, spaces and - _ + . (it names responses and columns)"
 
 
-def printable(text: str, longest: int) -> str:
+def printable(text: str, most_characters: int) -> str:
     """Text on one line that can be printed, drawn and stored; line breaks and tabs become spaces.
 
     Raises
@@ -545,8 +545,8 @@ def printable(text: str, longest: int) -> str:
     UnitError
         If it is too long or contains a control character, a lone surrogate or an invalid character.
     """
-    if len(text) > longest:
-        raise UnitError(f"has {len(text)} characters", f"write at most {longest}")
+    if len(text) > most_characters:
+        raise UnitError(f"has {len(text)} characters", f"write at most {most_characters}")
     return text if text.isprintable() else _in_one_line(text)
 
 
@@ -593,14 +593,14 @@ class TextType(FieldType):
 class UnitType(TextType):
     """A unit of a quantity."""
 
-    of: Dimension = units.NUMBER
+    dimension: Dimension = units.NUMBER
     example: str = ""
 
     def read(self, value: Any) -> str:
         """Check the unit and return its text."""
         unit = super().read(value)
         try:
-            units.size_of(unit, self.of)
+            units.size_of(unit, self.dimension)
         except UnitError as error:
             raise UnitError(f"is not a valid unit: {error.message}", f"write for example {self.example}") from None
         return unit
@@ -613,14 +613,14 @@ class FileType(TextType):
 Text = Annotated[str, TextType()]
 FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
-Count = Annotated[int, Whole(1)]
-Few = Annotated[int, Whole(1, 10_000)]
+Count = Annotated[int, WholeNumber(1)]
+SmallCount = Annotated[int, WholeNumber(1, 10_000)]
 """Number of items that are computed or stored one by one."""
 
-Modes = Annotated[int | Literal["all"], Whole(1, word="all", what="number of modes")]
-Elements = Annotated[int, Whole(1, 5000)]
-PlateElements = tuple[Annotated[int, Whole(1, 500)], Annotated[int, Whole(1, 500)]]
-SteppedCount = Annotated[int, Whole(2, 100_000)]
+Modes = Annotated[int | Literal["all"], WholeNumber(1, word="all", noun="number of modes")]
+Elements = Annotated[int, WholeNumber(1, 5000)]
+PlateElements = tuple[Annotated[int, WholeNumber(1, 500)], Annotated[int, WholeNumber(1, 500)]]
+SteppedCount = Annotated[int, WholeNumber(2, 100_000)]
 
 Coefficient = Annotated[float, Quantity(units.NUMBER)]
 PositiveNumber = Annotated[float, Quantity(units.NUMBER, above=0.0)]
@@ -689,7 +689,7 @@ LowPass = Annotated[
 ]  # fmt: skip
 Angle = Annotated[float, Quantity(units.ANGLE)]
 Phase = Annotated[
-    Angle, UsualRange(units.ANGLE, ("rad", "deg"), -6.3, 6.3, "is more than a turn, 6.283 rad", bare=True)
+    Angle, UsualRange(units.ANGLE, ("rad", "deg"), -6.3, 6.3, "is more than a turn, 6.283 rad", bare_only=True)
 ]  # fmt: skip
 FreePlay = Annotated[float, Quantity(units.ANGLE, minimum=0.0)]
 Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
@@ -705,7 +705,12 @@ Gravity = Annotated[
     float,
     Quantity(replace(units.ACCELERATION, example="1 g")),
     UsualRange(
-        units.ACCELERATION, ("m/s^2", "mm/s^2"), -300.0, 300.0, "is more than 30 times that of the Earth", bare=True
+        units.ACCELERATION,
+        ("m/s^2", "mm/s^2"),
+        -300.0,
+        300.0,
+        "is more than 30 times that of the Earth",
+        bare_only=True,
     ),
 ]
 PositiveAcceleration = Annotated[float, Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
@@ -716,8 +721,8 @@ GravityVector = tuple[Gravity, Gravity, Gravity]
 Level = Annotated[float, LevelType()]
 PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
-NotNegativeWhole = Annotated[int, Whole(0)]
-RandomSeed = Annotated[int, Whole(0, LARGEST_SEED)]
+NotNegativeWhole = Annotated[int, WholeNumber(0)]
+RandomSeed = Annotated[int, WholeNumber(0, LARGEST_SEED)]
 """A seed of random numbers that are drawn once; `Seed` also accepts weighted sums."""
 Seed = Annotated[int | str, SeedType()]
 DENSITY_DIMENSIONS = dict(
@@ -732,7 +737,7 @@ DensityOfTest = Annotated[
     SpectralDensity,
     UsualRange(
         units.ACCELERATION_PSD, ("(m/s^2)^2/Hz", "g^2/Hz"), 1.0 / 30.0, math.inf,
-        "is low for the highest density of a test", "highest density", bare=True,
+        "is low for the highest density of a test", "highest density", bare_only=True,
     ),
 ]  # fmt: skip
 """One-sided spectral density of an acceleration, force, pressure and the like."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, InvalidValueError, Path, Problems, Schema, Variants, Whole, problem, unknown
-from beamsim.scenario.body import Body, MovedSupport, Sited, body_problems
+from beamsim.scenario.body import Body, MovedSupport, PlacedItem, body_problems
 from beamsim.scenario.connections import HingeStop, base_problems
 from beamsim.scenario.excitation import (
     About,
@@ -21,12 +21,12 @@ from beamsim.scenario.excitation import (
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 
 INPUT = "input"  # name of the excitation among the signals of spectra and statistics
-SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
+SWEPT_KINDS = ("swept_sine", "stepped")  # sweeps that give a response over frequency
 
 
 def named_body(scenario: Whole, output: Any) -> tuple[str, Body | None]:
     """Name of the body of an output, and the body; None if there is no such body."""
-    name = (output.place if isinstance(output, Sited) else output).body or scenario.default_body
+    name = (output.place if isinstance(output, PlacedItem) else output).body or scenario.default_body
     return name, scenario.all_bodies.get(name)
 
 
@@ -37,7 +37,7 @@ class Output(Schema):
     """Unique name, also different from the probes; the result file uses it."""
 
 
-class MotionOutput(Output, Sited):
+class MotionOutput(Output, PlacedItem):
     """Motion of a point."""
 
     kind: Literal["displacement", "velocity", "acceleration", "rotation"]
@@ -52,7 +52,7 @@ class MotionOutput(Output, Sited):
             yield problem(path, message, "name a point of a beam")
 
 
-class BendingOutput(Output, Sited):
+class BendingOutput(Output, PlacedItem):
     """Bending moment, stress or strain of a beam or plate at a point."""
 
     kind: Literal["bending_moment", "stress", "strain"]
@@ -292,7 +292,7 @@ class Limits(Schema):
         "srs": {units.ACCELERATION.name: units.ACCELERATION}, "psd": LIMITED_DENSITIES, "response": LIMITED_RESPONSES,
     }  # fmt: skip
     """Keys of limits that are curves, with their quantities, the default first."""
-    stated: ClassVar[Mapping[str, str]] = {"psd": "psd_with_units", "response": "response_with_units"}
+    unit_attributes: ClassVar[Mapping[str, str]] = {"psd": "psd_with_units", "response": "response_with_units"}
 
     def check(self) -> None:
         """Refuse a section without limits, and invalid curves."""
@@ -344,7 +344,7 @@ class Limits(Schema):
             yield problem((*path, "rms_force"), message, "limit peak_force")
         if self.gapping is not None:
             sine = scenario.excitation.kind != "none" and not any(sine_problems(scenario.excitation, "sweep"))
-            if not sine or getattr(scenario.sweep, "kind", "stepped") not in SWEPT:
+            if not sine or getattr(scenario.sweep, "kind", "stepped") not in SWEPT_KINDS:
                 needed = "needs a run or a sweep of a harmonic excitation"
                 yield problem((*path, "gapping"), needed, "limit gap instead")
         yield from self._problems_of_curves(scenario, path)
@@ -433,7 +433,7 @@ def _missing_for_curve(scenario: Whole, name: str) -> tuple[str, str]:
         needed = "a run with a stationary input"
         remedy = "limit peaks or srs, or give random noise or a record with stationary: true"
     else:
-        there = getattr(scenario.sweep, "kind", "") in SWEPT
+        there = getattr(scenario.sweep, "kind", "") in SWEPT_KINDS
         needed = "a sweep in frequency"
         remedy = "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}"
     return ("", "") if there else (needed, remedy)

@@ -96,7 +96,7 @@ class StressLife(Schema):
 class PolynomialStart(Schema):
     """Start with a given shape and velocity: polynomials in x for a beam, one number for each mass of a chain."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("displacement", "velocity")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("displacement", "velocity")
     displacement: tuple[q.ShapeDisplacement, ...] = ()
     """Beam: coefficients of 1, x, x^2, ... (1 mm, 2 mm/m, 3 1/m); chain: displacement of each mass (1 mm)."""
     velocity: tuple[q.ShapeVelocity, ...] = ()
@@ -141,7 +141,7 @@ def _units_of_shape(body: Body, path: Path, numbers: tuple[float, ...]) -> Probl
 class BodiesStart(Schema):
     """Start with given shapes and velocities of several bodies; the others start at rest, undeflected."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("bodies",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("bodies",)
     bodies: Annotated[dict[q.Name, PolynomialStart], Field(min_length=1)]
     """Displacement and velocity of each body, by name."""
 
@@ -154,7 +154,7 @@ class BodiesStart(Schema):
 class ModeStart(Schema):
     """Start from rest in the shape of a linear mode."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("mode", "amplitude")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("mode", "amplitude")
     mode: q.Count
     """Number of the mode, from 1."""
     amplitude: q.Amplitude
@@ -178,7 +178,7 @@ def mode_problems(scenario: Whole, path: Path, mode: int) -> Problems:
 class ReleasedForceStart(Schema):
     """Start from rest in the static shape under a force, which is then released."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("released_force",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("released_force",)
     released_force: PlacedForce
     """The force that acts until t = 0."""
 
@@ -186,7 +186,7 @@ class ReleasedForceStart(Schema):
 class OrbitStart(Schema):
     """Start on a periodic motion from a result file, with its excitation."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("orbit",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("orbit",)
     orbit: q.FileName
     """Result file of `sweep` with a continuation; the path is relative to the folder of the scenario."""
     branch: q.NotNegativeWhole = 0
@@ -249,7 +249,7 @@ class SpectrumSettings(Schema):
             yield from self._problems_of_periods(scenario, (*path, "periods"), self.periods)
         if self.frequencies or self.to is not None:
             stepped = scenario.run.method == "reference" or scenario.has_cubic_springs
-            yield from self._problems_of_frequencies(scenario, path, stepped=stepped)
+            yield from self._problems_of_frequencies(scenario, path, time_stepping=stepped)
 
     def _problems_of_periods(self, scenario: Whole, path: Path, periods: int) -> Problems:
         """Problems: no excitation frequency, or more periods than the run has."""
@@ -264,14 +264,14 @@ class SpectrumSettings(Schema):
                 f"analyse at most {int(duration * frequencies[0])} periods, or run longer",
             )
 
-    def _problems_of_frequencies(self, scenario: Whole, path: Path, *, stepped: bool) -> Problems:
+    def _problems_of_frequencies(self, scenario: Whole, path: Path, *, time_stepping: bool) -> Problems:
         """Problems: frequencies that cannot be resolved, or that are above the highest of a spectrum.
 
         Parameters
         ----------
         scenario : with the run.
         path : path of the settings.
-        stepped : whether the spectra are computed from samples of a time-stepping method.
+        time_stepping : whether the spectra are computed from samples of a time-stepping method.
 
         Yields
         ------
@@ -294,16 +294,16 @@ class SpectrumSettings(Schema):
                     "analysed",
                     f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
                 )
-        if self.to is not None and not stepped:
+        if self.to is not None and not time_stepping:
             asked[*path, "to"] = self.to
         for place, frequency in asked.items():
-            if stepped and frequency >= 0.5 * scenario.sample_rate:
+            if time_stepping and frequency >= 0.5 * scenario.sample_rate:
                 yield problem(
                     place,
                     f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
                     "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
                 )
-            elif not stepped and frequency * duration > MOST_FREQUENCIES:
+            elif not time_stepping and frequency * duration > MOST_FREQUENCIES:
                 yield problem(
                     place,
                     f"= {frequency:g} Hz has {frequency * duration:.4g} periods in the {duration:g} s that are "
@@ -315,9 +315,9 @@ class SpectrumSettings(Schema):
 class ShockSpectrumSettings(FrequencyRange):
     """Shock response spectra: response of oscillators on the base and on each probe."""
 
-    changing: ClassVar[str] = "spectrum"
-    suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
-    where_it_falls: ClassVar[str] = "exchange the two"
+    range_noun: ClassVar[str] = "spectrum"
+    range_remedy: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
+    falling_range_remedy: ClassVar[str] = "exchange the two"
 
     quality: q.Quality = 10.0
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators; above 0.5."""
@@ -470,7 +470,7 @@ class Run(Schema):
         for k, asked in enumerate(() if problems else self.sensitivities):
             number = resolve_parameter(scenario, asked)
             settings = any(place[0] == "run" and place[1] != "start" for place in number.places)
-            if settings or number.whole:
+            if settings or number.integers_only:
                 what = "is a setting of the run" if settings else "is a whole number"
                 remedy = "name a number of the structure, the excitation or the start"
                 yield problem((*path, k), f"= {number.path} {what}, which has no derivative", remedy)
@@ -490,9 +490,9 @@ class Run(Schema):
         if rate * self.duration > MANY_SAMPLES:
             yield f"{rate * self.duration:.3g} output samples make a very large result file"
 
-    def _sweep_warnings(self, swept: Iterable[tuple[Path, Any]]) -> Iterator[str]:
-        """Warnings about a run that ends within the first cycle of a swept sine; ``swept`` has the sines and paths."""
-        for path, part in swept:
+    def _sweep_warnings(self, sweeps: Iterable[tuple[Path, Any]]) -> Iterator[str]:
+        """Warnings about a run that ends within the first cycle of a swept sine; ``sweeps`` has the sines and paths."""
+        for path, part in sweeps:
             if part.cycles_in(self.duration) < 1.0:
                 yield (
                     f"run.duration = {self.duration:g} s ends within the first cycle of "

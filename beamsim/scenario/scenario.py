@@ -85,28 +85,28 @@ class DisplayUnits(Schema):
     The default for accelerations, lengths, angles and long times is the unit in which most of them are written.
     """
 
-    acceleration: Annotated[str, q.UnitType(of=units.ACCELERATION, example="g")] | None = None
+    acceleration: Annotated[str, q.UnitType(dimension=units.ACCELERATION, example="g")] | None = None
     """Unit of accelerations, such as m/s^2; by default as written, g for numbers without unit."""
-    length: Annotated[str, q.UnitType(of=units.LENGTH, example="mm")] | None = None
+    length: Annotated[str, q.UnitType(dimension=units.LENGTH, example="mm")] | None = None
     """Unit of lengths and displacements, such as mm; by default as written, or metres with a suitable prefix if all are
     in metres."""
-    angle: Annotated[str, q.UnitType(of=units.ANGLE, example="deg")] | None = None
+    angle: Annotated[str, q.UnitType(dimension=units.ANGLE, example="deg")] | None = None
     """Unit of angles, such as deg; by default as most are written, or radians with a prefix for numbers without
     unit."""
-    velocity: Annotated[str, q.UnitType(of=units.VELOCITY, example="m/s")] | None = None
+    velocity: Annotated[str, q.UnitType(dimension=units.VELOCITY, example="m/s")] | None = None
     """Unit of velocities, such as mm/s."""
-    force: Annotated[str, q.UnitType(of=units.FORCE, example="N")] | None = None
+    force: Annotated[str, q.UnitType(dimension=units.FORCE, example="N")] | None = None
     """Unit of forces, such as kN."""
-    stress: Annotated[str, q.UnitType(of=units.PRESSURE, example="MPa")] | None = None
+    stress: Annotated[str, q.UnitType(dimension=units.PRESSURE, example="MPa")] | None = None
     """Unit of stresses and moduli, such as MPa."""
-    time: Annotated[str, q.UnitType(of=units.TIME, example="min")] | None = None
+    time: Annotated[str, q.UnitType(dimension=units.TIME, example="min")] | None = None
     """Unit of times, such as ms or min; by default minutes or hours if times are written so. Times much shorter than
     the unit are shown in seconds."""
-    mass: Annotated[str, q.UnitType(of=units.MASS, example="kg")] | None = None
+    mass: Annotated[str, q.UnitType(dimension=units.MASS, example="kg")] | None = None
     """Unit of masses, such as g."""
-    stiffness: Annotated[str, q.UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
+    stiffness: Annotated[str, q.UnitType(dimension=units.STIFFNESS, example="N/mm")] | None = None
     """Unit of stiffnesses, such as N/mm."""
-    energy: Annotated[str, q.UnitType(of=units.ENERGY, example="J")] | None = None
+    energy: Annotated[str, q.UnitType(dimension=units.ENERGY, example="J")] | None = None
     """Unit of energies, such as mJ."""
 
     def complete_from(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
@@ -134,7 +134,7 @@ class DisplayUnits(Schema):
 
 
 DIMENSIONS: dict[str, Dimension] = {
-    name: next(each.of for each in nested_annotations(field.annotation) if isinstance(each, q.UnitType))
+    name: next(each.dimension for each in nested_annotations(field.annotation) if isinstance(each, q.UnitType))
     for name, field in DisplayUnits.model_fields.items()
 }
 """Dimension of each display unit."""
@@ -176,12 +176,12 @@ def _digest(path: FilePath, state: tuple[int, ...]) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _record(folder: FilePath, name: str, *, as_read: bool) -> Record:
+def _record(folder: FilePath, name: str, *, unchanged_only: bool) -> Record:
     """Data about the content of a file, see `Scenario.file_records`."""
     path = folder / name
     try:
         content: dict[str, Any] = {"bytes": path.stat().st_size}
-        content |= {"sha256": _sha256(path)} if not as_read or is_as_opened(path) else {}
+        content |= {"sha256": _sha256(path)} if not unchanged_only or is_as_opened(path) else {}
     except (OSError, InputFileError):
         content = {}
     return {"file": name, "folder": str(folder.absolute()), **content}
@@ -300,7 +300,7 @@ class Scenario(Schema):
     # Equality and YAML ignore where the scenario came from.
     _source: str = "scenario"
     _text: Any = None  # the data as read, see `beamsim.scenario.tree`
-    _left_out: tuple[str, ...] = ()
+    _ignored_sections: tuple[str, ...] = ()
     _solved: SolvedFiles | None = None  # of a scenario from a result file
 
     def check(self) -> None:
@@ -352,7 +352,7 @@ class Scenario(Schema):
                 raise ScenarioError(error.problem(path)) from None
         return self
 
-    not_compared: ClassVar[tuple[str, ...]] = ("units",)
+    uncompared_keys: ClassVar[tuple[str, ...]] = ("units",)
     """Equal quantities are equal in any display unit."""
 
     @property
@@ -369,7 +369,7 @@ class Scenario(Schema):
     def with_source(self, source: str) -> Scenario:
         """A copy with another name for output files."""
         copy = self.model_copy()
-        copy._source, copy._text, copy._left_out = source, None, ()
+        copy._source, copy._text, copy._ignored_sections = source, None, ()
         return copy
 
     def with_solved_files(self, files: SolvedFiles) -> Scenario:
@@ -378,17 +378,17 @@ class Scenario(Schema):
         copy._solved = files
         return copy
 
-    def file_records(self, *, as_read: bool) -> Mapping[str, Record]:
+    def file_records(self, *, unchanged_only: bool) -> Mapping[str, Record]:
         """Data about the files that the scenario names, by key; files that no longer exist are omitted.
 
         Parameters
         ----------
-        as_read : omit the digest of a file that changed after this process read it.
+        unchanged_only : omit the digest of a file that changed after this process read it.
         """
         if self._solved is not None:
             return self._solved.records
         files = {path_text(path): (self.folder_of(*path), name) for path, name in named_files(self)}
-        return {key: _record(folder, name, as_read=as_read) for key, (folder, name) in files.items()}
+        return {key: _record(folder, name, unchanged_only=unchanged_only) for key, (folder, name) in files.items()}
 
     def located(self, error: ScenarioError) -> ScenarioError:
         """Add the file and line of each path to an error that only the model could find."""
@@ -451,7 +451,7 @@ class Scenario(Schema):
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
         found = (text for at, part in walk(self) for text in part.find_warnings(self, at))
-        return tuple(dict.fromkeys((*self._left_out, *found, *self.questions(_SIZES))))
+        return tuple(dict.fromkeys((*self._ignored_sections, *found, *self.questions(_SIZES))))
 
     def questions(self, sizes: UsualSizes) -> Iterator[str]:
         """A sentence for each questionable number, with both interpretations; it ends with ``meant?``.
@@ -462,22 +462,22 @@ class Scenario(Schema):
         """
         for at, part in walk(self) if self.as_written is not None else ():
             for name, usual in usual_of(type(part)).items():
-                value = getattr(part, name) if usual.times in sizes and name in part.model_fields_set else None
-                size = sizes[usual.times](self, at) if isinstance(value, float) else None
+                value = getattr(part, name) if usual.reference in sizes and name in part.model_fields_set else None
+                size = sizes[usual.reference](self, at) if isinstance(value, float) else None
                 if value is not None and size is not None and not usual.contains(value, size):
                     yield from self._question((*at, name), value, size, usual)
 
-    def _question(self, path: Path, value: float, size: float, usual: UsualRange) -> Iterator[str]:
+    def _question(self, path: Path, value: float, size: float, usual_range: UsualRange) -> Iterator[str]:
         """Yield a question if a number that the user wrote is outside its usual range.
 
         Parameters
         ----------
         path : path of the number.
         value, size : SI.
-        usual : usual range of the field.
+        usual_range : usual range of the field.
         """
-        written = written_number(self.as_written, path, value, usual.of)
-        if text := "" if written is None else usual.question(value, size, written):
+        written = written_number(self.as_written, path, value, usual_range.dimension)
+        if text := "" if written is None else usual_range.question(value, size, written):
             yield f"{path_text(path)} {text}"
 
     @property
@@ -516,19 +516,19 @@ class Scenario(Schema):
         """Sample rate of a run's output, Hz, without reading files of the excitation."""
         return self.sample_rate_up_to(self.excitation.highest_frequency_hz)
 
-    def sample_rate_up_to(self, highest: float) -> float:
+    def sample_rate_up_to(self, highest_hz: float) -> float:
         """Sample rate of a run's output, Hz, as given or chosen from the excitation and the structure.
 
         Parameters
         ----------
-        highest : highest frequency of the excitation, Hz.
+        highest_hz : highest frequency of the excitation, Hz.
         """
         assert self.run is not None
         if self.run.sample_rate is not None:
             return self.run.sample_rate
-        return self._chosen_sample_rate(highest, self.run.duration)
+        return self._chosen_sample_rate(highest_hz, self.run.duration)
 
-    def _chosen_sample_rate(self, highest: float, duration: float) -> float:
+    def _chosen_sample_rate(self, highest_hz: float, duration: float) -> float:
         """Default sample rate, Hz, for a duration, s, and a highest excitation frequency, Hz.
 
         It is 100 samples per period of the excitation, more if the structure or a short run needs it. With a single
@@ -536,21 +536,21 @@ class Scenario(Schema):
         runs at high frequency have two million samples, or 20 per period if that is more. A random input has 10 samples
         per period of its highest frequency, or a multiple: half the rate of its own spline, so that the samples
         coincide with its pieces. A record for a shock response spectrum has the same rate."""
-        random = self._has_random_band and highest > 0.0
+        random = self._has_random_band and highest_hz > 0.0
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
-        rate = max((10.0 if random else 100.0) * highest, 50.0 * rough, 2000.0 / duration)
-        rate = min(rate, max(MANY_SAMPLES / duration, (10.0 if random else 20.0) * highest))
-        units = (10.0 * highest,) if random else self.excitation.frequencies_hz
+        rate = max((10.0 if random else 100.0) * highest_hz, 50.0 * rough, 2000.0 / duration)
+        rate = min(rate, max(MANY_SAMPLES / duration, (10.0 if random else 20.0) * highest_hz))
+        units = (10.0 * highest_hz,) if random else self.excitation.frequencies_hz
         return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 
-    def frequency_of_interest_hz(self, highest: float) -> float:
+    def frequency_of_interest_hz(self, highest_hz: float) -> float:
         """Highest frequency, Hz, that the model of a run resolves by default (without ``reduction``).
 
         It is 50 times the highest frequency of the excitation, Hz (10 times for a random input or a record for a shock
         response spectrum), and at least 64 times a low natural frequency, which is about ten bending modes of a beam:
         peak accelerations at a stop need that many."""
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
-        return max((10.0 if self._has_random_band else 50.0) * highest, 64.0 * rough)
+        return max((10.0 if self._has_random_band else 50.0) * highest_hz, 64.0 * rough)
 
     @property
     def _has_random_band(self) -> bool:
@@ -617,14 +617,14 @@ class Scenario(Schema):
             if located.item.damping is not None and math.isinf(self.inverse_mass(located))
         )
 
-    def inverse_mass(self, located: LocatedItem) -> float:
+    def inverse_mass(self, snubber: LocatedItem) -> float:
         """Sum of 1 / m over the places of a snubber on bodies with a mesh, 1/kg, where m is the point mass there.
 
         It equals the sum of the squared shapes of all modes at the contact: infinite without a point mass.
         """
         bodies, total = self.all_bodies, 0.0
-        for place in located.item.places:
-            body = bodies[place.body or located.body]
+        for place in snubber.item.places:
+            body = bodies[place.body or snubber.body]
             if body.refine() is not body:
                 point, masses = body.point_of(place), getattr(body, "point_masses", ())
                 mass = sum(each.mass for at, each in zip(body.mass_points, masses, strict=True) if at == point)
@@ -805,7 +805,7 @@ def _round_number(least: float) -> float:
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade >= least * (1.0 - 1e-12))
 
 
-USED: dict[str, frozenset[str]] = {
+USED_SECTIONS: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
     "sweep": frozenset({"sweep", "limits"}),
     "vary": frozenset({"vary", "optimise", "sweep", "run", "limits"}),
@@ -867,7 +867,7 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
             protect(scenario.folder_of(*at) / file)
         return scenario
     except ScenarioError as error:
-        if command not in USED:
+        if command not in USED_SECTIONS:
             raise
         return _without_unused_sections(root, name, command, error)
 
@@ -907,8 +907,10 @@ def stored_scenario(text: str) -> Scenario:
 
 def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
     """The scenario without sections that a command does not use, if only these are invalid; else raises the error."""
-    used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
-    unused = (frozenset().union(*USED.values()) - used) & root.keys()
+    used = USED_SECTIONS[
+        "vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command
+    ]
+    unused = (frozenset().union(*USED_SECTIONS.values()) - used) & root.keys()
     if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
         raise error
     kept = WrittenMapping({key: item for key, item in root.items() if key not in unused})
@@ -955,7 +957,7 @@ def _validate(root: WrittenMapping, name: str, warnings: tuple[str, ...] = ()) -
     shown = (scenario.units or DisplayUnits()).complete_from(written)
     if any(getattr(shown, each) is not None for each in DIMENSIONS):
         scenario = scenario.model_copy(update={"units": shown})
-    scenario._source, scenario._text, scenario._left_out = name, root, warnings
+    scenario._source, scenario._text, scenario._ignored_sections = name, root, warnings
     return scenario
 
 

@@ -15,7 +15,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
     BY_FORM,
-    PAIR,
+    TWO_ITEMS,
     InvalidValueError,
     Path,
     Problems,
@@ -45,7 +45,7 @@ from beamsim.scenario.quantities import Share
 from beamsim.scenario.tree import apply_overrides, from_python
 from beamsim.scenario.units import RATIO, UnitError, read_quantity
 
-Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
+Objective = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
 LEAST_DATA = 10  # measured values that a distribution needs at least
 
@@ -62,7 +62,7 @@ class _Parameter(Schema):
 class ListedParameter(_Parameter):
     """A parameter with a list of values."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("values",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("values",)
 
     values: Annotated[tuple[q.AnyValue, ...], Field(min_length=1)]
     """The values, with or without unit; or words, such as kinds of supports."""
@@ -71,7 +71,7 @@ class ListedParameter(_Parameter):
 class Catalogue(Schema):
     """A choice that sets several keys at once, such as one of several available snubbers."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("choices",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("choices",)
 
     name: q.Name = "choice"
     """Name of the choice, used in the result file and its table."""
@@ -89,7 +89,7 @@ class Catalogue(Schema):
 class _Ranged(_Parameter):
     """A parameter with a range."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("from",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("from",)
 
     from_: q.AnyValue = Field(alias="from")
     """First value."""
@@ -102,7 +102,7 @@ class _Ranged(_Parameter):
 class _Toleranced(_Parameter):
     """A parameter with a tolerance about its value in the scenario."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("tolerance",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("tolerance",)
 
     tolerance: q.AnyValue
     """Deviation to either side: in percent of the value in the scenario, or in the unit of the quantity."""
@@ -133,10 +133,10 @@ class SampledTolerance(_Toleranced):
     """uniform within the tolerance; or normal, where the tolerance is three standard deviations and truncates it."""
 
 
-class Scattered(_Parameter):
+class ScatteredParameter(_Parameter):
     """A random parameter; its mean is the value in the scenario."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("deviation",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("deviation",)
 
     deviation: q.AnyValue
     """Standard deviation: in percent of the value in the scenario, or in the unit of the quantity."""
@@ -144,10 +144,10 @@ class Scattered(_Parameter):
     """lognormal for quantities that cannot be negative, such as a stiffness."""
 
 
-class Measured(_Parameter):
+class MeasuredParameter(_Parameter):
     """A random parameter with measured values; its distribution is a smooth fit to them."""
 
-    known_by: ClassVar[tuple[str, ...]] = ("data",)
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("data",)
 
     data: Annotated[Annotated[tuple[q.AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
@@ -165,7 +165,7 @@ AnyParameter = Annotated[
         "give path with values: [...], with from, to and points, or with a tolerance; or choices by name",
     ),
 ]
-SoughtInRange = Annotated[
+DesignParameter = Annotated[
     ListedParameter | Catalogue | SampledRange,
     Variants("names no range", "give path with from and to, or with values: [...]; or choices by name"),
 ]
@@ -175,7 +175,7 @@ SampledParameter = Annotated[
 ]
 
 RandomParameter = Annotated[
-    Scattered | Measured | SampledTolerance | SampledRange,
+    ScatteredParameter | MeasuredParameter | SampledTolerance | SampledRange,
     Variants("has no distribution", "give path with a deviation, with data, with a tolerance, or with from and to"),
 ]
 
@@ -184,7 +184,7 @@ MOST_CASES = 200_000
 """Largest number of cases of a study."""
 
 
-class _ManyCases(Schema):
+class _CaseSection(Schema):
     """Common part of sections that define many cases."""
 
     section: ClassVar[str] = "vary"
@@ -202,7 +202,7 @@ class _ManyCases(Schema):
             )
 
 
-class _Study(_ManyCases):
+class _Study(_CaseSection):
     """Common part of studies that compare cases."""
 
     responses: tuple[q.Text, ...] = ()
@@ -222,7 +222,7 @@ class _Study(_ManyCases):
 class Correlation(Schema):
     """Correlation of two random parameters."""
 
-    between: Annotated[tuple[q.Text, ...], PAIR]
+    between: Annotated[tuple[q.Text, ...], TWO_ITEMS]
     """Paths of both parameters, as in the list of parameters."""
     coefficient: Annotated[float, q.Quantity(units.NUMBER, above=-1.0, below=1.0)]
     """Rank correlation (Spearman): 1 for the same order, -1 for the opposite order."""
@@ -275,7 +275,7 @@ class Tolerances(Schema):
             return  # reported at the varied parameter
         for k, asked in enumerate(self.parameters):
             number, place = resolve_parameter(scenario, asked), (*path, "parameters", k, "path")
-            if number.whole:
+            if number.integers_only:
                 message = f"= {asked.path} is a whole number, which has no tolerance"
                 yield problem(place, message, "vary it: values: [...]")
             for other in varied:
@@ -394,7 +394,7 @@ Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), ab
 LEAST_SAMPLES = 100  # smallest sample for which intervals have their stated coverage (benchmarks/probabilities.py)
 
 
-class Reliability(_ManyCases):
+class Reliability(_CaseSection):
     """Probability of exceeding limits. Random and matched inputs have another realisation in every history."""
 
     kind: Literal["reliability"] = "reliability"
@@ -454,7 +454,7 @@ class Reliability(_ManyCases):
             yield problem((*path, "method"), message, "write monte_carlo")
         for k, parameter in enumerate(self.parameters):
             with suppress(InvalidValueError):  # reported with the parameter
-                if resolve_parameter(scenario, parameter).whole:
+                if resolve_parameter(scenario, parameter).integers_only:
                     message = f"= {parameter.path} is a whole number, which does not scatter"
                     yield problem((*path, "parameters", k, "path"), message, "leave it out")
         for place, item in inputs:
@@ -463,24 +463,24 @@ class Reliability(_ManyCases):
                 yield problem(("excitation", *place, "amplitudes"), message, "leave it out, or write random")
 
 
-class Optimise(_ManyCases):
+class Optimise(_CaseSection):
     """The best design: a search for parameters that meet every limit and minimise or maximise a response."""
 
     kind: ClassVar[str] = "optimise"
     section: ClassVar[str] = "optimise"
 
-    parameters: Annotated[tuple[SoughtInRange, ...], Field(min_length=1)]
+    parameters: Annotated[tuple[DesignParameter, ...], Field(min_length=1)]
     """The design parameters: numbers with ranges or values, and catalogues."""
-    minimise: Aim = ""
+    minimise: Objective = ""
     """Response to minimise, as in vary.minimise; or a weighted sum of responses, each divided by the given value,
     {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, for a Pareto front. Without an
     objective the smallest margin of the limits is maximised. """
-    maximise: Aim = ""
+    maximise: Objective = ""
     """Response to maximise; together with minimise there are two objectives."""
     tolerances: Tolerances | None = None
     """Deviations of each design, which are part of its evaluation: the best design is the best as built."""
     responses: tuple[q.Text, ...] = ()
-    """Responses to compute in addition to the objectives and limits; none by default."""
+    """Responses to compute in addition to the objectives and limits; only these by default."""
     most_cases: q.SteppedCount = 400
     """Largest number of designs, each with its deviations."""
     seed: q.RandomSeed = 0
@@ -501,7 +501,7 @@ Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol | Reliabili
 Value = float | str
 
 _SECTIONS = ("vary", "optimise", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
-AS_IT_IS = "as it is"  # entry of a catalogue that leaves the scenario unchanged
+UNCHANGED_CHOICE = "as it is"  # entry of a catalogue that leaves the scenario unchanged
 _LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
@@ -519,7 +519,7 @@ class VariedParameter:
     points: int = 0  # number of values of a range
     spacing: str = "linear"
     distribution: str = "uniform"
-    whole: bool = False  # whether only whole numbers are allowed
+    integers_only: bool = False  # whether only whole numbers are allowed
     choices: Mapping[str, Mapping[Path, Any]] = field(
         default_factory=dict
     )  # of a catalogue, the values that each choice sets
@@ -587,7 +587,7 @@ def _drawn_parameter(scenario: Whole, path: str, values: list[Any]) -> VariedPar
     number = _number(scenario, path, _places(scenario, path, ("path",)))
     text = any(isinstance(value, str) for value in values)
     read = [_read(scenario, number.places[0], value, ()) for value in values] if text else values
-    if number.whole:
+    if number.integers_only:
         read = [int(value) if not isinstance(value, str) and float(value).is_integer() else value for value in read]
     return replace(number, nominal=math.nan, values=tuple(read))
 
@@ -599,11 +599,11 @@ def _number(scenario: Whole, path: str, places: Sequence[Path]) -> VariedParamet
     return VariedParameter(
         path=path, places=tuple(places), unit=unit_at(scenario, places[0]),
         nominal=nominal if isinstance(nominal, str) else float(nominal), values=(),
-        whole=isinstance(field, q.Whole) or (field is None and isinstance(nominal, int)),
+        integers_only=isinstance(field, q.WholeNumber) or (field is None and isinstance(nominal, int)),
     )  # fmt: skip
 
 
-def case_count(vary: _ManyCases) -> int:
+def case_count(vary: _CaseSection) -> int:
     """Largest number of cases, counting every realisation."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
@@ -660,7 +660,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         if len(set(values)) < len(values):
             raise InvalidValueError("lists a value twice", "list every value once", ("values",))
         return replace(number, values=values)
-    if isinstance(parameter, Measured):
+    if isinstance(parameter, MeasuredParameter):
         data = () if isinstance(parameter.data, str) else parameter.data
         return replace(number, values=tuple(read_end(value, ("data", k)) for k, value in enumerate(data)))
     if choices_at(scenario, first) or isinstance(nominal, str):
@@ -675,7 +675,7 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
             raise InvalidValueError(
                 "needs one nominal value, but these paths have different ones", "vary them separately", ("path",)
             )
-        key = "deviation" if isinstance(parameter, Scattered) else "tolerance"
+        key = "deviation" if isinstance(parameter, ScatteredParameter) else "tolerance"
         deviation = _deviation(scenario, first, getattr(parameter, key), float(nominal), key)
         if getattr(parameter, "distribution", "") == "lognormal" and not float(nominal) > 0.0:
             raise InvalidValueError(
@@ -684,9 +684,9 @@ def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
         low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
     for end in (low, high):
         for place in places:
-            if not isinstance(parameter, Scattered):  # which has no range
+            if not isinstance(parameter, ScatteredParameter):  # which has no range
                 _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
-    if number.whole and points and abs(high - low) + 1 < points:
+    if number.integers_only and points and abs(high - low) + 1 < points:
         raise InvalidValueError(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
         )
@@ -730,7 +730,7 @@ def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParamete
         raise InvalidValueError(
             f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",)
         )
-    nominal = next((name for name, changes in choices.items() if not changes), AS_IT_IS)
+    nominal = next((name for name, changes in choices.items() if not changes), UNCHANGED_CHOICE)
     return VariedParameter(catalogue.name, (), "1", nominal, tuple(choices), choices=choices)
 
 
@@ -757,7 +757,7 @@ def _places(scenario: Whole, path: str, source_path: Path) -> list[Path]:
                 f"= {path} has no effect on a case", "vary a number of the structure or the excitation", source_path
             )
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
-        takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
+        takes_words = isinstance(field_type_at(scenario, place), q.WholeNumber)  # reduction.modes: all
         if place[-1] == "kind" or (free_text and not takes_words):
             raise InvalidValueError(
                 f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", source_path
@@ -804,12 +804,12 @@ def _deviation(scenario: Whole, place: Path, tolerance: Value, nominal: float, k
 class ToleratedParameter:
     """A parameter with a tolerance, in SI units."""
 
-    number: VariedParameter  # with its nominal value
+    parameter: VariedParameter  # with its nominal value
     share: float | None  # the tolerance as a share of the value, if given in percent
 
     def reach(self, value: float) -> float:
         """Largest deviation from a value."""
-        return 0.5 * (self.number.high - self.number.low) if self.share is None else self.share * abs(value)
+        return 0.5 * (self.parameter.high - self.parameter.low) if self.share is None else self.share * abs(value)
 
 
 def tolerances_of(scenario: Whole) -> Tolerances | None:

@@ -52,7 +52,7 @@ from beamsim.scenario.reporting import (
 )
 from beamsim.scenario.run import MOST_SAMPLES, mode_problems
 
-Harmonics = Annotated[int, q.Whole(1, 500)]
+Harmonics = Annotated[int, q.WholeNumber(1, 500)]
 
 
 class _Path(Span[Number]):
@@ -291,7 +291,7 @@ class SweptOverlay(Schema):
     """up, down, or both: up and then down."""
 
 
-class OfSines(Schema):
+class SineAnalysis(Schema):
     """Common part of analyses of motions under sines."""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
@@ -312,7 +312,7 @@ class OfSines(Schema):
         yield from ()
 
 
-class Continuation(OfSines):
+class Continuation(SineAnalysis):
     """Branches of periodic motions, stable and unstable, continued in frequency or another parameter."""
 
     kind: Literal["continuation"] = "continuation"
@@ -341,7 +341,7 @@ class Continuation(OfSines):
     """Branches that start at bifurcations (shooting), and coexisting ones. limited: followed within the limits below,
     and the outcome names those that are cut off; required: a cut-off branch makes the result incomplete; none: not
     followed. """
-    longest_period: Annotated[int, q.Whole(1, 64)] = 2
+    longest_period: Annotated[int, q.WholeNumber(1, 64)] = 2
     """Longest period after period doublings, in periods of the excitation."""
     most_points: q.Count = 4000
     """Largest number of points on the curve of a level."""
@@ -456,10 +456,10 @@ HIGHEST_ORDER = 64
 _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "base.force": "2 kN"}]}
 
 
-class _UpAndDown(OfSines, FrequencyRange):
+class _DirectedSweep(SineAnalysis, FrequencyRange):
     """Common part of sweeps with a direction."""
 
-    where_it_falls: ClassVar[str] = "write the lower frequency as from, and direction: down"
+    falling_range_remedy: ClassVar[str] = "write the lower frequency as from, and direction: down"
 
     levels: Annotated[tuple[q.Level, ...], Field(min_length=1)] = ()
     """Levels, with one sweep for each; by default the level of the excitation."""
@@ -499,7 +499,7 @@ class _UpAndDown(OfSines, FrequencyRange):
         return tuple(sorted({float(Fraction(order).limit_denominator(12)) for order in self.orders}))
 
 
-class SweptSine(_UpAndDown):
+class SweptSine(_DirectedSweep):
     """A continuous sweep, logarithmic or linear in time."""
 
     kind: Literal["swept_sine"] = "swept_sine"
@@ -648,7 +648,7 @@ def _problems_of_notch(scenario: Whole, path: Path, name: str, limit: float) -> 
         yield from unit_problems(path, limit, dimension, f"which is not a unit of {getattr(dimension, 'name', '')}")
 
 
-class SteppedSine(_UpAndDown):
+class SteppedSine(_DirectedSweep):
     """Steady states at a list of frequencies; each starts from the one before."""
 
     kind: Literal["stepped"] = "stepped"
@@ -661,9 +661,9 @@ class SteppedSine(_UpAndDown):
     """A motion is steady if it repeats up to this fraction of its size."""
     most_cycles: q.Count = 2000
     """Largest number of cycles at one frequency."""
-    longest_period: q.Few = 16
+    longest_period: q.SmallCount = 16
     """Longest period considered, in cycles of the excitation."""
-    measured_cycles: q.Few = 8
+    measured_cycles: q.SmallCount = 8
     """Smallest number of cycles measured after the motion is steady."""
 
 
@@ -673,7 +673,7 @@ def _problems_of_probe(scenario: Whole, path: Path, name: str) -> Problems:
 
 
 Velocity = Annotated[float, q.Quantity(units.VELOCITY)]
-Drawn = tuple[str, str, float, float]  # name and unit of a coordinate of a start, lowest and highest value
+StartRange = tuple[str, str, float, float]  # name and unit of a coordinate of a start, lowest and highest value
 
 
 class BoxCoordinate(Schema):
@@ -682,8 +682,7 @@ class BoxCoordinate(Schema):
     probe: q.Name
     """Name of the probe."""
     mode: q.Count | None = None
-    """Natural mode that determines the rest of the structure; by default its static deflection under a force at the
-    probe."""
+    """Natural mode in which the structure is displaced; without it, the static deflection by a force at the probe."""
     displacement: tuple[q.Amplitude, q.Amplitude] = (0.0, 0.0)
     """Smallest and largest displacement."""
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
@@ -699,29 +698,29 @@ class BoxCoordinate(Schema):
         yield from _problems_of_probe(scenario, path, self.probe)
 
     @property
-    def ranges(self) -> tuple[Drawn, Drawn]:
+    def ranges(self) -> tuple[StartRange, StartRange]:
         """The ranges of displacement and velocity."""
         of = f" of {self.probe}{f' in mode {self.mode}' if self.mode else ''}"
         return (f"displacement{of}", "m", *self.displacement), (f"velocity{of}", "m/s", *self.velocity)
 
 
-class _Starts(Schema):
+class _RandomStarts(Schema):
     number: q.SteppedCount = 100
     """Number of starts at each frequency."""
     seed: q.RandomSeed = 0
     """Seed of the random numbers."""
 
 
-class PhaseStarts(_Starts):
+class PhaseStarts(_RandomStarts):
     """The excitation is switched on at a random phase, at static equilibrium."""
 
     kind: Literal["phases"] = "phases"
     """Random phase at switch-on."""
 
-    ranges: ClassVar[tuple[Drawn, ...]] = (("phase", "rad", 0.0, tau),)
+    ranges: ClassVar[tuple[StartRange, ...]] = (("phase", "rad", 0.0, tau),)
 
 
-class StateStarts(_Starts):
+class StateStarts(_RandomStarts):
     """Random displacements and velocities at phase zero, uniform in a box."""
 
     kind: Literal["states"] = "states"
@@ -730,22 +729,22 @@ class StateStarts(_Starts):
     """Coordinates of the box."""
 
     @property
-    def ranges(self) -> tuple[Drawn, ...]:
+    def ranges(self) -> tuple[StartRange, ...]:
         """Ranges of all coordinates."""
         return tuple(each for coordinate in self.box for each in coordinate.ranges)
 
 
-class HistoryStarts(_Starts, FrequencyRange):
+class HistoryStarts(_RandomStarts, FrequencyRange):
     """The frequency is swept up or down from a random value to the frequency, and then stays."""
 
     kind: Literal["history"] = "history"
     """Sweeps up and down to the frequency, from static equilibrium."""
-    where_it_falls: ClassVar[str] = "write the lower frequency as from"
+    falling_range_remedy: ClassVar[str] = "write the lower frequency as from"
     rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
 
     @property
-    def ranges(self) -> tuple[Drawn, ...]:
+    def ranges(self) -> tuple[StartRange, ...]:
         """Range of the initial frequency."""
         return (("first frequency", "Hz", self.from_, self.to),)
 
@@ -787,7 +786,7 @@ MOST_STARTS = 200_000
 Disturbance = Annotated[ImpulseAt | BasePulse, BY_FORM]
 
 
-class Coexisting(OfSines):
+class Coexisting(SineAnalysis):
     """Coexisting motions at a frequency, their probabilities, and the disturbances that leave them."""
 
     kind: Literal["coexisting"] = "coexisting"
@@ -811,7 +810,7 @@ class Coexisting(OfSines):
     """A motion is settled if it repeats up to this fraction of its size; shooting starts from there."""
     most_cycles: q.Count = 1000
     """Largest number of cycles for a motion to settle."""
-    longest_period: q.Few = 16
+    longest_period: q.SmallCount = 16
     """Longest period considered, in cycles of the excitation."""
     convergence: Literal["on", "off"] | None = None
     """Whether the largest values of stable motions are compared with those of a finer model; off by default, in a study
@@ -866,7 +865,7 @@ class FullPeriodMethod(Schema):
     """Full-period shooting with a phase condition."""
     branches: q.NotNegativeWhole = 3
     """Largest number of branches of non-brake orbits to follow from their bifurcations; 0 for none."""
-    points: q.Few = 120
+    points: q.SmallCount = 120
     """Largest number of points on each of these branches."""
 
 
@@ -882,7 +881,7 @@ class RelaxedMinimisationMethod(Schema):
 
     kind: Literal["relaxed_minimisation"] = "relaxed_minimisation"
     """Relaxed minimisation."""
-    steps: Annotated[int, q.Whole(1, 10_000)] = 75
+    steps: Annotated[int, q.WholeNumber(1, 10_000)] = 75
     """Number of equal steps in the stiffness factor."""
     tolerance: Tolerance = 1e-5
     """Largest accepted value of the functional, divided by twice the energy of the motion (dimensionless)."""
@@ -906,7 +905,7 @@ class PhaseResonance(Schema):
 
     levels: tuple[q.PositiveLevel, ...] = ()
     """Levels of the excitation, each at its own resonance; by default the level of the excitation."""
-    periods: Annotated[int, q.Whole(1, 10_000)] = 50
+    periods: Annotated[int, q.WholeNumber(1, 10_000)] = 50
     """Number of periods of the damped motion, starting from the prediction."""
     span: ShareOfFrequency = 0.1
     """Range of the response curve on both sides, as a fraction of the frequency."""

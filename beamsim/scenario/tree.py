@@ -28,7 +28,7 @@ import yaml
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import protect, read_input
 from beamsim.scenario.base import (
-    NOWHERE,
+    NO_MARK,
     InvalidValueError,
     Mark,
     Path,
@@ -54,7 +54,7 @@ _UNFOLDS = f"unfolds to more than {MOST_VALUES} values"
 class WrittenMapping(dict[str, Any]):
     """A mapping with the location of itself and of the value of each key."""
 
-    mark: Mark = NOWHERE
+    mark: Mark = NO_MARK
     marks: Mapping[Any, Mark] = MappingProxyType({})
 
 
@@ -62,7 +62,7 @@ class WrittenList(list[Any]):
     """A list with the location of each item."""
 
     marks: Mapping[Any, Mark] = MappingProxyType({})
-    of_python = False  # whether it is a Python array or list, not text
+    from_python_array = False  # whether it is a Python array or list, not text
 
 
 def from_python(value: object) -> Any:
@@ -71,7 +71,7 @@ def from_python(value: object) -> Any:
         return WrittenMapping({str(key): from_python(item) for key, item in value.items()})
     if isinstance(value, (list, tuple)):
         items = WrittenList(from_python(item) for item in value)
-        items.of_python = getattr(value, "of_python", True)
+        items.from_python_array = getattr(value, "of_python", True)
         return items
     if isinstance(value, (bool, str)) or value is None:
         return value
@@ -93,14 +93,14 @@ def locate(root: Any, path: Path) -> Mark:
         inside = part in value if isinstance(value, dict) else isinstance(value, list) and part in range(len(value))
         if not inside:
             break
-        mark, value = value.marks.get(part, NOWHERE), value[part]
+        mark, value = value.marks.get(part, NO_MARK), value[part]
     return mark
 
 
-def located_problem(root: Any, found: Problem) -> Problem:
+def located_problem(root: Any, item: Problem) -> Problem:
     """A copy of a problem with the file and line of its path."""
-    file, line = locate(root, tuple(path_parts(found.path)) or _written_path(root, found.path))
-    return replace(found, file=file, line=line)
+    file, line = locate(root, tuple(path_parts(item.path)) or _written_path(root, item.path))
+    return replace(item, file=file, line=line)
 
 
 def _written_path(root: Any, path: str) -> Path:
@@ -123,12 +123,12 @@ class _TooLong(Exception):
 class _Loader(yaml.SafeLoader):
     """Resolves plain scalars as YAML 1.2 does, and stops at `MOST_VALUES`."""
 
-    composed = 0
+    value_count = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Compose the next value; stop if there are too many."""
-        self.composed += 1
-        if self.composed > MOST_VALUES:
+        self.value_count += 1
+        if self.value_count > MOST_VALUES:
             raise _TooLong(self.line + 1)
         return super().compose_node(parent, index)
 
@@ -228,7 +228,7 @@ class _Reader:
 
     file: str | None
     problems: list[Problem] = field(default_factory=list)
-    open: set[int] = field(default_factory=set)
+    open_nodes: set[int] = field(default_factory=set)
     count: int = 0
 
     def data(self, node: yaml.Node, path: Path) -> Any:
@@ -240,10 +240,10 @@ class _Reader:
             return self._scalar(node, path)
         if node.tag != _TAG + ("map" if isinstance(node, yaml.MappingNode) else "seq"):
             self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
-        if id(node) in self.open:
+        if id(node) in self.open_nodes:
             self._problem(path, "contains itself through an alias", "remove the alias", node)
             return None
-        self.open.add(id(node))
+        self.open_nodes.add(id(node))
         try:
             if isinstance(node, yaml.MappingNode):
                 return self._mapping(node, path)
@@ -251,7 +251,7 @@ class _Reader:
             items.marks = {index: (self.file, item.start_mark.line + 1) for index, item in enumerate(node.value)}
             return items
         finally:
-            self.open.discard(id(node))
+            self.open_nodes.discard(id(node))
 
     def _note_duplicate(self, path: Path, line: int, node: yaml.Node) -> None:
         """Record a key that was already given, with its line."""
@@ -318,7 +318,7 @@ class _Reader:
             merged = self.data(source, path)
             for key, value in merged.items():
                 if key not in items:
-                    items[key], marks[key] = value, merged.marks.get(key, NOWHERE)
+                    items[key], marks[key] = value, merged.marks.get(key, NO_MARK)
 
 
 _SCALARS: dict[str, Callable[[str], object]] = {
@@ -446,30 +446,30 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     """
     if not isinstance(root, WrittenMapping):
         raise ScenarioError(_without_keys(root, file))
-    named, where = root.pop("extends", None), root.marks.get("extends", NOWHERE)
+    named, where = root.pop("extends", None), root.marks.get("extends", NO_MARK)
     return root if named is None else _merge_into_base(root, named, where, folder, chain)
 
 
 def _merge_into_base(
-    root: WrittenMapping, named: Any, mark: Mark, folder: FilePath, chain: tuple[FilePath, ...]
+    root: WrittenMapping, base_name: Any, mark: Mark, folder: FilePath, chain: tuple[FilePath, ...]
 ) -> WrittenMapping:
     """Merge a document into the file that it extends; see `resolve_extends`."""
-    if not isinstance(named, str) or not named.strip():
-        message = f"= {single_line(named)} must be the path of one file"
+    if not isinstance(base_name, str) or not base_name.strip():
+        message = f"= {single_line(base_name)} must be the path of one file"
         raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", mark))
-    path = FilePath(os.path.normpath(folder / named))
+    path = FilePath(os.path.normpath(folder / base_name))
     try:
         base = read_file(path)
     except ScenarioError as error:
         if os.path.isfile(path):
             raise
         first = error.problems[0]
-        message = f"= {named}: {path} {first.message}"
+        message = f"= {base_name}: {path} {first.message}"
         remedy = first.remedy or "the path is relative to the file that contains it"
         raise ScenarioError(problem(("extends",), message, remedy, mark)) from None
     identity = path.resolve()
     if identity in chain:
-        message = f"= {named} refers back to {path}: the files extend each other in a cycle"
+        message = f"= {base_name} refers back to {path}: the files extend each other in a cycle"
         raise ScenarioError(problem(("extends",), message, "remove one of them", mark))
     merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
     assert isinstance(merged, WrittenMapping)
@@ -490,13 +490,13 @@ class _NestedOverrides(WrittenMapping):
     """Overrides inside a mapping, by key, or inside a list, by index; they do not replace it as a whole."""
 
 
-def merge(base: Any, over: Any, key: str = "") -> Any:
+def merge(base: Any, changes: Any, key: str = "") -> Any:
     """Merge a value into the corresponding value of the extended document.
 
     Parameters
     ----------
     base : the value that is extended.
-    over : the value to merge. It replaces ``base`` unless both are mappings of the same kind with a key that is not in
+    changes : the value to merge. It replaces ``base`` unless both are mappings of the same kind whose key is not in
         `REPLACED_WHOLE`.
     key : key of both values.
 
@@ -504,32 +504,34 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
     -------
     The merged value.
     """
-    inside = isinstance(over, _NestedOverrides)
+    inside = isinstance(changes, _NestedOverrides)
     if isinstance(base, WrittenList) and inside:
-        items = WrittenList(merge(item, over[k]) if k in over else item for k, item in enumerate(base))
+        items = WrittenList(merge(item, changes[k]) if k in changes else item for k, item in enumerate(base))
         items.marks = {
             **base.marks,
-            **{k: NOWHERE for k, item in over.items() if not isinstance(item, _NestedOverrides)},
+            **{k: NO_MARK for k, item in changes.items() if not isinstance(item, _NestedOverrides)},
         }
         return items
-    if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping):
-        return over
-    if (key in REPLACED_WHOLE and not inside) or over.get("kind") not in (None, base.get("kind")):
-        return over
+    if not isinstance(base, WrittenMapping) or not isinstance(changes, WrittenMapping):
+        return changes
+    if (key in REPLACED_WHOLE and not inside) or changes.get("kind") not in (None, base.get("kind")):
+        return changes
     written = {
-        name: over.marks.get(name, NOWHERE) for name, item in over.items() if not isinstance(item, _NestedOverrides)
+        name: changes.marks.get(name, NO_MARK)
+        for name, item in changes.items()
+        if not isinstance(item, _NestedOverrides)
     }
     merged = WrittenMapping(base)
-    merged.mark, merged.marks = base.mark if inside else over.mark, {**base.marks, **written}
-    for name, item in over.items():
+    merged.mark, merged.marks = base.mark if inside else changes.mark, {**base.marks, **written}
+    for name, item in changes.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
         if item is None and name in base:
             del merged[name]
-    given = {name for name, item in over.items() if item is not None}
+    given = {name for name, item in changes.items() if item is not None}
     for either in ALTERNATIVES:  # a given key replaces inherited alternatives
         chosen = [names for names in either if names & given]
         for names in either if chosen else ():
-            for name in names - over.keys() if names not in chosen else ():
+            for name in names - changes.keys() if names not in chosen else ():
                 merged.pop(name, None)
     return merged
 
@@ -608,7 +610,7 @@ def _numbers(written: Any) -> Iterator[Any]:
     if isinstance(written, dict):
         written = list(written.values())
     if isinstance(written, list):
-        for item in () if isinstance(written, WrittenList) and written.of_python else written:
+        for item in () if isinstance(written, WrittenList) and written.from_python_array else written:
             yield from _numbers(item)
     else:
         yield written

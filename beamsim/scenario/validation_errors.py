@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import (
-    MEANT,
+    SYNONYMS,
     Path,
     Schema,
     closest_name,
@@ -166,7 +166,7 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"
-    same = key in MEANT.get(closest_name(key, keys), "").split()
+    same = key in SYNONYMS.get(closest_name(key, keys), "").split()
     if not same and (home := _section_of_key(key, schema)):
         return home
     return suggestion(key, keys, "known keys:")

@@ -31,7 +31,7 @@ from beamsim.dofs import DIRECTIONS
 from beamsim.files import open_input, replacement_file
 from beamsim.labelled import NAMES, OF_EACH, Dataset, Item, Items, absent_in, last, parent, part_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.connections import OfHinge
+from beamsim.scenario.connections import HingeElement
 from beamsim.structures.places import DEFLECTION, NODES, Stations
 from beamsim.system.structural import MODES
 from beamsim.typing import Floats, Ints
@@ -154,7 +154,7 @@ def _nodes(
     }
     located: list[tuple[str, Any, str]] = [("probe", p, scenario.default_body) for p in scenario.effective_probes]
     snubbers = scenario.located_snubbers  # those of hinges have no function of a universal file
-    located += [("snubber", each.item, each.body) for each in snubbers if not isinstance(each.item, OfHinge)]
+    located += [("snubber", each.item, each.body) for each in snubbers if not isinstance(each.item, HingeElement)]
     nodes = {}
     for kind, item, default in located:
         place = getattr(item, "probed_places", item.places)[0]

@@ -23,7 +23,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.body import LocatedItem
-from beamsim.scenario.connections import OfHinge, placed
+from beamsim.scenario.connections import HingeElement, place_bodies
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replace_values
 from beamsim.structures.modes import allowed_rigid_motions, orthonormal_in_mass
@@ -64,7 +64,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     couplings = couplings_of(scenario) if scenario.joined_by else []
     sections = scenario.all_bodies
     joints = scenario.joints
-    origins = placed(joints, sections, scenario.default_body).of_first_group if joints else {}
+    origins = place_bodies(joints, sections, scenario.default_body).of_first_group if joints else {}
     # what the bodies alone know to have a place: nodes of imported matrices, and loads shaped as a mode
     placed_by_bodies = [
         (path, item)
@@ -190,7 +190,7 @@ def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
 def snubber_site(contact: LocatedItem) -> Site:
     """Where a snubber, spring or friction contact of a scenario sits; between rotations where it belongs to a hinge."""
     site = site_of(contact.item, contact.body, contact.sections)
-    return _slope_of(site) if isinstance(contact.item, OfHinge) else site
+    return _slope_of(site) if isinstance(contact.item, HingeElement) else site
 
 
 @dataclass(frozen=True)

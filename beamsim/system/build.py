@@ -30,7 +30,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
-from beamsim.scenario.body import LocatedItem, OnSupport
+from beamsim.scenario.body import LocatedItem, SupportMounting
 from beamsim.scenario.excitation import SingleExcitation, has_level_steps, sine_problems
 from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.quantities import power_of
@@ -129,7 +129,7 @@ def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> Tim
     )
     displacement = motion.displacement if motion is not None and on_ground else None
     mountings = (getattr(snubber, "mounted_on", None) for snubber in model.scenario.all_snubbers)
-    moved_mountings = model.acting_loads.stops or any(isinstance(on, OnSupport) for on in mountings)
+    moved_mountings = model.acting_loads.stops or any(isinstance(on, SupportMounting) for on in mountings)
     influence = _influence_of_mountings(model, static_loads, len(loads)) if moved_mountings else None
     return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
 

@@ -23,7 +23,7 @@ from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.inputs.excitation import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
-from beamsim.scenario.body import TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
+from beamsim.scenario.body import TRANSLATION_TAKES, MovedStop, MovedSupport, SupportMounting
 from beamsim.scenario.excitation import SingleExcitation, point_of
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
@@ -331,7 +331,7 @@ class ReducedModel:
             influence, self.snubber_sites, scenario.located_snubbers, strict=True
         ):
             on = getattr(snubber, "mounted_on", None)
-            if isinstance(on, OnSupport):
+            if isinstance(on, SupportMounting):
                 at, body = (*path, "mounted_on", "support"), on.body or scenario.default_body
                 assert isinstance(site, Place)
                 supports_named(supports_of(self.structure), body, on.support, at)

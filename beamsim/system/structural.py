@@ -32,7 +32,7 @@ from beamsim.outcomes import first_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, count_text
 from beamsim.scenario.body import LocatedItem
-from beamsim.scenario.reporting import SWEPT
+from beamsim.scenario.reporting import SWEPT_KINDS
 from beamsim.scenario.scenario import UsualSizes
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.named_matrices import FileSummary
@@ -543,7 +543,7 @@ def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
     if scenario.excitation.shock or (scenario.run is None and scenario.sweep is None):
         return []
     swept: Any = scenario.sweep
-    ends = [swept.from_, swept.to] if swept is not None and swept.kind in SWEPT else []
+    ends = [swept.from_, swept.to] if swept is not None and swept.kind in SWEPT_KINDS else []
     highest = max([scenario.excitation.highest_frequency_hz, *ends])
     return [_far_mode(first, highest)] if first > FARTHEST_MODE * highest > 0.0 else []
 

@@ -128,7 +128,7 @@ def least_time_of_study(plan: StudyPlan, known: int = 0) -> LeastTime:
 def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
     """The least time of a case: of some cases where they differ in what is counted; None where that is not known."""
     least = least_time_of_run if plan.study.analysis == "run" else least_time_of_sweep
-    tolerated = [parameter.number for parameter in plan.study.realisations.parameters]
+    tolerated = [parameter.parameter for parameter in plan.study.realisations.parameters]
     if not any(_varies_counts(parameter) for parameter in (*plan.study.varied, *tolerated)):
         return least(plan.study.case)
     if plan.searches:

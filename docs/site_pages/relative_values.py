@@ -62,7 +62,7 @@ RATIOS = {
     "IdentifyStiffness.uncertainty": "measured frequency",
     "IdentifyStiffness.coverage": "certainty (1)",
     "ParameterUncertainty.uncertainty": "value in the scenario",
-    "SoughtParameter.prior": "value in the scenario",
+    "ParameterToIdentify.prior": "value in the scenario",
     "NonlinearFit.spread": "value in the scenario",
     "MeasuredPeak.scatter": "measured peak",
     "_RecordedTest.noise": "largest harmonic of the test, or sample of a transient",
@@ -71,13 +71,13 @@ RATIOS = {
     "PhaseResonance.span": "resonance frequency",
     "Correlation.coefficient": "rank correlation of what is drawn; 1 is the same order",
     "Tolerances.quantile": "number of realisations, the case itself among them, counted from the good side",
-    "_Toleranced.tolerance": "in percent: value in the case (of a position too, not the length); in a unit: absolute",
+    "_Toleranced.tolerance": "in percent: value in the case (of a position too, not the length); with a unit: absolute",
     "ListedParameter.values": "of a position in percent: length of its body, in each case; else absolute",
-    "Scattered.deviation": "in percent: value in the scenario (of a position too, not the length); in a unit: absolute",
-    "Measured.data": "none: absolute, also of a position",
+    "ScatteredParameter.deviation": "in percent: value in the scenario (also for a position); with a unit: absolute",
+    "MeasuredParameter.data": "none: absolute, also of a position",
     "_Ranged.from": "none: absolute, also of a position",
     "_Ranged.to": "none: absolute, also of a position",
-    "SoughtParameter.bounds": "of a position in percent: length of its body in the scenario; else absolute",
+    "ParameterToIdentify.bounds": "of a position in percent: length of its body in the scenario; else absolute",
 }
 FACTORS = {
     "MeasuredForces.scale": "forces as measured",
@@ -96,7 +96,7 @@ FACTORS = {
     "StressLife.exponent": "none: an exponent",
     "PlateBody.grading": "none: an exponent",
     "Run.atol": "none: absolute",
-    "_UpAndDown.orders": "excitation frequency",
+    "_DirectedSweep.orders": "excitation frequency",
     "SweptSine.tolerance": "amplitude of the sine",
     "SensitiveParameter.tolerance": "as that of a varied number",
     "SteppedSine.steady_to": "size of the motion",
@@ -115,15 +115,14 @@ DEFAULTS = {
     "SnubberBase.gap": "zero; with `preload` the gap that gives this force at static equilibrium",
     "HingeStop.side": "`below` for a negative angle, else `above`",
     "HingeFrictionMoments.sliding": "`moment`",
-    "HingeFrictionMoments.stiffness": "infinite: the hinge does not turn while it sticks",
     "FrictionCoefficients.stribeck_speed": "none: the coefficient falls at once",
     "SnubberBase.law": "`no_tension` with Maxwell branches, else `kelvin_voigt`",
     "PointOfBody.direction": "z",
     "MeasuredForces.fit": "points as they are",
     "Rigidity.dxy": "sqrt(dx dy) (1 - nu sqrt(dy / dx)) / 2",
-    "Driven.quantity": "unit of the level; of a bare number what `applied_to` takes",
-    "Driven.direction": "z, or what the imported matrices say",
-    "Driven.about": "left end of a beam, lower left corner of a plate, origin of the coordinates of imported matrices",
+    "DrivenInput.quantity": "unit of the level; of a bare number what `applied_to` takes",
+    "DrivenInput.direction": "z, or what the imported matrices say",
+    "DrivenInput.about": "left end of a beam, lower left corner of a plate, origin of imported matrices",
     "MovedSupport.direction": "z",
     "Step.duration": "no end",
     "Step.rise": "a step at once",
@@ -134,7 +133,7 @@ DEFAULTS = {
     "SampledInput.decimal": "what the numbers of the file show",
     "MeasuredForces.decimal": "what the numbers of the file show",
     "PadData.decimal": "what the numbers of the file show",
-    "Measured.decimal": "what the numbers of the file show",
+    "MeasuredParameter.decimal": "what the numbers of the file show",
     "SweepTest.decimal": "what the numbers of the file show",
     "_RecordedTest.decimal": "what the numbers of the file show",
     "SampledInput.unit": "what the file states",
@@ -154,8 +153,8 @@ DEFAULTS = {
     "SpectrumSettings.last": "`run.duration`",
     "SpectrumSettings.window": "excitation: decaying for shocks and motions that die away, else hann",
     "SpectrumSettings.to": "highest frequency of the modes kept and of the excitation",
-    "_UpAndDown.levels": "level of the excitation",
-    "_UpAndDown.convergence": "on; in a study for the cases that decide",
+    "_DirectedSweep.levels": "level of the excitation",
+    "_DirectedSweep.convergence": "on; in a study for the cases that decide",
     "Continuation.levels": "level of the excitation",
     "MatricesBody.units": "SI",
     "StructuralDamping.file": "imaginary part of the stiffness matrix",
@@ -190,8 +189,10 @@ CHAPTERS = {
     "Factors and other numbers without a unit": ("relative to", FACTORS),
     "Defaults that follow": ("by default", DEFAULTS),
 }
-ABSOLUTE = re.compile(r"(none|nothing|0|off|all edges are free|clamped and free|unknown|sudden)\b[^.;]* by default|"
-                      r"by default (none|off|it does not move|0\b|1\b)|[Nn]ot computed by default")  # fmt: skip
+_NO_VALUE = "none|nothing|no wear|0|off|all edges are free|clamped and free|rigid|unknown|sudden"
+ABSOLUTE = re.compile(
+    rf"({_NO_VALUE})\b[^.;]* by default|by default (none|off|they are independent|0\b|1\b)|[Nn]ot computed by default"
+)
 """Defaults that are no values: they follow from nothing."""
 
 

@@ -12,7 +12,7 @@ from shipped import LOADER, PATHS, config_path, shipped
 
 from beamsim.scenario import Scenario, load_scenario, units
 from beamsim.scenario.base import Schema, as_plain_data, nested_annotations, walk
-from beamsim.scenario.quantities import Bounded, FieldType, RateType, Whole
+from beamsim.scenario.quantities import Bounded, FieldType, RateType, WholeNumber
 
 REFUSALS = Path(__file__).parents[1] / "data" / "refusals.yaml"
 _BASE = {"applied_to": "base", "level": "10 g"}
@@ -76,7 +76,7 @@ class Field:
     @property
     def ends(self) -> tuple[list[Any], list[Any]]:
         """Numbers just inside and just outside the range."""
-        if isinstance(self.of, Whole):
+        if isinstance(self.of, WholeNumber):
             return [self.of.minimum, self.of.maximum], [self.of.minimum - 1, self.of.maximum + 1]
         if isinstance(self.of, RateType):
             low, high = units.OCTAVES_PER_TIME.smallest, units.OCTAVES_PER_TIME.largest
@@ -117,7 +117,7 @@ def fields_of(section: type[Schema]) -> tuple[Field, ...]:
     for key, name in section.keys().items():
         field = section.model_fields[name]
         parts = [*field.metadata, *nested_annotations(field.annotation)]
-        numeric = [each for each in parts if isinstance(each, (Bounded, Whole, RateType))]
+        numeric = [each for each in parts if isinstance(each, (Bounded, WholeNumber, RateType))]
         if numeric and not any(isinstance(each, type) and issubclass(each, Schema) for each in parts):
             several = any(each is tuple or "tuple" in str(each)[:5] for each in parts)
             found.append(Field(section, key, numeric[0], several))

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
-from beamsim.scenario.base import MEANT
+from beamsim.scenario.base import SYNONYMS
 from beamsim.scenario.beam import Beam
 from beamsim.scenario.connections import Snubber
 from beamsim.scenario.jsonschema import json_schema
@@ -209,7 +209,7 @@ def test_words_that_mean_a_key_are_no_keys_beside_it():
     nodes = list(mappings(json_schema()))
     groups = [set(node.get("properties", ())) or set(node.get("enum", ())) for node in nodes]
     kinds = {str(node["const"]) for node in nodes if "const" in node}
-    for key, words in MEANT.items():
+    for key, words in SYNONYMS.items():
         beside = [names for names in groups if key in names]
         assert beside or key in kinds, key
         assert not any(set(words.split()) & names for names in beside), key

@@ -23,7 +23,7 @@ from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import MOST_LISTED, Interrupted, Outcome, OutcomeKind, first_of, stop_requested, stop_requests
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.identification import SoughtParameter, bounds_of
+from beamsim.scenario.identification import ParameterToIdentify, bounds_of
 from beamsim.scenario.parameters import choices_at, find_parameters, unit_of, value_at, with_values
 from beamsim.typing import Bools, Floats
 
@@ -83,7 +83,7 @@ class FitParameter:
         return any(place[-1] == "gap" for place in self.places)
 
 
-def sought_numbers(scenario: Scenario, sections: Sequence[SoughtParameter]) -> tuple[list[FitParameter], list[Path]]:
+def sought_numbers(scenario: Scenario, sections: Sequence[ParameterToIdentify]) -> tuple[list[FitParameter], list[Path]]:
     """Locate the numeric parameters, and the paths of non-numeric ones (supports)."""
     numbers: list[FitParameter] = []
     words: list[Path] = []

@@ -19,7 +19,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
-from beamsim.scenario.connections import OfHinge
+from beamsim.scenario.connections import HingeElement
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats
 
@@ -72,7 +72,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         values |= _of_outputs(system, histories)
     of_members = {
         "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
-        "friction": [contact_units("rad" if isinstance(each, OfHinge) else "m") for each in friction],
+        "friction": [contact_units("rad" if isinstance(each, HingeElement) else "m") for each in friction],
         "output": [{"unit": each.unit, "quantity": each.quantity} for each in system.outputs],
     }
     datasets = {"histories": HISTORIES.dataset(values, of_members, base_unit="rad" if turning else "m")}
@@ -180,7 +180,7 @@ def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict
     slides = [of.get("slides") for of in sliding]
     return {
         "friction": [c.name for c in contacts],
-        "friction_normal_force": [np.nan if isinstance(c, OfHinge) else c.constant_force for c in contacts],
+        "friction_normal_force": [np.nan if isinstance(c, HingeElement) else c.constant_force for c in contacts],
         "friction_static_force": [c.static_force for c in contacts],
         "friction_sliding_force": [c.sliding_force for c in contacts],
         "friction_stiffness": [c.stiffness or np.inf for c in contacts],

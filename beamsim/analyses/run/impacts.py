@@ -29,7 +29,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Stop
-from beamsim.scenario.connections import FrictionBase, OfHinge
+from beamsim.scenario.connections import FrictionBase, HingeElement
 from beamsim.signals.rainflow import distinct_cycles, reversals
 from beamsim.system.equations import RowsOf
 from beamsim.system.structural import StructuralSystem, contact_units
@@ -454,7 +454,7 @@ def sliding_values(
             "slides": int(sums["slides"][-1, k]),
             "dissipated_energy": float(sums["lost"][-1, k]),
             "dissipated_power": float(sums["lost"][-1, k]) / duration,
-            "wear_power": None if isinstance(contact, OfHinge) else float(sums["wear"][-1, k]) / duration,
+            "wear_power": None if isinstance(contact, HingeElement) else float(sums["wear"][-1, k]) / duration,
             "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(sums["wear"][-1, k]),
             "intervals": _sliding_intervals({name: of[:, k] for name, of in sums.items()}, times) if random else (),
         }

@@ -101,7 +101,9 @@ class Designs:
         self.known: dict[tuple[Value, ...], tuple[Floats, Floats]] = {}  # (objectives,), (limits,)
         self.points: dict[tuple[Value, ...], Floats] = {}  # of the unit cube
         self._every: SolvedPoints | None = None  # where nothing was solved since
-        self.free: Bools = np.array([not (p.values or p.whole) for p in plan.study.varied])  # ranges of real numbers
+        self.free: Bools = np.array(
+            [not (p.values or p.integers_only) for p in plan.study.varied]
+        )  # ranges of real numbers
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and excess of the limits (n,) of points (n, parameters) of the unit cube."""
@@ -153,7 +155,9 @@ class Designs:
     @property
     def exhausted(self) -> bool:
         """True if all designs have been tried."""
-        counts = [len(p.values) or (p.high - p.low + 1.0 if p.whole else np.inf) for p in self.plan.study.varied]
+        counts = [
+            len(p.values) or (p.high - p.low + 1.0 if p.integers_only else np.inf) for p in self.plan.study.varied
+        ]
         return len(self.points) >= float(np.prod(counts))
 
     def best_apart(self, taken: Sequence[Floats], goal: int = 0) -> Floats | None:

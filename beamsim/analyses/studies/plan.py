@@ -61,7 +61,7 @@ class Realisations:
         if asked is None:
             return cls()
         parameters = tolerated_parameters(scenario)
-        units = tuple(replace(p.number, low=-1.0, high=1.0, spacing="linear") for p in parameters)
+        units = tuple(replace(p.parameter, low=-1.0, high=1.0, spacing="linear") for p in parameters)
         sample: Any = latin_hypercube(units, asked.samples, asked.seed, asked.correlations)
         return cls(
             parameters,
@@ -90,20 +90,20 @@ class Realisations:
         """
         values: dict[Path, float] = {}
         for parameter, deviation in zip(self.parameters, deviations, strict=True):
-            written = value_at(case, parameter.number.places[0])
+            written = value_at(case, parameter.parameter.places[0])
             if written is None:
                 message = "has a tolerance, and no value in this case"
-                raise ScenarioError.at(parameter.number.path, message, "leave out the tolerance, or such choices")
+                raise ScenarioError.at(parameter.parameter.path, message, "leave out the tolerance, or such choices")
             nominal = float(written)
             value = nominal + float(deviation) * parameter.reach(nominal)
-            values |= dict.fromkeys(parameter.number.places, value)
+            values |= dict.fromkeys(parameter.parameter.places, value)
         return values
 
     def as_data(self) -> list[Any]:
         """Plain data of all that the cases depend on; empty without tolerances."""
         deviations = [] if self.count == 1 else self.deviations.tolist()
         return [
-            *([p.number.path, p.share, p.number.low, p.number.high, p.number.places] for p in self.parameters),
+            *([p.parameter.path, p.share, p.parameter.low, p.parameter.high, p.number.places] for p in self.parameters),
             *deviations,
         ]
 
@@ -431,7 +431,7 @@ def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParame
 
 def fingerprint_of(scenario: Scenario, *data: Any) -> str:
     """Hash of plain data, and of the contents of the files that a scenario names."""
-    contents = {key: record.get("sha256") for key, record in scenario.file_records(as_read=False).items()}
+    contents = {key: record.get("sha256") for key, record in scenario.file_records(unchanged_only=False).items()}
     return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
@@ -484,14 +484,14 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
     spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
     values = spaced(parameter.low, parameter.high, parameter.points)
     values[0], values[-1] = parameter.low, parameter.high
-    if parameter.whole:
+    if parameter.integers_only:
         return [*dict.fromkeys(int(v) for v in np.rint(values))]
     return [float(v) for v in values]
 
 
 def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:
     """The scenario's own values, then each value of every parameter, the others being as in the scenario."""
-    nominal = [int(p.nominal) if p.whole and not isinstance(p.nominal, str) else p.nominal for p in varied]
+    nominal = [int(p.nominal) if p.integers_only and not isinstance(p.nominal, str) else p.nominal for p in varied]
     rows = [nominal]
     for k, parameter in enumerate(varied):
         others = [v for v in listed_values(parameter) if not _same(v, nominal[k])]
@@ -606,9 +606,9 @@ def distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[
             places = np.minimum(np.floor(u * len(parameter.values)), len(parameter.values) - 1).astype(int)
             columns.append([parameter.values[k] for k in places])
             continue
-        elif parameter.whole:
+        elif parameter.integers_only:
             values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
         else:
             values = low + u * (high - low)
-        columns.append([int(v) for v in values] if parameter.whole else values.tolist())
+        columns.append([int(v) for v in values] if parameter.integers_only else values.tolist())
     return columns

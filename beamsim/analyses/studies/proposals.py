@@ -126,12 +126,12 @@ def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
     """(n, m) of designs in the space of the model: one for each number, and one for each value of a list."""
     columns = list[Floats]()
     for parameter, u in zip(varied, points.T, strict=True):
-        count = len(parameter.values) or (int(parameter.high - parameter.low) + 1 if parameter.whole else 0)
+        count = len(parameter.values) or (int(parameter.high - parameter.low) + 1 if parameter.integers_only else 0)
         chosen = np.minimum(np.floor(u * count), count - 1)
         if parameter.values:
             columns += [CHOICE * (chosen == k) for k in range(count)]
         else:
-            columns.append((chosen + 0.5) / count if parameter.whole else u)
+            columns.append((chosen + 0.5) / count if parameter.integers_only else u)
     return np.column_stack(columns)
 
 

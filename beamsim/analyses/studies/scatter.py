@@ -17,7 +17,14 @@ from beamsim.measurements.tables import read_csv
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import InvalidValueError, path_text
 from beamsim.scenario.parameters import read_as
-from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered, VariedParameter
+from beamsim.scenario.studies import (
+    LEAST_DATA,
+    MeasuredParameter,
+    RandomParameter,
+    Reliability,
+    ScatteredParameter,
+    VariedParameter,
+)
 from beamsim.typing import Floats
 
 
@@ -66,9 +73,9 @@ def _distribution(asked: RandomParameter, varied: VariedParameter, data: list[fl
     ot, mean, deviation = sampling.library(), 0.5 * (varied.low + varied.high), 0.5 * (varied.high - varied.low)
     if data:
         return ot.KernelSmoothing().build([[x] for x in data])
-    if isinstance(asked, Scattered) and asked.distribution == "lognormal":
+    if isinstance(asked, ScatteredParameter) and asked.distribution == "lognormal":
         return ot.LogNormalMuSigma(mean, deviation, 0.0).getDistribution()
-    if isinstance(asked, Scattered):
+    if isinstance(asked, ScatteredParameter):
         return ot.Normal(mean, deviation)
     if varied.distribution == "normal":
         return ot.TruncatedNormal(mean, deviation / 3.0, varied.low, varied.high)
@@ -79,7 +86,7 @@ def _distribution(asked: RandomParameter, varied: VariedParameter, data: list[fl
 
 def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: VariedParameter) -> list[float]:
     """The measured values of parameter ``index``, in SI units; none where it has another distribution."""
-    if not isinstance(asked, Measured) or not isinstance(asked.data, str):
+    if not isinstance(asked, MeasuredParameter) or not isinstance(asked.data, str):
         return [float(x) for x in varied.values]
     at = ("vary", "parameters", index, "data")
     try:

@@ -36,7 +36,7 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Verdict, first_with_others
 from beamsim.results.values import limit_unit, margins_of
 from beamsim.scenario.parameters import value_at
-from beamsim.scenario.quantities import ASKS
+from beamsim.scenario.quantities import QUESTION_END
 from beamsim.scenario.studies import ToleratedParameter
 from beamsim.typing import Floats
 
@@ -169,7 +169,7 @@ def _realisations(table: StudyTable) -> Dataset:
         "realisation": np.arange(count),
         "response": list(table.responses),
         "value": np.array([column[:, :count] for column in table.responses.values()]),
-        "number": [parameter.number.path for parameter in realisations.parameters],
+        "number": [parameter.parameter.path for parameter in realisations.parameters],
         "deviation": realisations.deviations.T,
         **{name: [of[name] for of in tolerances] for name in ("tolerance", "relative")},
     }
@@ -184,7 +184,7 @@ def _further_dataset(table: StudyTable) -> Dataset:
         "further": 1 + np.arange(len(every)),
         "further_case": [case for case, _ in every],
         "further_outcome": [outcome.outcome.text for _, outcome in every],
-        "number": [parameter.number.path for parameter in table.plan.study.realisations.parameters],
+        "number": [parameter.parameter.path for parameter in table.plan.study.realisations.parameters],
         "deviation": np.array([outcome.deviations for _, outcome in every]).T,
         "response": list(table.responses),
         "value": np.array([[outcome.values.get(name, np.nan) for _, outcome in every] for name in table.responses]),
@@ -193,7 +193,7 @@ def _further_dataset(table: StudyTable) -> Dataset:
 
 
 def _tolerance(parameter: ToleratedParameter) -> dict[str, Any]:
-    number, share = parameter.number, parameter.share
+    number, share = parameter.parameter, parameter.share
     if share is None:
         return {"tolerance": 0.5 * (number.high - number.low), "unit": number.unit, "relative": False}
     return {"tolerance": share, "unit": "1", "relative": True}
@@ -379,7 +379,7 @@ def _tolerances(plan: StudyPlan) -> dict[str, Any] | None:
     realisations = plan.study.realisations
     if realisations.count == 1:
         return None
-    parameters = {parameter.number.path: _tolerance(parameter) for parameter in realisations.parameters}
+    parameters = {parameter.parameter.path: _tolerance(parameter) for parameter in realisations.parameters}
     return {"realisations": realisations.count, "quantile": realisations.quantile, "parameters": parameters}
 
 
@@ -397,7 +397,7 @@ def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | 
         found[judge.name] = {
             "value": judge.sign * judge.badness(worst),
             "of_sample": judge.sign * float(np.nanmax([judge.badness(of) for of in sample])),
-            "deviations": {p.number.path: x for p, x in zip(realisations.parameters, deviations, strict=True)},
+            "deviations": {p.parameter.path: x for p, x in zip(realisations.parameters, deviations, strict=True)},
         }
     kind = _kind_of_worst(table, case, searches)
     return {
@@ -522,7 +522,7 @@ def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
             if text not in table.plan.scenario.warnings:
                 found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(table.case_of(index))
     for text, numbers in found.values():
-        if text.startswith("limits.") and text.endswith(ASKS) and len(numbers) < total:
+        if text.startswith("limits.") and text.endswith(QUESTION_END) and len(numbers) < total:
             continue  # a study that comes near its limit in other cases has it in the right unit
         first = "" if total == 1 else f"case {min(numbers) + 1}: "
         more = f" (and in {len(numbers) - 1} more of {total} cases)" if len(numbers) > 1 else ""

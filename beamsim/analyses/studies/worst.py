@@ -211,7 +211,7 @@ class WorstSearch:
 
     def _corners(self, case: int) -> list[Point]:
         """The corners that are solved of a case: all of a few numbers, else those that may be the worst."""
-        paths = [parameter.number.path for parameter in self.plan.study.realisations.parameters]
+        paths = [parameter.parameter.path for parameter in self.plan.study.realisations.parameters]
         if len(paths) <= FEW:
             return list(product((-1.0, 1.0), repeat=len(paths)))
         changes, points = self.changes_of(case, self.evaluate.rows[case]), self._points(case)
