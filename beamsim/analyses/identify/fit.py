@@ -83,7 +83,9 @@ class FitParameter:
         return any(place[-1] == "gap" for place in self.places)
 
 
-def sought_numbers(scenario: Scenario, sections: Sequence[ParameterToIdentify]) -> tuple[list[FitParameter], list[Path]]:
+def sought_numbers(
+    scenario: Scenario, sections: Sequence[ParameterToIdentify]
+) -> tuple[list[FitParameter], list[Path]]:
     """Locate the numeric parameters, and the paths of non-numeric ones (supports)."""
     numbers: list[FitParameter] = []
     words: list[Path] = []

@@ -103,7 +103,7 @@ class Realisations:
         """Plain data of all that the cases depend on; empty without tolerances."""
         deviations = [] if self.count == 1 else self.deviations.tolist()
         return [
-            *([p.parameter.path, p.share, p.parameter.low, p.parameter.high, p.number.places] for p in self.parameters),
+            *([x.path, p.share, x.low, x.high, x.places] for p in self.parameters for x in (p.parameter,)),
             *deviations,
         ]
 
