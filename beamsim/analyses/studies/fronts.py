@@ -1,4 +1,4 @@
-"""Search for the front of two objectives: its ends, what lies between them (`proposals`), and its gaps."""
+"""Search for the Pareto front of two objectives: its ends, the designs between them (`proposals`), and its gaps."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, Ints
 
-SAMPLED = 0.25  # of the cases that are allowed: ends of ranges with every choice, and a Latin hypercube
-FOR_AN_END = 0.125  # of them, for each end at first
-PROPOSED = 0.7  # of them, after which ends are located and gaps are searched; the rest is proposed by the model, too
-LOCATING = 0.07  # of them, to locate an end
-STARTS = 3  # of the search for an end, from the best designs that lie apart
-BATCH = 8  # designs that the model proposes at a time
-FOR_A_PART = 8  # cases for each number in a range, and as many more
-AS_GOOD = 1e-9  # of the range of an objective: designs that are closer are as good
-SETTLED = 0.01  # of the ranges of the objectives, by which the last quarter of the designs may improve a front
+SAMPLED = 0.25  # of the allowed cases: ends of ranges with every choice, and a Latin hypercube
+FOR_AN_END = 0.125  # of the allowed cases, for each end at first
+PROPOSED = 0.7  # of the allowed cases, after which ends are located and gaps searched; later cases use the model again
+LOCATING = 0.07  # of the allowed cases, to locate an end
+STARTS = 3  # of the search for an end, from the best designs that differ enough
+BATCH = 8  # designs that the model proposes at once
+FOR_A_PART = 8  # cases for each number with a range, and as many more
+AS_GOOD = 1e-9  # of the range of an objective: closer designs count as equal
+SETTLED = 0.01  # of the ranges of the objectives: improvement of a converged front in the last quarter of the designs
 LAST_QUARTER = 0.25
 
 
 def front(designs: Designs, settings: Optimise) -> Outcome:
-    """Search for the designs of which none is better in both objectives.
+    """Search for the designs that no other design improves in both objectives.
 
     Parameters
     ----------
-    designs : solves them.
-    settings : of the search.
+    designs : solver of designs.
+    settings : settings of the search.
 
     Returns
     -------
     Outcome
-        Complete, or what was left out.
+        Complete, or the parts that were skipped.
     """
     most = settings.most_cases
     search = _FrontSearch(designs, most, np.random.default_rng(settings.seed))
@@ -67,23 +67,23 @@ def front(designs: Designs, settings: Optimise) -> Outcome:
 
 
 class _Gap(NamedTuple):
-    """A gap in a front, and a local search for a design in its middle."""
+    """Gap in a front, with a local search for a design in its middle."""
 
-    share: float  # of the length of the front, the range of each objective being one
-    goal: int  # objective that is to be small there
-    ceiling: float  # of the other one
+    share: float  # of the length of the front, with the range of each objective as one
+    goal: int  # objective to minimise
+    ceiling: float  # upper bound of the other objective
 
 
 class _Front(NamedTuple):
-    """The front of some designs."""
+    """Front of some designs."""
 
-    numbers: Ints  # (n,) of its designs, by the first objective
-    values: Floats  # (n, 2) of them
-    ranges: Floats  # (2,) of the objectives on it
+    numbers: Ints  # (n,) indices of its designs, sorted by the first objective
+    values: Floats  # (n, 2) their objectives
+    ranges: Floats  # (2,) ranges of the objectives on the front
 
 
 def _front_of(known: SolvedPoints) -> _Front:
-    """The designs that meet every limit of which none is better in both objectives."""
+    """Designs that meet every limit and that no other one improves in both objectives."""
     numbers = np.flatnonzero(efficient(known.values.T, known.excess == 0.0))
     numbers = numbers[np.argsort(known.values[numbers, 0])]
     return _Front(numbers, known.values[numbers], ranges_of(known, numbers))
@@ -91,36 +91,36 @@ def _front_of(known: SolvedPoints) -> _Front:
 
 @dataclass
 class _FrontSearch:
-    """Searches for the ends of a front, between them, and in its gaps."""
+    """Search for the ends of a front, for designs between them, and in its gaps."""
 
     designs: Designs
-    most: int  # cases
+    most: int  # largest number of cases
     generator: np.random.Generator
-    searched: list[tuple[int, float, float]] = field(default_factory=list)  # gaps: objective, ends of the other one
+    searched: list[tuple[int, float, float]] = field(default_factory=list)  # gaps: objective, ends of the other
     _last: tuple[int, _Front] | None = None  # number of designs, and their front
 
     @property
     def room(self) -> int:
-        """Number of cases that are left."""
+        """Number of remaining cases."""
         return self.most - self.designs.design_count
 
     @property
     def least_cases(self) -> int:
-        """Cases without which a local search has no direction: two for each number in a range, and some."""
+        """Fewest cases of a useful local search: two for each number with a range, and a constant."""
         return 2 * int(self.designs.free.sum()) + 3
 
     @property
     def front(self) -> _Front:
-        """The front of all designs."""
+        """Front of all designs."""
         known = self.designs.all_designs
         if self._last is None or self._last[0] != len(known.points):
             self._last = len(known.points), _front_of(known)
         return self._last[1]
 
     def sample(self) -> None:
-        """Solve the ends of ranges with every choice, as many of them as there is room for, and a Latin hypercube.
+        """Solve the ends of ranges with every choice (as many as the budget allows) and a Latin hypercube.
 
-        A part of a front that lies apart is seldom found later.
+        Separate parts of a front are rarely found later.
         """
         from scipy.stats.qmc import LatinHypercube
 
@@ -137,7 +137,7 @@ class _FrontSearch:
         self.designs(np.vstack([ends, within]))
 
     def approach(self, goal: int, room: int) -> None:
-        """Search for the least value of an objective from the best designs that lie apart."""
+        """Minimise an objective, starting from the best designs that differ enough."""
         last, taken = self.designs.design_count + room, list[Floats]()
         for _ in range(STARTS):
             start, left = self.designs.best_apart(taken, goal), min(last - self.designs.design_count, self.room)
@@ -146,7 +146,7 @@ class _FrontSearch:
             taken += [start, self._descend(start, goal, left)[0]]
 
     def propose(self, last: int) -> None:
-        """Try what a model of the known designs proposes, a batch at a time, up to a number of designs."""
+        """Solve batches of proposals from a model of the known designs, up to a number of designs."""
         varied = self.designs.plan.study.varied
         while (room := min(last, self.most) - self.designs.design_count) > 0:
             found = propose_designs(
@@ -157,14 +157,14 @@ class _FrontSearch:
             self.designs(found)
 
     def locate(self, goal: int, room: int) -> None:
-        """Go on from the best design in an objective with the simplex method, which also follows a kink.
+        """Continue from the best design of an objective with the simplex method, which can follow a kink.
 
-        Peaks have kinks where another one becomes the largest, and models of smooth functions stop there.
+        Peaks have kinks where another peak becomes the largest; smooth models stop there.
         """
         from scipy.optimize import Bounds, minimize
 
         start, free = self.designs.best_apart([], goal), self.designs.free
-        room = min(room, self.room) - int(free.sum())  # the method may take as many more
+        room = min(room, self.room) - int(free.sum())  # the method may use as many more
         if start is None or not free.any() or room < self.least_cases:
             return
 
@@ -180,7 +180,7 @@ class _FrontSearch:
         )  # fmt: skip
 
     def choose_among_equals(self, goal: int, room: int) -> None:
-        """Where several designs are the best in an objective, as without contact, search for the best in the other."""
+        """If several designs are equally good in an objective (as without contact), minimise the other one."""
         known, front = self.designs.all_designs, self.front
         meeting = np.flatnonzero((known.excess == 0.0) & np.isfinite(known.values).all(axis=1))
         if not meeting.size:
@@ -192,7 +192,7 @@ class _FrontSearch:
             self._descend(start, 1 - goal, min(room, self.room), ceiling=ceiling)
 
     def search_gaps(self) -> None:
-        """Search in the wide gaps of the front for a design in the middle, from both sides."""
+        """Search for a design in the middle of each wide gap of the front, from both sides."""
         while self.room >= self.least_cases and (gap := self._widest()):
             values, other = self.front.values, 1 - gap.goal
             low = np.flatnonzero(values[:, other] <= gap.ceiling)
@@ -204,7 +204,7 @@ class _FrontSearch:
             self._descend(start, gap.goal, room, ceiling=gap.ceiling, radius=NEAR)
 
     def front_doubts(self) -> list[str]:
-        """Why a front is in doubt, each as a clause: what the last quarter of the designs improved, and gaps."""
+        """Reasons why a front may not be converged, as clauses: late improvements and unsearched gaps."""
         known = self.designs.all_designs
         before = _front_of(SolvedPoints(*(each[: int((1.0 - LAST_QUARTER) * len(each))] for each in known)))
         if not len(before.values):
@@ -222,7 +222,7 @@ class _FrontSearch:
         return clauses
 
     def _widest(self) -> _Gap | None:
-        """The widest gap that was not searched from both sides."""
+        """Widest gap that was not yet searched from both sides."""
         values = self.front.values
         parts = shares_between(values.T)
         for k in np.argsort(-parts, kind="stable"):
@@ -235,22 +235,22 @@ class _FrontSearch:
     def _descend(
         self, start: Floats, goal: int, room: int, *, ceiling: float = np.inf, radius: float = APART
     ) -> tuple[Floats, bool]:
-        """Search for the least value of an objective among designs with the words and whole numbers of one of them.
+        """Minimise an objective among designs with the same choices and whole numbers as a given design.
 
         Parameters
         ----------
-        start : (parameters,) design.
-        goal : number of the objective.
-        room : number of cases.
-        ceiling : of the other objective.
-        radius : of the first steps, on the unit cube.
+        start : (parameters,) initial design.
+        goal : index of the objective.
+        room : largest number of cases.
+        ceiling : upper bound of the other objective.
+        radius : size of the first steps on the unit cube.
 
         Returns
         -------
         (parameters,) array
-            Where it ended.
+            Final design.
         bool
-            Whether it settled there.
+            True if the search converged.
         """
         free, ranges, other = self.designs.free, self.front.ranges, 1 - goal
         if not free.any() or room < self.least_cases:
@@ -259,7 +259,7 @@ class _FrontSearch:
         solved, last = list[Floats](), self.designs.design_count + room
 
         def known(numbers: Floats) -> tuple[Floats, Floats]:
-            if solved and self.designs.design_count >= last:  # the method may ask for some more: they count as bad ones
+            if solved and self.designs.design_count >= last:  # further requests of the method count as bad designs
                 values, excess = self.designs.objectives_and_excesses(solved[0][None])
                 return np.full_like(values[:, 0], np.inf), np.full_like(excess[:, 0], np.inf)
             solved.append(self.designs.placed(start, np.clip(numbers, 0.0, 1.0)))
@@ -277,5 +277,5 @@ class _FrontSearch:
             return np.asarray(np.minimum(np.append(excess + ON_A_LIMIT, above), WORSE))
 
         numbers, settled = local_search(merit, beyond, start[free], room, (radius, RESOLUTION))
-        end = self.designs.placed(start, numbers)  # a design that was solved, but for round-off
+        end = self.designs.placed(start, numbers)  # a solved design, up to round-off
         return min(solved, key=lambda point: float(np.abs(point - end).max())), settled

@@ -1,4 +1,4 @@
-"""Responses that a design study keeps of each case: the values that every analysis reports, by quantity and place."""
+"""Responses of the cases of a study: the values that every analysis reports, by quantity and place."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WHOLE = frozenset(value.name for value in BY_NAME.values() if value.single or no
 
 
 def begins_response(name: str) -> bool:
-    """Whether the name of a response, or that of the columns of one with a value a mode, is or begins with a name.
+    """True if a name is, or begins, the name of a response or of one of its columns (a value for each mode).
 
     >>> begins_response("snubbers"), begins_response("up_0"), begins_response("open_frequencies_hz_2")
     (True, True, True)
@@ -42,23 +42,23 @@ def begins_response(name: str) -> bool:
 
 
 def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
-    """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
+    """Summary entries of a run that the requested responses need; by default all but the expensive ones."""
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
     quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
     quantities |= {parse_limit(name)[0].name for name in limits}
-    if not scenario.excitation.stationary:  # whose responses have no root mean square
+    if not scenario.excitation.stationary:  # no root mean squares without a stationary excitation
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {
         "static_force",
         "static_moment",
         "open_frequencies_hz",
         "closed_frequencies_hz",
-    }  # which the model has anyway
+    }  # known without further computation
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
 def means(asked: str, name: str) -> bool:
-    """Whether a response is meant: by its quantity, or by its name with or without its curve.
+    """True if a request refers to a response: by its quantity, or by its name with or without its curve.
 
     >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
     (True, True)
@@ -68,7 +68,7 @@ def means(asked: str, name: str) -> bool:
 
 
 def limited_response(limit: str) -> str:
-    """The end of the names of the responses that a limit is compared with.
+    """End of the response names that a limit is compared with.
 
     >>> limited_response("gap"), limited_response("outputs.clamp")
     ('largest_gap', 'outputs/clamp/peak_output')
@@ -78,7 +78,7 @@ def limited_response(limit: str) -> str:
 
 
 def quantity_of(name: str) -> str:
-    """The quantity of a response.
+    """Quantity of a response name.
 
     >>> quantity_of("up_0/snubbers/tip/peak_force")
     'peak_force'
@@ -87,7 +87,7 @@ def quantity_of(name: str) -> str:
 
 
 def place_of(name: str) -> str:
-    """Probe or snubber of a response, and curve; empty for the structure as a whole.
+    """Probe or snubber of a response name, with its curve; empty for the structure as a whole.
 
     >>> place_of("snubbers/tip/peak_force"), place_of("up_0/snubbers/tip/peak_force"), place_of("bending_stress")
     ('tip', 'tip up_0', '')
@@ -98,7 +98,7 @@ def place_of(name: str) -> str:
 
 
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
-    """All responses of a case that was computed as a whole."""
+    """All responses of a complete case."""
     if isinstance(result, RunResult):
         return run_responses(result.summary | result.root_mean_squares)
     modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
@@ -108,7 +108,7 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
 
 
 def run_responses(summary: Mapping[str, Any]) -> Responses:
-    """Responses of a run, from entries of its summary; of those that are not there, none."""
+    """Responses of a run from its summary; missing entries are skipped."""
     values: Responses = {}
     for section in ("probes", "snubbers", "springs", "friction", "outputs"):
         found = [(v, summary[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in summary]
@@ -121,7 +121,7 @@ def run_responses(summary: Mapping[str, Any]) -> Responses:
 
 
 def _of_sweep(result: SweepResult) -> Responses:
-    """For every curve (direction and level) the largest values and their frequencies."""
+    """Largest values and their frequencies for every curve (direction and level)."""
     values: Responses = {}
     for curve in result.curves.values():
         for value, name, largest, frequency in curve.largest():
@@ -135,7 +135,7 @@ def _of_sweep(result: SweepResult) -> Responses:
 
 
 def _of_continuation(result: ContinuationResult) -> Responses:
-    """For every level the largest values of the stable motions of all periods, ``stable_<index>/…``; nan of none."""
+    """Largest values of the stable motions of all periods at every level, ``stable_<index>/…``; nan without any."""
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b["level"].item()) for b in result.branches)):
         of_level = [b for b in result.branches if repr(b["level"].item()) == level]
@@ -146,7 +146,7 @@ def _of_continuation(result: ContinuationResult) -> Responses:
 
 
 def _largest(curve: str, value: Value, name: str, largest: float, frequency: float | None) -> Responses:
-    """The largest value along a curve, and of displacements where it is."""
+    """Largest value along a curve; for displacements also its frequency."""
     place = value.name if value.single else f"{value.section}/{name}/{value.name}"
     values: Responses = {f"{curve}/{place}": largest}
     if value.key == DISPLACEMENT and frequency is not None:
@@ -155,7 +155,7 @@ def _largest(curve: str, value: Value, name: str, largest: float, frequency: flo
 
 
 def _of_frequencies(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
-    """The first six natural frequencies, and the bilinear frequency of the first pair."""
+    """First six natural frequencies, and the bilinear frequency of the first pair."""
     first = {"open_frequencies_hz": opened} | ({"closed_frequencies_hz": closed} if snubbers else {})
     values: Responses = {name: (of[:6] + [math.nan] * 6)[:6] for name, of in first.items()}
     if snubbers:

@@ -1,7 +1,7 @@
-"""Searches for the best design: for one objective by differential evolution and then locally; for two in `fronts`.
+"""Search for the best design: differential evolution and a local search for one objective; `fronts` for two.
 
-Both work on the unit cube, of which each side is the range of a varied number, or the list of values or choices. They
-ask for cases in batches, and for the same ones again with the same seed.
+Both work on the unit cube, each side of which is the range of a varied number, or a list of values or choices. They
+request cases in batches; the same seed gives the same cases.
 """
 
 from __future__ import annotations
@@ -31,34 +31,34 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, not_none
 
-BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search
-WITHIN_TOLERANCES = 0.2  # of the cases, where the worst judges them: a local search with the worst that was found
-ROUNDS = 3  # of that search, each with the worst of the design before
-CLOSER = 2e-4  # of a range, to which that search locates a design, which a limit within tolerances mostly binds
-SETTLED = 0.01  # of the objective and limits, by which the last quarter of a search that the budget ended may improve
-STARTS = 4  # of the local search, from the best designs that lie apart
+BY_EVOLUTION = 0.75  # of the allowed cases; the rest is for the local search
+WITHIN_TOLERANCES = 0.2  # of the cases: for a local search with the worst realisations found within tolerances
+ROUNDS = 3  # of that search, each with the worst realisation of the previous design
+CLOSER = 2e-4  # of a range: tolerance of that search, since a limit within tolerances usually governs
+SETTLED = 0.01  # of the objective and limits: improvement of a converged search in the last quarter of its designs
+STARTS = 4  # of the local search, from the best designs that differ enough
 
 
 def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
-    """Try designs until the best one, or the front of two objectives, is found.
+    """Solve designs until the best one, or the front of two objectives, is found.
 
     Parameters
     ----------
-    plan : of the search.
-    evaluate : solves the cases; all that is known of them is kept there.
+    plan : plan of the search.
+    evaluate : evaluator that solves the cases and keeps their outcomes.
     worst : the search for the worst within tolerances.
 
     Returns
     -------
     Outcome
-        Complete, or why the best design is in doubt.
+        Complete, or why the best design is not certain.
     """
     settings = not_none(plan.scenario.optimise)
     first = evaluate([plan.cases[0].values])[0][0]
     for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
         if first.outcome.complete and not any(means(name, known) for known in first.values):
             raise ScenarioError.at(
-                "optimise", f"asks for {name}, which no design has", "leave responses out to see all"
+                "optimise", f"asks for {name}, but no design has it", "leave responses out to see all"
             )
     designs = Designs(plan, evaluate)
     if len(objectives(plan.scenario)) > 1:
@@ -69,7 +69,7 @@ def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
 
 
 def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
-    """Differential evolution of a population that is solved as one batch, then the simplex method from the best of it.
+    """Differential evolution, one batch per population, then the simplex method from its best designs.
 
     Sources: R. Storn and K. Price, Journal of Global Optimization 11 (1997) 341-359; J. Lampinen, CEC 2002.
     """
@@ -116,19 +116,19 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
 
 
 def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome | None:
-    """Search for the best design locally, judged by the sample and where others are worst, until that is its worst.
+    """Local search for the best design, judged by the sample and by the worst realisations of other designs.
 
-    A sample judges a design too well; what it misses is known after a search for the worst (the cutting-set method of
-    A. Mutapcic and S. Boyd, Optimization Methods and Software 24 (2009) 381-406).
+    A sample alone judges a design too favourably; a search for the worst realisation corrects it (the cutting-set
+    method of A. Mutapcic and S. Boyd, Optimization Methods and Software 24 (2009) 381-406).
 
     Parameters
     ----------
-    designs, worst : of the search.
-    most : number of designs that are tried at most.
+    designs, worst : designs, and the search for the worst.
+    most : largest number of designs.
 
     Returns
     -------
-    Complete, or what the last local search did not come to; None without one.
+    Complete, or what the last local search did not reach; None without a local search.
     """
     ended: Outcome | None = None
     for k in range(ROUNDS):
@@ -147,17 +147,17 @@ def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome |
 
 
 def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: int, radius: float) -> Outcome:
-    """Search locally for the best design, judged by the sample and where others are worst.
+    """Local search for the best design, judged by the sample and by the worst realisations of other designs.
 
     Parameters
     ----------
     designs, worst, most : as above.
-    start : (parameters,) design whose corners are known.
-    radius : of the first steps.
+    start : (parameters,) design with known corners.
+    radius : size of the first steps.
 
     Returns
     -------
-    Complete, or what it did not come to.
+    Complete, or why it did not converge.
     """
     tried: dict[tuple[float, ...], tuple[float, Floats]] = {}
     ended_by, free = "", designs.free
