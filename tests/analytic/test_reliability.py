@@ -166,7 +166,7 @@ def test_a_value_that_many_samples_share_does_not_bias_a_subset_simulation():
 
     origin = sampling.points_at(np.zeros((1, 4)))
     every = [list(sampling.subset_levels(state, np.random.default_rng(k), 1000, origin))[-1] for k in range(40)]
-    found = np.array([level.estimate.probability for level in every if level.edge == 0.0])
+    found = np.array([level.estimate.probability for level in every if level.threshold == 0.0])
     assert found.size == 40
     assert found.mean() == pytest.approx(4e-4, abs=3.5 * found.std() / math.sqrt(40))
 

@@ -20,29 +20,33 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.studies import Value
 from beamsim.typing import Bools, Floats
 
-APART = 0.1  # of a range: least distance of designs from which local searches start
-NEAR = 0.03  # of a range: first steps of local searches from nearly optimal designs
+START_DISTANCE = 0.1  # of a range: least distance of designs from which local searches start
+FIRST_RADIUS = 0.03  # of a range: first steps of local searches from nearly optimal designs
 RESOLUTION = 1e-3  # of the ranges: tolerance of the best design
-ON_A_LIMIT = 1e-6  # distance of a design from a limit; less is round-off
-WORSE = 10.0  # times the difference between designs: value of an unknown design
-BETTER = "it still found better ones"
+LIMIT_MARGIN = 1e-6  # distance of a design from a limit; less is round-off
+PENALTY = 10.0  # times the difference between designs: value of an unknown design
+STILL_IMPROVING = "it still found better ones"
 
 
-def unfinished_search(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most_cases") -> Outcome:
+def unfinished_search(
+    design_count: int, missing: Sequence[str] = (STILL_IMPROVING,), key: str = "most_cases"
+) -> Outcome:
     """Outcome of a search that ended before it converged.
 
     Parameters
     ----------
-    tried : number of designs.
-    left_out : what it did not reach, each as a clause.
-    more : key of the scenario that ended it.
+    design_count : number of designs.
+    missing : what it did not reach, each as a clause.
+    key : key of the scenario that ended it.
     """
-    sentence = f"the search ended after {tried} designs while {' and '.join(left_out)}"
-    return Outcome.of(OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {more}", tried=tried)
+    sentence = f"the search ended after {design_count} designs while {' and '.join(missing)}"
+    return Outcome.of(
+        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {key}", tried=design_count
+    )
 
 
 def local_search(
-    merit: Callable[[Floats], float], beyond: Callable[[Floats], Floats], start: Floats, room: int,
+    merit: Callable[[Floats], float], excesses: Callable[[Floats], Floats], start: Floats, most_points: int,
     radii: tuple[float, float],
 ) -> tuple[Floats, bool]:  # fmt: skip
     """Derivative-free local search on the unit cube with limits (COBYQA).
@@ -50,9 +54,9 @@ def local_search(
     Parameters
     ----------
     merit : function to minimise, of the order of one.
-    beyond : (limits,) functions that must be negative, of the order of one.
+    excesses : (limits,) functions that must be negative, of the order of one.
     start : (numbers,) initial point.
-    room : largest number of points.
+    most_points : largest number of points.
     radii : sizes of the first and the last steps.
 
     Returns
@@ -66,8 +70,8 @@ def local_search(
 
     found: Any = minimize(
         merit, start, method="COBYQA", bounds=Bounds(0.0 * start, 0.0 * start + 1.0),
-        constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if beyond(start).size else (),
-        options={"maxfev": room, "initial_tr_radius": radii[0], "final_tr_radius": radii[1]},
+        constraints=NonlinearConstraint(excesses, -np.inf, 0.0) if excesses(start).size else (),
+        options={"maxfev": most_points, "initial_tr_radius": radii[0], "final_tr_radius": radii[1]},
     )  # fmt: skip
     return found.x, bool(found.success)
 
@@ -77,12 +81,12 @@ class SolvedPoints(NamedTuple):
 
     points: Floats  # (n, parameters) of the unit cube
     values: Floats  # (n, objectives), smaller is better; infinite if a design has none
-    beyond: Floats  # (n, limits) relative excess of each limit, negative if it is met
+    excesses: Floats  # (n, limits) relative excess of each limit, negative if it is met
 
     @property
     def excess(self) -> Floats:
         """(n,) largest relative excess of a limit, zero if all are met."""
-        return np.asarray(self.beyond.max(axis=1, initial=0.0))
+        return np.asarray(self.excesses.max(axis=1, initial=0.0))
 
 
 class Designs:
@@ -122,7 +126,9 @@ class Designs:
         count = len(objectives(self.plan.scenario))
         return np.reshape([of for of, _ in found], (len(rows), count)).T, np.transpose([of for _, of in found])
 
-    def signed_with(self, point: Floats, further: Callable[[int], list[CaseOutcome]]) -> tuple[float, Floats]:
+    def objective_with_further(
+        self, point: Floats, further: Callable[[int], list[CaseOutcome]]
+    ) -> tuple[float, Floats]:
         """First objective of a point with further realisations, and relative excesses of limits (limits,).
 
         Parameters
@@ -158,14 +164,14 @@ class Designs:
         ]
         return len(self.points) >= float(np.prod(counts))
 
-    def best_apart(self, taken: Sequence[Floats], goal: int = 0) -> Floats | None:
+    def best_away_from(self, others: Sequence[Floats], goal: int = 0) -> Floats | None:
         """Best point by an objective that meets every limit and differs enough from others; None without one."""
         points, values, _ = self.all_designs
         kept = np.flatnonzero((self.all_designs.excess == 0.0) & np.isfinite(values[:, goal]))
         ranked = points[kept[np.argsort(values[kept, goal], kind="stable")]]
-        return next((p for p in ranked if all(np.max(np.abs(p - other)) >= APART for other in taken)), None)
+        return next((p for p in ranked if all(np.max(np.abs(p - other)) >= START_DISTANCE for other in others)), None)
 
-    def placed(self, design: Floats, numbers: Floats) -> Floats:
+    def with_numbers(self, design: Floats, numbers: Floats) -> Floats:
         """Design (parameters,) with other numbers in its ranges."""
         design = design.copy()
         design[self.free] = numbers

@@ -20,19 +20,22 @@ from beamsim.typing import Bools, Floats, Ints
 FAILED = -1.0  # limit-state value of a failed history, which counts as exceeding the limits
 MOST_EXPLORING = 512  # samples at increased scatter
 EXPLORING = 100  # least number per variable, since regions of several variables are small
-RARER, HIT = 1e-2, 1.645  # share of the probability above which a region must be sampled, with 95 % certainty
+SAMPLED_SHARE, HIT_DEVIATIONS = (
+    1e-2,
+    1.645,
+)  # share of the probability above which a region must be sampled, with 95 % certainty
 UNKNOWN_DISTANCE = 4.5  # distance of regions, if a subset simulation does not give it
-AGREES, MOST_CHECKS = (
+LARGEST_DEVIATION, MOST_CHECKS = (
     2.5,
     4,
 )  # standard deviations that chance explains; subset simulations that decide
 MOST_IN_BATCH = 250  # samples between two fits of the sampling density
 MOST_RESTARTS = 3  # restarts for new regions; a curved limit has many, and later samples count more
-NEW = 0.3  # share of the probability of a new region above which earlier samples are discarded
-MISSED = 0.1  # share of the probability of a region that a subset simulation must not miss
-OTHER_METHOD = "write method: importance_sampling"
-MORE = "give more most_cases"
-RARE = 0.1  # probability above which an event is not rare
+NEW_REGION_SHARE = 0.3  # share of the probability of a new region above which earlier samples are discarded
+MISSED_SHARE = 0.1  # share of the probability of a region that a subset simulation must not miss
+OTHER_METHOD_REMEDY = "write method: importance_sampling"
+MORE_CASES_REMEDY = "give more most_cases"
+RARE_PROBABILITY = 0.1  # probability above which an event is not rare
 
 
 class Round(NamedTuple):
@@ -73,7 +76,7 @@ class Estimator:
     ) -> None:  # fmt: skip
         self.origin, self.method, self.samples, self.target = origin, method, samples, target
         self.generator, self.seed = np.random.default_rng(seed), seed
-        self.asked = 0  # number of evaluated samples
+        self.evaluated_count = 0  # number of evaluated samples
         self.rounds: list[Round] = []
         self.estimate = sampling.Estimate(math.nan, math.inf)
         self.outcome = COMPLETE  # replaced if the method has no estimate, or a doubtful one
@@ -89,7 +92,7 @@ class Estimator:
     def __call__(self, points: sampling.Points) -> Floats:
         """(n,) values of the limit state."""
         values = self._state(points)
-        self.asked += len(values)
+        self.evaluated_count += len(values)
         return values
 
     def sample_until_sure(self) -> None:
@@ -117,7 +120,7 @@ class Estimator:
         sizes = np.sqrt(np.arange(1.0, count + 1.0)) if self.method == "importance_sampling" else np.ones(count)
         return np.asarray(sizes / sizes.sum()) if count else sizes
 
-    def keep(self, points: sampling.Points, values: Floats, weights: Floats, groups: Ints | None = None) -> Bools:
+    def store(self, points: sampling.Points, values: Floats, weights: Floats, groups: Ints | None = None) -> Bools:
         """Store the samples of a batch that are beyond the limit; returns their mask.
 
         The sum of their weights is the probability; without ``groups`` the samples are independent.
@@ -127,26 +130,26 @@ class Estimator:
         self._batches.append(Failures(points.select(beyond), values[beyond], weights[beyond], own[beyond]))
         return beyond
 
-    def note(self, estimate: sampling.Estimate) -> bool:
+    def add_round(self, estimate: sampling.Estimate) -> bool:
         """Store an estimate; True if it reaches the target."""
         self.estimate = estimate
-        self.rounds.append(Round(self.asked, 0.0, *estimate))
+        self.rounds.append(Round(self.evaluated_count, 0.0, *estimate))
         self._report(self.rounds[-1])
         return estimate.variation <= self.target
 
     def level(self) -> sampling.SubsetLevel:
         """Last level of a subset simulation; earlier levels are stored as rounds."""
         for level in sampling.subset_levels(self, self.generator, self.samples, self.origin):
-            if level.edge > 0.0:
-                self.rounds.append(Round(self.asked, level.edge, *level.estimate))
+            if level.threshold > 0.0:
+                self.rounds.append(Round(self.evaluated_count, level.threshold, *level.estimate))
         return level
 
     def explore(self, probability: float) -> Floats:
         """Points beyond the limit in a space-filling sample that reaches regions rarer than ``probability``."""
         from scipy.special import ndtri
 
-        distance = UNKNOWN_DISTANCE if math.isnan(probability) else -float(ndtri(RARER * probability))
-        self.scale = max(1.5, distance / HIT)
+        distance = UNKNOWN_DISTANCE if math.isnan(probability) else -float(ndtri(SAMPLED_SHARE * probability))
+        self.scale = max(1.5, distance / HIT_DEVIATIONS)
         size = self.origin.u.shape[1]
         count = min(max(self.samples, EXPLORING * size), MOST_EXPLORING)
         u = increased_scatter(count, size, self.scale, self.seed)
@@ -168,25 +171,29 @@ class Estimator:
         self.critical = sampling.points_at(sampling.nearest_point(self, self.critical.u[0])[0][None])
 
 
-def monte_carlo(of: Estimator, *known: tuple[sampling.Points, Floats]) -> None:
+def monte_carlo(estimator: Estimator, *known: tuple[sampling.Points, Floats]) -> None:
     """Draw independent samples, in addition to those with known values."""
     terms: list[Floats] = []
     for points, values in known:
-        terms.append(of.keep(points, values, np.full(len(values), 1.0 / len(values))).astype(float))
-    while not terms or not of.note(sampling.average(terms)):
-        points = sampling.draw(of.generator, of.samples, of.origin)
-        terms.append(of.keep(points, of(points), np.full(of.samples, 1.0 / of.samples)).astype(float))
+        terms.append(estimator.store(points, values, np.full(len(values), 1.0 / len(values))).astype(float))
+    while not terms or not estimator.add_round(sampling.average(terms)):
+        points = sampling.draw(estimator.generator, estimator.samples, estimator.origin)
+        terms.append(
+            estimator.store(points, estimator(points), np.full(estimator.samples, 1.0 / estimator.samples)).astype(
+                float
+            )
+        )
 
 
-def form(of: Estimator) -> None:
+def form(estimator: Estimator) -> None:
     """First-order estimate: probability beyond the tangent plane of the limit state at its nearest point."""
     from scipy.special import ndtr
 
-    safe = float(of(of.origin)[0]) > 0.0
-    point, found = sampling.nearest_point(of, of.origin.u[0])
+    safe = float(estimator(estimator.origin)[0]) > 0.0
+    point, found = sampling.nearest_point(estimator, estimator.origin.u[0])
     if found:
-        of.critical, distance = sampling.points_at(point[None]), float(np.linalg.norm(point))
-        of.note(sampling.Estimate(float(ndtr(-distance if safe else distance)), math.nan))
+        estimator.critical, distance = sampling.points_at(point[None]), float(np.linalg.norm(point))
+        estimator.add_round(sampling.Estimate(float(ndtr(-distance if safe else distance)), math.nan))
         kind, code, sentence = OutcomeKind.NOTED, "first_order", "first-order approximation, which has no interval"
     else:
         kind, code, sentence = (
@@ -194,35 +201,35 @@ def form(of: Estimator) -> None:
             "no_design_point",
             "no point of the limit was found by gradients",
         )
-    of.outcome = Outcome.of(kind, code, sentence, remedy=OTHER_METHOD)
+    estimator.outcome = Outcome.of(kind, code, sentence, remedy=OTHER_METHOD_REMEDY)
 
 
-def subset(of: Estimator) -> None:
+def subset(estimator: Estimator) -> None:
     """Subset simulations, repeated until the mean reaches the target, at least twice."""
     found: list[sampling.Estimate] = []
-    while (level := of.level()).edge == 0.0:
+    while (level := estimator.level()).threshold == 0.0:
         found.append(level.estimate)
         weights = np.full(level.values.size, level.estimate.probability / level.values.size)
-        of.keep(level.inside, level.values, weights, level.ancestors)
-        sure = of.note(sampling.mean_of(found))
+        estimator.store(level.samples, level.values, weights, level.ancestors)
+        sure = estimator.add_round(sampling.mean_of(found))
         if sure and len(found) > 1:
             break
     else:
-        of.outcome = _one_value()
+        estimator.outcome = _one_value()
         return
-    if of.origin.blends[0][0][0]:
+    if estimator.origin.blends[0][0][0]:
         return  # realisations cannot be drawn at increased scatter
-    if of.estimate.probability > RARE:
+    if estimator.estimate.probability > RARE_PROBABILITY:
         return
-    failures = of.failures
-    of.regions.look(np.vstack([failures.points.u, of.explore(of.estimate.probability)]))
-    seen = np.bincount(of.regions.nearest(failures.points.u), failures.weights, len(of.regions.found))
-    missed = (seen == 0.0) & (of.regions.tangent_probabilities() > MISSED * of.estimate.probability)
-    of.critical = of.regions.nearest_point()
+    failures = estimator.failures
+    estimator.regions.locate_regions(np.vstack([failures.points.u, estimator.explore(estimator.estimate.probability)]))
+    seen = np.bincount(estimator.regions.nearest(failures.points.u), failures.weights, len(estimator.regions.found))
+    missed = (seen == 0.0) & (estimator.regions.tangent_probabilities() > MISSED_SHARE * estimator.estimate.probability)
+    estimator.critical = estimator.regions.nearest_point()
     if missed.any():
         count = f"{int(missed.sum())} of {len(seen)} regions"
         sentence = f"the levels miss {count} that a sample at increased scatter finds"
-        of.check = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy=OTHER_METHOD)
+        estimator.check = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy=OTHER_METHOD_REMEDY)
 
 
 def _one_value() -> Outcome:
@@ -230,35 +237,39 @@ def _one_value() -> Outcome:
     return Outcome.of(OutcomeKind.UNTRUSTED, "one_value", sentence, remedy="limit a displacement")
 
 
-def importance_sampling(of: Estimator) -> None:
+def importance_sampling(estimator: Estimator) -> None:
     """Sample about the regions found by a subset simulation and at increased scatter, until both methods agree."""
-    level = of.level()
-    known = level.edge == 0.0
-    if known and not of.rounds:  # the event is not rare
-        of.method = "monte_carlo"
-        return monte_carlo(of, _whole_first_level(of, level.inside, level.values))
-    inside = level.inside.u if known else level.inside.u[:0]
-    bad = of.explore(level.estimate.probability if known else math.nan)
-    of.regions.look(np.vstack([inside, bad]))
-    if not of.regions.found:
-        of.outcome = _one_value()
+    level = estimator.level()
+    known = level.threshold == 0.0
+    if known and not estimator.rounds:  # the event is not rare
+        estimator.method = "monte_carlo"
+        return monte_carlo(estimator, _whole_first_level(estimator, level.samples, level.values))
+    inside = level.samples.u if known else level.samples.u[:0]
+    bad = estimator.explore(level.estimate.probability if known else math.nan)
+    estimator.regions.locate_regions(np.vstack([inside, bad]))
+    if not estimator.regions.found:
+        estimator.outcome = _one_value()
         return None
     checks = [level.estimate] if known else []
     if known:
-        of.note(level.estimate)
-        of.check = Outcome.of(OutcomeKind.UNTRUSTED, "not_checked", "the estimate is not checked", remedy=MORE)
+        estimator.add_round(level.estimate)
+        estimator.check = Outcome.of(
+            OutcomeKind.UNTRUSTED, "not_checked", "the estimate is not checked", remedy=MORE_CASES_REMEDY
+        )
     else:
-        of.check = _one_value()
-    of.critical = of.regions.nearest_point()
-    while not (_sample_regions(of, inside) and (not known or _agrees(of, checks))):  # repeated for every new region
-        of.restart()
-    of.critical = of.regions.nearest_point()
+        estimator.check = _one_value()
+    estimator.critical = estimator.regions.nearest_point()
+    while not (
+        _sample_regions(estimator, inside) and (not known or _agrees(estimator, checks))
+    ):  # repeated for every new region
+        estimator.restart()
+    estimator.critical = estimator.regions.nearest_point()
     return None
 
 
-def _whole_first_level(of: Estimator, points: sampling.Points, values: Floats) -> tuple[sampling.Points, Floats]:
+def _whole_first_level(estimator: Estimator, points: sampling.Points, values: Floats) -> tuple[sampling.Points, Floats]:
     """Complete the first level of a subset simulation with the samples that are not beyond the limit."""
-    more = of.samples - len(values)
+    more = estimator.samples - len(values)
     rest = sampling.points_at(np.zeros((more, points.u.shape[1])))
     return (
         sampling.Points(np.vstack([points.u, rest.u]), np.concatenate([points.blends, rest.blends])),
@@ -266,7 +277,7 @@ def _whole_first_level(of: Estimator, points: sampling.Points, values: Floats) -
     )
 
 
-def _sample_regions(of: Estimator, u: Floats) -> bool:
+def _sample_regions(estimator: Estimator, u: Floats) -> bool:
     """Sample about the known regions until the target is reached; False as soon as a significant new one appears.
 
     Contributions of insignificant new regions are kept: discarding such batches would bias the estimate.
@@ -276,20 +287,20 @@ def _sample_regions(of: Estimator, u: Floats) -> bool:
     from scipy.stats import norm
 
     means: list[sampling.Estimate] = []
-    weights, count = np.ones(len(u)), min(of.samples, MOST_IN_BATCH)
+    weights, count = np.ones(len(u)), min(estimator.samples, MOST_IN_BATCH)
     while True:
-        density = of.regions.density(u, weights, of.scale)
+        density = estimator.regions.density(u, weights, estimator.scale)
         drawn = np.asarray(density.getSample(count))
         weight = np.exp(norm.logpdf(drawn).sum(axis=1) - np.ravel(density.computeLogPDF(drawn)))
         points = sampling.points_at(drawn)
-        beyond = of.keep(points, of(points), weight / count)
+        beyond = estimator.store(points, estimator(points), weight / count)
         means.append(_weighted_mean(weight * beyond))
-        failures = of.failures
+        failures = estimator.failures
         u, weights = failures.points.u, failures.weights
-        sure = of.note(_combine(means, of._shares(len(means))))
-        stray = weight[beyond] @ ~of.regions.contains(drawn[beyond])
-        new = of.regions.look(drawn[beyond])
-        if new and stray > NEW * (weight @ beyond) and of.restarts < MOST_RESTARTS:
+        sure = estimator.add_round(_combine(means, estimator._shares(len(means))))
+        stray = weight[beyond] @ ~estimator.regions.contains(drawn[beyond])
+        new = estimator.regions.locate_regions(drawn[beyond])
+        if new and stray > NEW_REGION_SHARE * (weight @ beyond) and estimator.restarts < MOST_RESTARTS:
             return False
         if sure:
             return True
@@ -309,31 +320,33 @@ def _combine(means: list[sampling.Estimate], shares: Floats) -> sampling.Estimat
     return sampling.Estimate(total, float(np.linalg.norm(shares * spreads)) / total if total > 0.0 else math.inf)
 
 
-def _agrees(of: Estimator, checks: list[sampling.Estimate]) -> bool:
+def _agrees(estimator: Estimator, checks: list[sampling.Estimate]) -> bool:
     """Compare with subset simulations, with more of them if they differ; False if these find a new region."""
-    while (apart := _difference_in_deviations(of.estimate, sampling.mean_of(checks))) > AGREES and len(
-        checks
-    ) < MOST_CHECKS:
-        estimate, level = of.estimate, of.level()
-        if level.edge > 0.0:
+    while (
+        apart := _difference_in_deviations(estimator.estimate, sampling.mean_of(checks))
+    ) > LARGEST_DEVIATION and len(checks) < MOST_CHECKS:
+        estimate, level = estimator.estimate, estimator.level()
+        if level.threshold > 0.0:
             break
         checks.append(level.estimate)
-        if of.regions.look(level.inside.u):
+        if estimator.regions.locate_regions(level.samples.u):
             return False
-        of.note(estimate)
-    of.cross_check = sampling.mean_of(checks).probability
-    if apart > AGREES:
-        sentence = f"subset simulations find {of.cross_check:.2g}, far from the estimate: a region may be missing"
-        of.check = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy="give more samples")
+        estimator.add_round(estimate)
+    estimator.cross_check = sampling.mean_of(checks).probability
+    if apart > LARGEST_DEVIATION:
+        sentence = (
+            f"subset simulations find {estimator.cross_check:.2g}, far from the estimate: a region may be missing"
+        )
+        estimator.check = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy="give more samples")
     else:
-        of.check = COMPLETE
+        estimator.check = COMPLETE
     return True
 
 
-def _difference_in_deviations(one: sampling.Estimate, other: sampling.Estimate) -> float:
+def _difference_in_deviations(first: sampling.Estimate, second: sampling.Estimate) -> float:
     """Difference of two estimates in standard deviations of the logarithm."""
-    spread = math.sqrt(math.log1p(one.variation**2) + math.log1p(other.variation**2))
-    return abs(math.log(one.probability / other.probability)) / spread
+    spread = math.sqrt(math.log1p(first.variation**2) + math.log1p(second.variation**2))
+    return abs(math.log(first.probability / second.probability)) / spread
 
 
 METHODS: dict[str, Any] = {

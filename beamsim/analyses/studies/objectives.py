@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.studies.responses import describe, means
+from beamsim.analyses.studies.responses import describe, matches_request
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
@@ -21,17 +21,17 @@ class Objective(NamedTuple):
     # quantities (at their worst place) or names of responses, with the value that counts as one when they are added;
     # empty: the smallest margin
     terms: tuple[tuple[str, float], ...] = ()
-    largest: bool = True  # True if large values are better
+    maximised: bool = True  # True if large values are better
 
     @property
     def sign(self) -> float:
         """1 or -1: factor that makes smaller values better."""
-        return -1.0 if self.largest else 1.0
+        return -1.0 if self.maximised else 1.0
 
     @property
     def text(self) -> str:
         """Description, such as "smallest peak force"."""
-        return f"{'largest' if self.largest else 'smallest'} {self.label}"
+        return f"{'largest' if self.maximised else 'smallest'} {self.label}"
 
     @property
     def label(self) -> str:
@@ -56,10 +56,10 @@ class Objective(NamedTuple):
         """
         total: Floats | None = None
         for name, one in self.terms:
-            asked = [values for response, values in responses.items() if means(name, response)]
+            asked = [values for response, values in responses.items() if matches_request(name, response)]
             if not asked:
                 return None
-            term = worst_of(asked, large_is_good=self.largest) / one
+            term = worst_of(asked, large_is_good=self.maximised) / one
             total = term if total is None else total + term
         return total
 
@@ -67,7 +67,7 @@ class Objective(NamedTuple):
         """Unit of its values; ``output_units`` are the units of the scenario's outputs by name."""
         if len(self.terms) != 1:
             return "1"
-        return describe(next(name for name in responses if means(self.terms[0][0], name)), output_units)[0]
+        return describe(next(name for name in responses if matches_request(self.terms[0][0], name)), output_units)[0]
 
 
 def objectives(scenario: Scenario) -> tuple[Objective, ...]:

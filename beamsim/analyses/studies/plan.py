@@ -52,7 +52,7 @@ class Realisations:
     # (realisations, parameters) in shares of the tolerances, from -1 to 1; the first row is zero
     deviations: Floats = field(default_factory=lambda: np.zeros((1, 0)))
     quantile: float = 1.0  # quantile that judges a case, counted from the good side
-    most_further: int = 0  # largest number of realisations solved to find the worst of the best cases
+    most_further_cases: int = 0  # largest number of realisations solved to find the worst of the best cases
 
     @classmethod
     def of(cls, scenario: Scenario) -> Realisations:
@@ -134,7 +134,7 @@ class Study:
     case: Scenario  # as written
     varied: tuple[VariedParameter, ...]
     realisations: Realisations
-    asked: tuple[str, ...]  # responses; empty for all
+    requested: tuple[str, ...]  # responses; empty for all
     fingerprint: str
 
     def scenario(self, case: Case) -> Scenario:
@@ -184,14 +184,14 @@ class StudyPlan:
     points: tuple[int, ...]  # number of values of each parameter of a grid; else empty
     study: Study
     cases: tuple[Case, ...]  # of a search only the first one, the unchanged scenario
-    most: int  # largest number of solved cases, each with its realisations
+    most_cases: int  # largest number of solved cases, each with its realisations
 
     @property
     def searches(self) -> bool:
         """True if a search requests the cases one after the other, so that they are not known beforehand."""
         return self.kind in ("optimise", "reliability")
 
-    def of(self, rows: Sequence[tuple[Value, ...]]) -> StudyPlan:
+    def with_rows(self, rows: Sequence[tuple[Value, ...]]) -> StudyPlan:
         """The same plan for cases with other values of the varied parameters."""
         each = product(rows, range(self.study.realisations.count))
         return replace(self, cases=tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each)))
@@ -339,25 +339,25 @@ def check_cases(plan: StudyPlan) -> None:
         raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
 
 
-def _check_response(scenario: Scenario, name: str, where: str) -> None:
+def _check_response(scenario: Scenario, name: str, key: str) -> None:
     quantity = name.rpartition("/")[2]
     if quantity not in BY_NAME:
         remedy = suggestion(quantity, BY_NAME, "the quantities are")
-        raise scenario.located(ScenarioError.at(where, f"= {name} is not a response", remedy))
+        raise scenario.located(ScenarioError.at(key, f"= {name} is not a response", remedy))
     *_, section, place = ("", "", *name.split("/")[:-1])
     if section in ("probes", "snubbers", "outputs"):
         known = [item.name for item in getattr(scenario, "all_snubbers" if section == "snubbers" else section)]
         if known and place not in known:
             remedy = suggestion(place, known, f"the {section} are")
-            raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))
+            raise scenario.located(ScenarioError.at(key, f"= {name} names no response: no {place}", remedy))
 
 
 def _requested_responses(
-    scenario: Scenario, responses: Sequence[str], where: str, objectives: tuple[str, ...] = ()
+    scenario: Scenario, responses: Sequence[str], key: str, objectives: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
     """Requested responses, objectives, and responses with limits; empty for all."""
     for k, name in enumerate(responses):
-        _check_response(scenario, name, f"{where}[{k}]")
+        _check_response(scenario, name, f"{key}[{k}]")
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.values_by_name
@@ -385,7 +385,7 @@ def _plan(
     kind: str,
     varied: tuple[VariedParameter, ...],
     columns: list[list[Value]],
-    asked: tuple[str, ...],
+    requested: tuple[str, ...],
     realisations: Realisations,
 ) -> StudyPlan:
     _refuse_names_of_responses(scenario, varied)
@@ -394,13 +394,15 @@ def _plan(
     analysis = analysis_of(scenario)
     search = as_plain_data(scenario.vary if kind == "reliability" else scenario.optimise)
     fingerprint = fingerprint_of(
-        scenario, analysis, kind, search, as_plain_data(case), places, columns, asked, realisations.as_data()
+        scenario, analysis, kind, search, as_plain_data(case), places, columns, requested, realisations.as_data()
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
-    study = Study(analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
+    study = Study(
+        analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, requested, fingerprint
+    )
     most = getattr(scenario.study, "most_cases", len(rows))
     points = tuple(map(len, columns)) if kind == "grid" else ()
-    return StudyPlan(scenario, kind, points, study, (), most).of(rows)
+    return StudyPlan(scenario, kind, points, study, (), most).with_rows(rows)
 
 
 def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
@@ -493,15 +495,15 @@ def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:
     nominal = [int(p.nominal) if p.integers_only and not isinstance(p.nominal, str) else p.nominal for p in varied]
     rows = [nominal]
     for k, parameter in enumerate(varied):
-        others = [v for v in listed_values(parameter) if not _same(v, nominal[k])]
+        others = [v for v in listed_values(parameter) if not _same_values(v, nominal[k])]
         rows += [[*nominal[:k], value, *nominal[k + 1 :]] for value in others]
     return [list(column) for column in zip(*rows, strict=True)]
 
 
-def _same(one: Value, other: Value) -> bool:
-    if isinstance(one, str) or isinstance(other, str):
-        return one == other
-    return math.isclose(one, other, rel_tol=1e-12)
+def _same_values(first: Value, second: Value) -> bool:
+    if isinstance(first, str) or isinstance(second, str):
+        return first == second
+    return math.isclose(first, second, rel_tol=1e-12)
 
 
 def latin_hypercube(

@@ -19,15 +19,15 @@ from beamsim.typing import Bools, Floats, Ints
 
 SCALES = (0.2, 0.05, 0.0125, 0.003)  # of the ranges: distances of random designs from the front
 PER_SCALE = 500  # random designs of each scale
-CHANGED = 0.7  # share of the numbers that are changed
-SWAPPED = 0.5  # share of the choices that are changed, if any
+CHANGED_SHARE = 0.7  # share of the numbers that are changed
+CHANGED_CHOICES = 0.5  # share of the choices that are changed, if any
 BEYOND_ENDS = 0.3  # of the distance between neighbours in the front: extrapolation along the line through them
 MOST_MODELLED = 600  # number of designs in the model, those nearest to the front
 SHARPNESS = 10.0  # of the multiquadrics, over the length of a range: they are smooth below a tenth of it
 SMOOTHING = 1e-9  # keeps the equations regular if designs are close
-FAR = 1.5  # ranges of the objectives behind the front, beyond which values are ignored
+FARTHEST_VALUE = 1.5  # ranges of the objectives behind the front, beyond which values are ignored
 MOST_EXCESS = 0.3  # of a limit, beyond which values are ignored
-INSIDE = 1e-4  # of a limit: margin of a proposal
+LIMIT_MARGIN = 1e-4  # of a limit: margin of a proposal
 REFERENCE = 1.1  # ranges of the objectives up to which the area counts
 CHOICE = 0.5  # of a range, times the square root of two: distance of designs with different choices
 DIGITS = 4  # of the coordinates, by which a proposal must differ from known designs
@@ -51,24 +51,24 @@ def propose_designs(
     (n, parameters) array
         Points of the unit cube; fewer than ``count`` if the model predicts no more improvements.
     """
-    usable = np.flatnonzero(np.isfinite(known.values).all(axis=1) & np.isfinite(known.beyond).all(axis=1))
+    usable = np.flatnonzero(np.isfinite(known.values).all(axis=1) & np.isfinite(known.excesses).all(axis=1))
     if not usable.size:
         return generator.random((count, len(varied)))
     parents = front if front.size else usable[np.argsort(known.excess[usable], kind="stable")[:count]]
     low, ranges = known.values[parents].min(axis=0), ranges_of(known, parents)
     scaled = (known.values[usable] - low) / ranges
-    objectives, beyond = np.minimum(scaled, FAR), np.minimum(known.beyond[usable], MOST_EXCESS)
+    objectives, beyond = np.minimum(scaled, FARTHEST_VALUE), np.minimum(known.excesses[usable], MOST_EXCESS)
     nearest = np.argsort(np.linalg.norm(np.maximum(objectives, 0.0), axis=1) + beyond.max(axis=1, initial=0.0))
     places = np.sort(nearest[:MOST_MODELLED])
     places = np.union1d(places, np.searchsorted(usable, parents))
-    candidates = _new(varied, _designs_near(varied, known.points[parents], generator), known.points)
+    candidates = _unknown_candidates(varied, _designs_near(varied, known.points[parents], generator), known.points)
     modelled = known.points[usable[places]], np.hstack([objectives, beyond])[places]
     predicted = _interpolate(varied, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
     if not front.size:
         return np.asarray(candidates[np.argsort(excess, kind="stable")[:count]])
-    meets = excess <= -INSIDE
-    gaining = _most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)
+    meets = excess <= -LIMIT_MARGIN
+    gaining = _largest_gains(predicted[meets, :2], (known.values[front] - low) / ranges, count)
     return np.asarray(candidates[meets][gaining])
 
 
@@ -96,7 +96,7 @@ def gains(points: Floats, front: Floats) -> Floats:
     return np.asarray(added.sum(axis=1))
 
 
-def _most_gaining(predicted: Floats, front: Floats, count: int) -> list[int]:
+def _largest_gains(predicted: Floats, front: Floats, count: int) -> list[int]:
     """Indices of the points that add most to a front, each with the previous ones included."""
     chosen = list[int]()
     while len(predicted) and len(chosen) < count:
@@ -135,7 +135,7 @@ def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
     return np.column_stack(columns)
 
 
-def _new(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
+def _unknown_candidates(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
     """Candidates (n, parameters) that are not among known points, each once."""
     places = np.round(np.vstack([_coordinates(varied, each) for each in (points, candidates)]), DIGITS)
     first = np.unique(places, axis=0, return_index=True)[1]
@@ -148,7 +148,7 @@ def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: n
     made = list[Floats]()
     for scale in SCALES:
         about = front[generator.integers(len(front), size=PER_SCALE)]
-        steps = scale * generator.standard_normal(about.shape) * (generator.random(about.shape) < CHANGED)
+        steps = scale * generator.standard_normal(about.shape) * (generator.random(about.shape) < CHANGED_SHARE)
         made.append(about + np.where(listed, 0.0, steps))
     first = generator.integers(max(len(front) - 1, 1), size=PER_SCALE)
     second = front[np.minimum(first + 1, len(front) - 1)]
@@ -156,7 +156,7 @@ def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: n
     made.append(front[first] + np.where(listed, 0.0, along * (second - front[first])))
     if listed.any():
         about = np.vstack(made)[generator.integers(len(SCALES) * PER_SCALE, size=2 * PER_SCALE)]
-        swapped = listed & (generator.random(about.shape) < SWAPPED)
+        swapped = listed & (generator.random(about.shape) < CHANGED_CHOICES)
         made.append(np.where(swapped, generator.random(about.shape), about))
     made.append(generator.random((PER_SCALE, len(varied))))
     return np.clip(np.vstack(made), 0.0, 1.0)

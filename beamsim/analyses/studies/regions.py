@@ -16,14 +16,14 @@ from beamsim.typing import Bools, Floats, Ints
 
 MOST_REGIONS = 12  # the widest density covers regions that are not located
 MORE_THAN_FACES = 4  # factor for many variables: a limit on the magnitude of each has two faces
-IN_VAIN = 3  # successive searches that end in known regions, after which the remaining samples are skipped
+MOST_FAILED_SEARCHES = 3  # successive searches that end in known regions, after which the remaining samples are skipped
 NEGLIGIBLE = 1e-4  # relative to the largest probability beyond a tangent plane
-APART = 0.5  # distance of the nearest points of separate regions, in standard deviations
+LEAST_SEPARATION = 0.5  # distance of the nearest points of separate regions, in standard deviations
 WIDTH = 1.1  # standard deviation of the density about nearest points, where the limit state may be curved
 DEFENSIVE = 0.1  # share of samples at increased scatter, which may find unknown regions
 LEAST_SHARE = 0.05  # least share of the other samples about each region
-STEPS, TRIED = 3, 8  # rounds of the search without gradients, and samples of each
-STEPS_ALONE = 10  # rounds if gradients do not lead to the region
+STEPS, SAMPLES_PER_STEP = 3, 8  # rounds of the search without gradients, and samples of each
+STEPS_WITHOUT_GRADIENTS = 10  # rounds if gradients do not lead to the region
 
 
 class Region(NamedTuple):
@@ -77,34 +77,34 @@ class Regions:
         distances = np.maximum(np.linalg.norm(points, axis=1), 1e-9)
         return np.asarray(u @ (points / distances[:, None]).T - distances)
 
-    def look(self, u: Floats) -> bool:
+    def locate_regions(self, u: Floats) -> bool:
         """Locate the regions of points (n, d) beyond the limit; True if a relevant new one was found."""
         new, in_vain, most = False, 0, max(MOST_REGIONS, 2 * u.shape[1] + MORE_THAN_FACES)
         left = u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]
-        while len(left := left[~self.contains(left)]) and len(self.found) < most and in_vain < IN_VAIN:
-            near = self._nearer(left[0])
+        while len(left := left[~self.contains(left)]) and len(self.found) < most and in_vain < MOST_FAILED_SEARCHES:
+            near = self._find_nearer_point(left[0])
             left = left[1:]
             in_vain += 1
-            region = self._by_gradients(near)
+            region = self._region_by_gradients(near)
             if region is None or not self._is_separate(region):
                 # gradients lead to the limit closest to being exceeded, which may not be that of the sample
-                region = Region(self._nearer(near, STEPS_ALONE), False)
+                region = Region(self._find_nearer_point(near, STEPS_WITHOUT_GRADIENTS), False)
             if self._is_separate(region):
                 self.found.append(region)
-                new, in_vain = new or self.matters()[-1], 0
+                new, in_vain = new or self.significant()[-1], 0
         return new
 
     def _is_separate(self, region: Region) -> bool:
-        return all(np.linalg.norm(region.point - other.point) > APART for other in self.found)
+        return all(np.linalg.norm(region.point - other.point) > LEAST_SEPARATION for other in self.found)
 
-    def _nearer(self, start: Floats, steps: int = STEPS) -> Floats:
+    def _find_nearer_point(self, start: Floats, steps: int = STEPS) -> Floats:
         """Find a point beyond the limit that is closer to the origin than ``start``, by random samples."""
         point, draw = start, self._generator
         for _ in range(steps):
-            some = draw.random((TRIED, start.size)) < 0.4  # coordinates that are reduced independently
+            some = draw.random((SAMPLES_PER_STEP, start.size)) < 0.4  # coordinates that are reduced independently
             some[::2] = False
             each = np.where(some, draw.uniform(0.2, 1.0, some.shape), 1.0)
-            whole = draw.uniform(0.4, 1.0, (TRIED, 1)) * (draw.random(some.shape) < 0.8)
+            whole = draw.uniform(0.4, 1.0, (SAMPLES_PER_STEP, 1)) * (draw.random(some.shape) < 0.8)
             whole[1::2] = 1.0
             tried = point * each * whole
             fails = tried[self._state(points_at(tried)) <= 0.0]
@@ -112,10 +112,10 @@ class Regions:
                 point = fails[np.argmin(np.linalg.norm(fails, axis=1))]
         return point
 
-    def _by_gradients(self, start: Floats) -> Region | None:
+    def _region_by_gradients(self, start: Floats) -> Region | None:
         """Region at the nearest point that a gradient search reaches; None if it is not on the limit or too far."""
         found, on_limit = nearest_point(self._state, start)
-        near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + APART
+        near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + LEAST_SEPARATION
         return Region(found, True) if near else None
 
     def tangent_probabilities(self) -> Floats:
@@ -124,7 +124,7 @@ class Regions:
 
         return np.asarray(ndtr(-np.array([region.distance for region in self.found])))
 
-    def matters(self) -> Bools:
+    def significant(self) -> Bools:
         """(regions,) True if the probability beyond the tangent plane is not negligible."""
         expected = self.tangent_probabilities()
         return np.asarray(expected >= NEGLIGIBLE * expected.max())
@@ -143,7 +143,7 @@ class Regions:
         u, weights : (n, d), (n,) samples beyond the limit with weights, which define the spread in each region.
         scale : standard deviation of the increased scatter.
         """
-        ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.matters())
+        ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.significant())
         of = self.nearest(u) if len(u) else np.zeros(0, dtype=int)
         parts, shares = [_normal(np.zeros(size), scale**2 * np.eye(size))], [DEFENSIVE]
         expected = self.tangent_probabilities()[chosen]
@@ -157,7 +157,7 @@ class Regions:
             parts.append(_normal(self.found[j].point, WIDTH**2 * np.eye(size)))
             shares.append(float(part) * (0.5 if fitted else 1.0))
             if fitted:
-                parts.append(_like(own, w))
+                parts.append(_normal_of_samples(own, w))
                 shares.append(0.5 * float(part))
         return ot.Mixture(parts, shares)
 
@@ -167,7 +167,7 @@ def _normal(mean: Floats, covariance: Floats) -> Any:
     return ot.Normal(mean.tolist(), ot.CovarianceMatrix(covariance.tolist()))
 
 
-def _like(u: Floats, weights: Floats) -> Any:
+def _normal_of_samples(u: Floats, weights: Floats) -> Any:
     """Normal distribution with the mean and slightly more than the spread of weighted samples (n, d)."""
     share = weights / weights.sum()
     mean = share @ u

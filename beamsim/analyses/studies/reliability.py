@@ -25,7 +25,7 @@ from beamsim.scenario.excitation import MatchedInput, RandomInput
 from beamsim.scenario.studies import Reliability, VariedParameter, inputs_with_seed
 from beamsim.typing import Floats, of_kind
 
-SLIGHT = 0.01  # share of the probability below which a region is not listed
+LEAST_LISTED_SHARE = 0.01  # share of the probability below which a region is not listed
 
 
 def _seed_of(item: RandomInput | MatchedInput, k: int, blend: sampling.Blend) -> int | str:
@@ -98,7 +98,7 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
     entry: dict[str, Any] = {
         "method": of.method, "event": histories.vary.event, "probability": of.estimate.probability, "low": low,
         "high": high, "coefficient_of_variation": of.estimate.variation, "target": histories.target,
-        "reliability_index": float(-ndtri(of.estimate.probability)), "histories": of.asked,
+        "reliability_index": float(-ndtri(of.estimate.probability)), "histories": of.evaluated_count,
     }  # fmt: skip
     entry |= {"regions": len(regions)} if regions else {}
     entry |= {"cross_check": of.cross_check} if math.isfinite(of.cross_check) else {}
@@ -124,13 +124,15 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
     return replace(found, summary=result.summary | {"reliability": entry}).with_outcome(_estimate_outcome(of))
 
 
-def _shares_of_regions(of: Estimator) -> dict[int, float]:
+def _shares_of_regions(estimator: Estimator) -> dict[int, float]:
     """Share of the probability by region index, the largest first, for regions that are not negligible."""
-    failures, found = of.failures, of.regions.found
+    failures, found = estimator.failures, estimator.regions.found
     if not found or not failures.weights.size:
         return {}
-    shares = np.bincount(of.regions.nearest(failures.points.u), failures.weights, len(found)) / failures.weights.sum()
-    return {int(j): float(shares[j]) for j in np.argsort(-shares, kind="stable") if shares[j] > SLIGHT}
+    shares = (
+        np.bincount(estimator.regions.nearest(failures.points.u), failures.weights, len(found)) / failures.weights.sum()
+    )
+    return {int(j): float(shares[j]) for j in np.argsort(-shares, kind="stable") if shares[j] > LEAST_LISTED_SHARE}
 
 
 def _regions(histories: Exceedance, regions: dict[int, float], numbers: Sequence[VariedParameter]) -> Dataset:
@@ -146,38 +148,38 @@ def _regions(histories: Exceedance, regions: dict[int, float], numbers: Sequence
     return REGIONS.dataset(values, {"number": [{"unit": number.unit} for number in numbers]})
 
 
-def _estimate_outcome(of: Estimator) -> Outcome:
+def _estimate_outcome(estimator: Estimator) -> Outcome:
     """Outcome of the estimate."""
-    failures, variation = of.failures, of.estimate.variation
+    failures, variation = estimator.failures, estimator.estimate.variation
     weight = float(failures.weights.sum())
     lost = float(failures.weights[failures.values == FAILED].sum()) / weight if weight else 0.0
-    if of.outcome is not COMPLETE:
-        return of.outcome
-    if of.rounds and not of.estimate.probability > 0.0:
-        sentence, remedy = f"none of {of.asked} histories exceeds the limits", "raise most_cases"
+    if estimator.outcome is not COMPLETE:
+        return estimator.outcome
+    if estimator.rounds and not estimator.estimate.probability > 0.0:
+        sentence, remedy = f"none of {estimator.evaluated_count} histories exceeds the limits", "raise most_cases"
         return Outcome.of(OutcomeKind.UNTRUSTED, "not_exceeded", sentence, remedy=remedy)
-    if variation > of.target:
-        sentence = f"coefficient of variation of {_percent(variation)} after {of.asked} histories"
-        remedy = f"raise samples or most_cases, or accept more than {_percent(of.target)}"
+    if variation > estimator.target:
+        sentence = f"coefficient of variation of {_percent(variation)} after {estimator.evaluated_count} histories"
+        remedy = f"raise samples or most_cases, or accept more than {_percent(estimator.target)}"
         return Outcome.of(OutcomeKind.UNTRUSTED, "scatter", sentence, remedy=remedy, variation=variation)
-    if lost > of.target:
+    if lost > estimator.target:
         sentence = f"failed histories make {_percent(lost)} of the probability"
         return Outcome.of(OutcomeKind.UNTRUSTED, "cases_failed", sentence, remedy="see failures", share=lost)
-    return of.check
+    return estimator.check
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %" if math.isfinite(share) else "no known size"
 
 
-def interval(of: Estimator) -> tuple[float, float]:
+def interval(estimator: Estimator) -> tuple[float, float]:
     """95 % interval: Clopper-Pearson for a share of histories, else of a lognormal distribution."""
-    estimate = of.estimate
-    if of.method == "monte_carlo" and of.rounds:
-        share = probability(np.arange(of.rounds[-1].histories) < of.failures.weights.size)
+    estimate = estimator.estimate
+    if estimator.method == "monte_carlo" and estimator.rounds:
+        share = probability(np.arange(estimator.rounds[-1].histories) < estimator.failures.weights.size)
         return share["low"], share["high"]
-    unreached = math.isnan(estimate.probability) and bool(of.rounds)  # rarer than the last level
+    unreached = math.isnan(estimate.probability) and bool(estimator.rounds)  # rarer than the last level
     if unreached:
-        estimate = sampling.Estimate(of.rounds[-1].probability, of.rounds[-1].variation)
+        estimate = sampling.Estimate(estimator.rounds[-1].probability, estimator.rounds[-1].variation)
     factor = math.exp(1.96 * math.sqrt(math.log1p(estimate.variation**2)))
     return 0.0 if unreached else estimate.probability / factor, min(1.0, estimate.probability * factor)

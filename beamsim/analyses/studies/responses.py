@@ -25,7 +25,7 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
 
 
 SECTIONS = frozenset(value.section for value in BY_NAME.values() if value.section)
-WHOLE = frozenset(value.name for value in BY_NAME.values() if value.single or not value.section)
+STRUCTURE_RESPONSES = frozenset(value.name for value in BY_NAME.values() if value.single or not value.section)
 
 
 def begins_response(name: str) -> bool:
@@ -38,13 +38,13 @@ def begins_response(name: str) -> bool:
     """
     stem, _, number = name.rpartition("_")
     of_curve = stem in ("up", "down", "stable") and number.isdecimal()
-    return of_curve or name in SECTIONS | WHOLE or (stem in WHOLE and number.isdecimal())
+    return of_curve or name in SECTIONS | STRUCTURE_RESPONSES or (stem in STRUCTURE_RESPONSES and number.isdecimal())
 
 
-def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
+def entries_of(requested: Collection[str], scenario: Scenario) -> tuple[str, ...]:
     """Summary entries of a run that the requested responses need; by default all but the expensive ones."""
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
-    quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
+    quantities = {name.rpartition("/")[2] for name in requested} or set(BY_NAME) - {"gapping"}
     quantities |= {parse_limit(name)[0].name for name in limits}
     if not scenario.excitation.stationary:  # no root mean squares without a stationary excitation
         quantities = {name for name in quantities if not name.startswith("rms_")}
@@ -57,13 +57,13 @@ def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
-def means(asked: str, name: str) -> bool:
+def matches_request(request: str, name: str) -> bool:
     """True if a request refers to a response: by its quantity, or by its name with or without its curve.
 
     >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
     (True, True)
     """
-    parts = asked.split("/")
+    parts = request.split("/")
     return name.split("/")[-len(parts) :] == parts
 
 
@@ -102,9 +102,9 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
     if isinstance(result, RunResult):
         return run_responses(result.summary | result.root_mean_squares)
     modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
-    of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
+    of_curves = _sweep_responses(result) if isinstance(result, SweepResult) else _continuation_responses(result)
     opened, closed = (modes[f"{state}_frequencies_hz"].values.tolist() for state in ("open", "closed"))
-    return of_curves | _of_frequencies(opened, closed, snubbers)
+    return of_curves | _frequency_responses(opened, closed, snubbers)
 
 
 def run_responses(summary: Mapping[str, Any]) -> Responses:
@@ -116,11 +116,11 @@ def run_responses(summary: Mapping[str, Any]) -> Responses:
             values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
     values |= {v.name: summary[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in summary}
     snubbers = bool(summary["static_force_n"] or summary.get("static_moment_n_m"))
-    values |= _of_frequencies(summary["open_frequencies_hz"], summary["closed_frequencies_hz"], snubbers)
+    values |= _frequency_responses(summary["open_frequencies_hz"], summary["closed_frequencies_hz"], snubbers)
     return values | ({"energy_error": summary["energy_error"]} if "energy_error" in summary else {})
 
 
-def _of_sweep(result: SweepResult) -> Responses:
+def _sweep_responses(result: SweepResult) -> Responses:
     """Largest values and their frequencies for every curve (direction and level)."""
     values: Responses = {}
     for curve in result.curves.values():
@@ -134,7 +134,7 @@ def _of_sweep(result: SweepResult) -> Responses:
     return values | {f"snubbers/{name}/gapping": ratio for name, ratio in ratios.items()}
 
 
-def _of_continuation(result: ContinuationResult) -> Responses:
+def _continuation_responses(result: ContinuationResult) -> Responses:
     """Largest values of the stable motions of all periods at every level, ``stable_<index>/…``; nan without any."""
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b["level"].item()) for b in result.branches)):
@@ -154,7 +154,7 @@ def _largest(curve: str, value: Value, name: str, largest: float, frequency: flo
     return values
 
 
-def _of_frequencies(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
+def _frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
     """First six natural frequencies, and the bilinear frequency of the first pair."""
     first = {"open_frequencies_hz": opened} | ({"closed_frequencies_hz": closed} if snubbers else {})
     values: Responses = {name: (of[:6] + [math.nan] * 6)[:6] for name, of in first.items()}

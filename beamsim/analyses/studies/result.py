@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.studies.layouts import CASES, FURTHER, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
 from beamsim.analyses.studies.objectives import deciding_values, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
-from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.responses import matches_request
 from beamsim.analyses.studies.worst import OBJECTIVE
 from beamsim.labelled import LabelledArray
 from beamsim.outcomes import Outcome
@@ -234,7 +234,9 @@ class StudyResult(Result):
         """
         values = self["cases"].by_label("value")
         objective = objectives(self.scenario)[0]
-        asked = objective.largest and all(any(means(term, name) for term, _ in objective.terms) for name in names)
+        asked = objective.maximised and all(
+            any(matches_request(term, name) for term, _ in objective.terms) for name in names
+        )
         if "realisations" not in self.datasets:
             return worst_of([values[name].values for name in names], large_is_good=asked)
         realised, quantile = self["realisations"].by_label("value"), self.summary["tolerances"]["quantile"]

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from beamsim.errors import ScenarioError
 from beamsim.typing import Floats, Ints
 
-KEPT = 0.1  # share of the samples of a level from which the next level starts
+SEED_SHARE = 0.1  # share of the samples of a level from which the next level starts
 ACCEPTANCE = 0.44  # target acceptance rate of the steps, at which chains mix fastest
-STEP, NEAR = 1e-4, 1e-5  # finite-difference step, and tolerance of the search for the nearest point
+STEP, SEARCH_TOLERANCE = 1e-4, 1e-5  # finite-difference step, and tolerance of the search for the nearest point
 LEAST_SCATTER = 4  # number of estimates from which their own scatter is used
 MOST_CALLS = 20  # limit-state calls per variable in a search for the nearest point
-FOUND = 0.03  # largest distance from the limit, in standard deviations, of a point that counts as on it
+# largest distance from the limit, in standard deviations, of a point that counts as on it
+LARGEST_LIMIT_DISTANCE = 0.03
 
 
 Blend = tuple[tuple[tuple[int, ...], float], ...]
@@ -39,16 +40,16 @@ class Points(NamedTuple):
     u: Floats  # (n, d)
     blends: NDArray[np.object_]  # (n,) of `Blend`
 
-    def select(self, which: Any) -> Points:
+    def select(self, selection: Any) -> Points:
         """Selected points, by indices or by a mask."""
-        return Points(self.u[which], self.blends[which])
+        return Points(self.u[selection], self.blends[selection])
 
 
 LimitState = Callable[[Points], Floats]
 """(n,) values, not positive beyond the limit."""
 
 
-class _TooMany(Exception):
+class _TooManyCalls(Exception):
     """Raised when a search exceeds its number of limit-state calls."""
 
 
@@ -66,11 +67,11 @@ def points_at(u: Floats, seeds: Ints | None = None) -> Points:
     return Points(u, np.fromiter(blends, dtype=object, count=len(u)))
 
 
-def draw(generator: np.random.Generator, count: int, like: Points) -> Points:
-    """Draw independent samples with as many variables and processes as ``like``."""
-    processes = len(like.blends[0][0][0])
+def draw(generator: np.random.Generator, count: int, template: Points) -> Points:
+    """Draw independent samples with as many variables and processes as ``template``."""
+    processes = len(template.blends[0][0][0])
     seeds = generator.integers(2**31, size=(count, processes))
-    return points_at(generator.standard_normal((count, like.u.shape[1])), seeds)
+    return points_at(generator.standard_normal((count, template.u.shape[1])), seeds)
 
 
 def average(terms: Sequence[Floats]) -> Estimate:
@@ -97,10 +98,10 @@ class SubsetLevel(NamedTuple):
     """A level of a subset simulation."""
 
     estimate: Estimate  # of the probability of the level
-    inside: Points  # samples inside the level
+    samples: Points  # samples inside the level
     values: Floats  # of the limit state there
     ancestors: Ints  # chains of the first level from which the samples descend
-    edge: float  # threshold: samples inside the level are below it; zero at the limit
+    threshold: float  # threshold: samples inside the level are below it; zero at the limit
 
 
 def subset_levels(
@@ -119,7 +120,7 @@ def subset_levels(
     ------
     SubsetLevel
     """
-    points, chains, width = draw(generator, count, origin), max(1, round(count * KEPT)), 0.6
+    points, chains, width = draw(generator, count, origin), max(1, round(count * SEED_SHARE)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
     before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the previous level
     ancestors = np.arange(values.size)
@@ -155,12 +156,12 @@ def _relative_variance(sums: Floats | Ints) -> float:
 
 
 def _chains(
-    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, edge: float, width: float
+    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, threshold: float, width: float
 ) -> tuple[Points, Floats, float]:
     """Run chains from given points within an edge; returns samples, their values, and the step width."""
     count = values.size
     along, of = [points], [values]
-    for step in range(1, round(1.0 / KEPT)):
+    for step in range(1, round(1.0 / SEED_SHARE)):
         stays, new = math.sqrt(1.0 - width**2), draw(generator, count, points)
         blends = [
             (*((seeds, stays * share) for seeds, share in old), *((seeds, width * share) for seeds, share in added))
@@ -168,7 +169,7 @@ def _chains(
         ]
         tried = Points(stays * points.u + width * new.u, np.fromiter(blends, dtype=object, count=count))
         reached = state(tried)
-        goes = reached <= edge
+        goes = reached <= threshold
         points = Points(np.where(goes[:, None], tried.u, points.u), np.where(goes, tried.blends, points.blends))
         values = np.where(goes, reached, values)
         along.append(points)
@@ -212,7 +213,7 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
         nonlocal calls
         calls += len(u)
         if calls > MOST_CALLS * (start.size + 2):
-            raise _TooMany
+            raise _TooManyCalls
         try:
             return state(points_at(np.asarray(u, dtype=float)))[:, None] / slope
         except Exception as error:  # OpenTURNS would replace the exception
@@ -226,14 +227,14 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
     search.setMaximumIterationNumber(40)
     search.setCheckStatus(False)
     for error in ("Absolute", "Relative", "Residual", "Constraint"):
-        getattr(search, f"setMaximum{error}Error")(NEAR)
+        getattr(search, f"setMaximum{error}Error")(SEARCH_TOLERANCE)
     try:
         slope = float(np.linalg.norm(function.gradient(start)))  # its line search works best with a slope of about one
         if not slope > 0.0:
             return start, False
         search.run()
         point = np.asarray(search.getResult().getOptimalPoint(), dtype=float)
-        return point, bool(np.all(np.isfinite(point))) and abs(float(values([point])[0, 0])) < FOUND
+        return point, bool(np.all(np.isfinite(point))) and abs(float(values([point])[0, 0])) < LARGEST_LIMIT_DISTANCE
     except Exception:
         if raised:
             raise raised[0] from None

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.studies.designs import (
-    APART,
-    NEAR,
-    ON_A_LIMIT,
+    FIRST_RADIUS,
+    LIMIT_MARGIN,
+    PENALTY,
     RESOLUTION,
-    WORSE,
+    START_DISTANCE,
     Designs,
     local_search,
     unfinished_search,
@@ -23,7 +23,7 @@ from beamsim.analyses.studies.designs import (
 from beamsim.analyses.studies.fronts import front
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
-from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.responses import matches_request
 from beamsim.analyses.studies.worst import WorstSearch
 from beamsim.cases import Evaluator
 from beamsim.errors import ScenarioError
@@ -31,11 +31,12 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, not_none
 
-BY_EVOLUTION = 0.75  # of the allowed cases; the rest is for the local search
-WITHIN_TOLERANCES = 0.2  # of the cases: for a local search with the worst realisations found within tolerances
+EVOLUTION_SHARE = 0.75  # of the allowed cases; the rest is for the local search
+WORST_SEARCH_SHARE = 0.2  # of the cases: for a local search with the worst realisations found within tolerances
 ROUNDS = 3  # of that search, each with the worst realisation of the previous design
-CLOSER = 2e-4  # of a range: tolerance of that search, since a limit within tolerances usually governs
-SETTLED = 0.01  # of the objective and limits: improvement of a converged search in the last quarter of its designs
+LOCAL_TOLERANCE = 2e-4  # of a range: tolerance of that search, since a limit within tolerances usually governs
+# of the objective and limits: improvement of a converged search in the last quarter of its designs
+CONVERGED_SHARE = 0.01
 STARTS = 4  # of the local search, from the best designs that differ enough
 
 
@@ -56,14 +57,14 @@ def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
     settings = not_none(plan.scenario.optimise)
     first = evaluate([plan.cases[0].values])[0][0]
     for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
-        if first.outcome.complete and not any(means(name, known) for known in first.values):
+        if first.outcome.complete and not any(matches_request(name, known) for known in first.values):
             raise ScenarioError.at(
                 "optimise", f"asks for {name}, but no design has it", "leave responses out to see all"
             )
     designs = Designs(plan, evaluate)
     if len(objectives(plan.scenario)) > 1:
         return front(designs, settings)
-    most = settings.most_cases - (round(WITHIN_TOLERANCES * settings.most_cases) if worst.judges_by_worst else 0)
+    most = settings.most_cases - (round(WORST_SEARCH_SHARE * settings.most_cases) if worst.judges_by_worst else 0)
     ended = _best(designs, settings.model_copy(update={"most_cases": most}), plan.scenario.limits is not None)
     return (_improve_worst(designs, worst, settings.most_cases) if worst.judges_by_worst else None) or ended
 
@@ -78,9 +79,9 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     varied = designs.plan.study.varied
     count = len(varied)
     size = max(8, -(-16 // count))
-    generations = max(1, int(BY_EVOLUTION * settings.most_cases / (size * count)) - 1)
+    generations = max(1, int(EVOLUTION_SHARE * settings.most_cases / (size * count)) - 1)
 
-    def beyond(points: Floats) -> Floats:
+    def excesses(points: Floats) -> Floats:
         return designs(points.reshape(count, -1).T)[1].reshape(1, -1)
 
     def objective(points: Any) -> Any:
@@ -89,27 +90,27 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     found: Any = differential_evolution(
         objective, Bounds(np.zeros(count), np.ones(count)), maxiter=generations, popsize=size, polish=False,
         vectorized=True, updating="deferred", rng=np.random.default_rng(settings.seed),
-        constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if limited else (),
+        constraints=NonlinearConstraint(excesses, -np.inf, 0.0) if limited else (),
     )  # fmt: skip
 
     free = designs.free
     settled, least, taken = bool(found.success) or designs.exhausted, np.inf, list[Floats]()
     for _ in range(STARTS if free.any() else 0):
-        start, room = designs.best_apart(taken), settings.most_cases - designs.design_count
+        start, room = designs.best_away_from(taken), settings.most_cases - designs.design_count
         if start is None or room < 1:
             break
 
         def merit(point: Floats, start: Floats = start) -> float:
-            values, excess = designs(designs.placed(start, point)[None])
+            values, excess = designs(designs.with_numbers(start, point)[None])
             return float(values[0, 0]) if excess[0] == 0.0 else np.inf
 
         first = start[free]
-        simplex = np.vstack([first, first + np.diag(np.where(first < 0.5, APART, -APART) / 2.0)])
+        simplex = np.vstack([first, first + np.diag(np.where(first < 0.5, START_DISTANCE, -START_DISTANCE) / 2.0)])
         local: Any = minimize(
             merit, first, method="Nelder-Mead", bounds=Bounds(0.0 * first, 0.0 * first + 1.0),
             options={"initial_simplex": simplex, "xatol": RESOLUTION, "fatol": np.inf, "maxfev": room},
         )  # fmt: skip
-        taken += [start, designs.placed(start, local.x)]
+        taken += [start, designs.with_numbers(start, local.x)]
         if local.fun < least:
             least, settled = local.fun, bool(local.success)
     return COMPLETE if settled else unfinished_search(designs.design_count)
@@ -142,7 +143,7 @@ def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome |
         ):
             break
         start = designs.points[worst.evaluate.rows[case]]
-        ended = _descend_worst(designs, worst, start, most, NEAR if k else APART)
+        ended = _descend_worst(designs, worst, start, most, FIRST_RADIUS if k else START_DISTANCE)
     return ended
 
 
@@ -162,29 +163,29 @@ def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: in
     tried: dict[tuple[float, ...], tuple[float, Floats]] = {}
     ended_by, free = "", designs.free
 
-    def known(numbers: Floats) -> tuple[float, Floats]:
+    def known_values(numbers: Floats) -> tuple[float, Floats]:
         nonlocal ended_by
-        point = designs.placed(start, np.clip(numbers, 0.0, 1.0))
+        point = designs.with_numbers(start, np.clip(numbers, 0.0, 1.0))
         if (key := tuple(point.tolist())) not in tried:
             if designs.design_count >= most or not worst.affords(worst.critical):
                 ended_by = "most_cases" if designs.design_count >= most else "worst_cases of its tolerances"
                 return np.inf, np.full_like(base[1], np.inf)
-            tried[key] = designs.signed_with(point, worst.realisations_worst_for_others)
+            tried[key] = designs.objective_with_further(point, worst.realisations_worst_for_others)
         return tried[key]
 
-    base = tried[tuple(start.tolist())] = designs.signed_with(start, worst.realisations_worst_for_others)
+    base = tried[tuple(start.tolist())] = designs.objective_with_further(start, worst.realisations_worst_for_others)
     scale = abs(base[0]) if np.isfinite(base[0]) and base[0] else 1.0
 
     def merit(numbers: Floats) -> float:
-        return float(min(known(numbers)[0] / scale, WORSE))
+        return float(min(known_values(numbers)[0] / scale, PENALTY))
 
-    def beyond(numbers: Floats) -> Floats:
-        return np.asarray(np.minimum(known(numbers)[1] + ON_A_LIMIT, WORSE))
+    def excesses(numbers: Floats) -> Floats:
+        return np.asarray(np.minimum(known_values(numbers)[1] + LIMIT_MARGIN, PENALTY))
 
-    _, settled = local_search(merit, beyond, start[free], most - designs.design_count + 1, (radius, CLOSER))
+    _, settled = local_search(merit, excesses, start[free], most - designs.design_count + 1, (radius, LOCAL_TOLERANCE))
     over = [(value, float(of.max(initial=0.0))) for value, of in tried.values()]
     least = min(value if excess <= 0.0 else np.inf for value, excess in over)
-    before = min(value if excess <= SETTLED else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
-    if (settled and not ended_by) or abs(before - least) <= SETTLED * abs(least) < np.inf:
+    before = min(value if excess <= CONVERGED_SHARE else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
+    if (settled and not ended_by) or abs(before - least) <= CONVERGED_SHARE * abs(least) < np.inf:
         return COMPLETE
-    return unfinished_search(designs.design_count, more=ended_by or "most_cases")
+    return unfinished_search(designs.design_count, key=ended_by or "most_cases")

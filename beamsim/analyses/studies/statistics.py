@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from beamsim.typing import Floats
 
 PERCENTILES = (5, 50, 95)
-CHANCE = 0.05  # share of unimodal samples that are split into two populations, at most
+LARGEST_CHANCE = 0.05  # share of unimodal samples that are split into two populations, at most
 
 
 def statistics(known: Floats) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def populations(values: Floats) -> list[Floats]:
     right, below, above = counts.sum() - left - 2, distinct[:-1] - distinct[0], distinct[-1] - distinct[1:]
     chance = gaps.size * np.maximum((below / (below + gaps)) ** left, (above / (above + gaps)) ** right)
     at = int(chance.argmin())
-    if chance[at] > CHANCE:
+    if chance[at] > LARGEST_CHANCE:
         return [values]
     lower = values <= distinct[at]
     return [*populations(values[lower]), *populations(values[~lower])]

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.analyses.studies.layouts import CASES, FURTHER, REALISATIONS, SOBOL
 from beamsim.analyses.studies.plan import ParameterColumn, StudyPlan, varied_seeds
-from beamsim.analyses.studies.responses import describe, means
+from beamsim.analyses.studies.responses import describe, matches_request
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import (
     rank_correlations,
@@ -23,8 +23,8 @@ from beamsim.analyses.studies.statistics import (
 )
 from beamsim.analyses.studies.table import (
     SAMPLES,
-    UNKNOWN,
-    WIDE,
+    UNKNOWN_MARGIN,
+    WIDE_GAP,
     LimitColumns,
     StudyTable,
     shares_between,
@@ -47,8 +47,8 @@ Indices = Mapping[str, Mapping[str, Floats]]
 
 
 def result_of(
-    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None,
-    searches: Mapping[int, bool] = MappingProxyType({}),
+    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0,
+    search_outcome: Outcome | None = None, searches: Mapping[int, bool] = MappingProxyType({}),
 ) -> StudyResult:  # fmt: skip
     """Assemble the result of the solved cases.
 
@@ -57,7 +57,7 @@ def result_of(
     plan : plan of the study.
     outcomes : outcomes by index; possibly of some cases only.
     wall_time_s : wall time of the study, s.
-    ended : outcome of a search; None while it continues.
+    search_outcome : outcome of a search; None while it continues.
     searches : by case whose worst was searched, True if the search was completed.
 
     Returns
@@ -68,7 +68,7 @@ def result_of(
     plan, scenario = table.plan, plan.scenario
     indices, gaps = sensitivities(table.nominal, len(plan.parameters)) if plan.kind == "sobol" else ({}, [])
     if plan.searches:
-        ended = _search_ended(table, ended)
+        search_outcome = _search_ended(table, search_outcome)
     datasets = {"cases": _cases(table)}
     if table.count > 1:
         datasets["realisations"] = _realisations(table)
@@ -81,7 +81,7 @@ def result_of(
         datasets["sobol"] = SOBOL.dataset({"response": list(indices), "parameter": parameters, **values})
     return StudyResult(
         scenario=scenario,
-        outcome=_outcome(table) if ended is None else ended,
+        outcome=_outcome(table) if search_outcome is None else search_outcome,
         datasets=datasets,
         warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, searches),
             *_warnings_of_cases(table),
@@ -296,7 +296,7 @@ def _front_gaps(table: StudyTable) -> list[dict[str, Any]] | None:
     gaps = [
         {"share": float(shares[k]), **{end: dict(zip(names, values[:, at].tolist(), strict=True)) for end, at in ends}}
         for k in np.argsort(-shares, kind="stable").tolist()
-        if shares[k] > WIDE
+        if shares[k] > WIDE_GAP
         for ends in [(("from", k), ("to", k + 1))]
     ]
     return gaps or None
@@ -319,7 +319,7 @@ def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
         return {}
     own = {r: table.outcomes[case * count + r] for r in range(count)}
     own |= {of.index: replace(of, within=0) for of in table.further_realisations.get(case, ())}
-    alone = StudyTable(table.plan.of([own[0].given]), own)
+    alone = StudyTable(table.plan.with_rows([own[0].given]), own)
     if not alone.every_response:
         return {}
     return {name: _worst_of_limit(alone, name, of) | {"case": case} for name, of in alone.limits.items()}
@@ -352,7 +352,7 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
         return {**margins_of(table.plan.scenario.limits, {})[name], **about}
     case = int(np.nanargmin(sizes))
     outcome = table.outcome(case, int(of.deciding[case]))
-    found = {**UNKNOWN, **outcome.margins.get(name, {})}
+    found = {**UNKNOWN_MARGIN, **outcome.margins.get(name, {})}
     return {**found, "case": case, "parameters": table.plan.values_in(case), **about}
 
 
@@ -402,7 +402,7 @@ def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | 
     kind = _kind_of_worst(table, case, searches)
     return {
         "case": case, "kind": kind, "further_cases": sum(map(len, table.further_realisations.values())),
-        "most_further_cases": realisations.most_further, "by": found,
+        "most_further_cases": realisations.most_further_cases, "by": found,
     }  # fmt: skip
 
 
@@ -440,9 +440,9 @@ def _kinds_of_ends(table: StudyTable, case: int, name: str, searches: Mapping[in
 
     def searched(judge: Judge) -> bool:
         """True if the search by a judge applies to this response: its place is the worst one."""
-        named = [other for other in table.responses if any(means(asked, other) for asked in judge.asked)]
+        named = [other for other in table.responses if any(matches_request(asked, other) for asked in judge.responses)]
         ends = {other: np.nanmax(judge.sign * table.responses[other][case]) for other in named}
-        return name in ends and len(judge.asked) == 1 and ends[name] == max(ends.values())
+        return name in ends and len(judge.responses) == 1 and ends[name] == max(ends.values())
 
     kinds = {"smallest_is": SAMPLED, "largest_is": SAMPLED}
     if (kind := _kind_of_worst(table, case, searches)) is not None:
@@ -473,7 +473,7 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
     """Warnings about the choice of the best case and about sensitivity indices."""
     objective = table.aims[0][0]
     if table.unknown_aim and table.every_response:
-        key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
+        key, asked = "maximise" if objective.maximised else "minimise", " + ".join(name for name, _ in objective.terms)
         yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(table.responses)}"
     for name in table.limits if table.every_response else ():
         if np.isnan(table.margins[name]).all():
@@ -484,7 +484,7 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
 
 def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
     """Note if the budget ended the search for the worst of the best case, or did not allow one."""
-    most = table.plan.study.realisations.most_further
+    most = table.plan.study.realisations.most_further_cases
     if not table.best or not most or sum(map(len, table.further_realisations.values())) < most:
         return
     case = int(table.best[0]["case"])
@@ -529,14 +529,14 @@ def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
         yield f"{first}{text}{more}"
 
 
-def _search_ended(table: StudyTable, ended: Outcome | None) -> Outcome:
+def _search_ended(table: StudyTable, outcome: Outcome | None) -> Outcome:
     """Outcome of a search, with what it did not find."""
-    done, most, failures = table.shape[0], table.plan.most, list(table.failures.values())
-    if ended is None:
+    done, most, failures = table.shape[0], table.plan.most_cases, list(table.failures.values())
+    if outcome is None:
         sentence = f"the search has tried {done} of at most {most} designs"
         return Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=most)
     if table.best or not done:
-        return ended
+        return outcome
     reason = f"; the first of {len(failures)} that failed: {failures[0].outcome.text}" if failures else ""
     sentence = f"no feasible design found after {done} of {most} cases{reason}"
     more = ", or more most_cases" if done >= most else ""

@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
-from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.analyses.studies.responses import limited_response, matches_request
 from beamsim.analyses.studies.table import StudyTable, table_of
 from beamsim.cases import CaseOutcome, Evaluator
 from beamsim.scenario.studies import Value
@@ -26,13 +26,13 @@ SAMPLED, TRIED = "sampled", "tried where others are worst"
 SEARCHED, UNFINISHED = "searched", "search not finished"
 """How the worst value of a case was found."""
 OBJECTIVE = "objective"  # name of an objective that has the name of a limit
-FEW = 4  # number of toleranced numbers up to which all corners are solved
+MOST_WITH_ALL_CORNERS = 4  # number of toleranced numbers up to which all corners are solved
 COARSE = (2.0, 1.0, 0.5, 0.25, 0.125)  # step sizes of the compass searches, in tolerances
 FINE = (0.0625, 0.03125)  # step sizes at the end of the worse of two searches: a resonance is narrow
-BETTER = 1e-3  # relative change of a value that counts as worse
-FOR_A_SEARCH = 0.4  # share of the budget reserved for the search of the last case while the cost of a search is unknown
+LEAST_CHANGE = 1e-3  # relative change of a value that counts as worse
+SEARCH_SHARE = 0.4  # share of the budget reserved for the search of the last case while the cost of a search is unknown
 MOST_TRIED = 6  # cases tried before a local search starts from the best
-APART = 0.75  # distance of the second start from the worst point, in tolerances
+START_DISTANCE = 0.75  # distance of the second start from the worst point, in tolerances
 
 Point = tuple[float, ...]
 """Deviations of the numbers as shares of their tolerances, from -1 to 1."""
@@ -46,7 +46,7 @@ class Judge(NamedTuple):
     name: str
     badness: Callable[[CaseOutcome], float]  # nan if unknown
     sign: float  # 1 if large responses are bad
-    asked: tuple[str, ...]  # responses; the worst place counts
+    responses: tuple[str, ...]  # responses; the worst place counts
 
 
 def judges_of(plan: StudyPlan) -> list[Judge]:
@@ -54,13 +54,15 @@ def judges_of(plan: StudyPlan) -> list[Judge]:
     found = list[Judge]()
     for name in {} if plan.scenario.limits is None else plan.scenario.limits.values_by_name:
 
-        def of_limit(outcome: CaseOutcome, name: str = name) -> float:
+        def limit_badness(outcome: CaseOutcome, name: str = name) -> float:
             return float(outcome.margins.get(name, {}).get("value", np.nan))
 
-        found.append(Judge(name, of_limit, 1.0, (limited_response(name),)))
+        found.append(Judge(name, limit_badness, 1.0, (limited_response(name),)))
     for aim in (aim for aim in objectives(plan.scenario) if aim.terms):
 
-        def of_aim(outcome: CaseOutcome, of: Callable[..., Floats | None] = aim.of, sign: float = aim.sign) -> float:
+        def objective_badness(
+            outcome: CaseOutcome, of: Callable[..., Floats | None] = aim.of, sign: float = aim.sign
+        ) -> float:
             numbers = {name: np.array([x]) for name, x in outcome.values.items() if isinstance(x, float | int)}
             value = of(numbers)
             return np.nan if value is None else sign * float(value[0])
@@ -68,7 +70,7 @@ def judges_of(plan: StudyPlan) -> list[Judge]:
         limited = {judge.name: judge.sign for judge in found}
         if limited.get(aim.name) != aim.sign:  # otherwise the limit judges in the same way
             name = OBJECTIVE if aim.name in limited else aim.name
-            found.append(Judge(name, of_aim, aim.sign, tuple(name for name, _ in aim.terms)))
+            found.append(Judge(name, objective_badness, aim.sign, tuple(name for name, _ in aim.terms)))
     return found
 
 
@@ -96,7 +98,7 @@ class WorstSearch:
     def judges_by_worst(self) -> bool:
         """True if cases are judged by their worst realisation, which a search can find."""
         realisations = self.plan.study.realisations
-        return realisations.judged_by_worst and realisations.most_further > 0
+        return realisations.judged_by_worst and realisations.most_further_cases > 0
 
     def search_next(self) -> bool:
         """Search for the worst realisation of the most promising case; False if no search is needed.
@@ -126,7 +128,7 @@ class WorstSearch:
 
     def affords(self, points: Collection[Point] = ()) -> bool:
         """True if the budget allows further realisations of a case besides a search for its worst."""
-        kept = self._cost or round(FOR_A_SEARCH * self.plan.study.realisations.most_further)
+        kept = self._cost or round(SEARCH_SHARE * self.plan.study.realisations.most_further_cases)
         return self.evaluate.room - len(points) >= kept
 
     def explore(self) -> int | None:
@@ -155,21 +157,21 @@ class WorstSearch:
         self.evaluate.solve_realisations(case, self._missing(case))
         return [outcome for outcome in self.evaluate.outcomes.values() if outcome.deviations and outcome.within == case]
 
-    def most_promising(self, table: StudyTable, among: Sequence[int] | None = None) -> int | None:
+    def most_promising(self, table: StudyTable, cases: Sequence[int] | None = None) -> int | None:
         """Case that is the best if its worst exceeds its sample as in the searched cases; None without cases.
 
         Parameters
         ----------
         table : table of the known cases.
-        among : indices of cases; all by default.
+        cases : indices of cases; all by default.
         """
         count = table.count
         tried = np.isin(np.arange(table.shape[0]), list(table.further_realisations))
 
-        def expected(each: Floats, sign: float) -> Floats:
+        def expected(sampled: Floats, sign: float) -> Floats:
             """(cases,) expected worst values; for cases that were not tried, by the smallest ratio of the others."""
-            judged = sign * np.max(sign * each, axis=1)
-            sample = sign * np.max(sign * each[:, :count], axis=1)
+            judged = sign * np.max(sign * sampled, axis=1)
+            sample = sign * np.max(sign * sampled[:, :count], axis=1)
             ratios = judged[tried] / sample[tried]
             known = ratios[np.isfinite(ratios)]
             if not known.size:
@@ -180,15 +182,15 @@ class WorstSearch:
         limits = {name: expected(of.value, 1.0) for name, of in table.limits.items()}
         holds = [np.where(tried, True, limits[name] <= of.limit) for name, of in table.limits.items()]
         allowed = np.all([table.candidates, *holds], axis=0)
-        if among is not None:
-            allowed &= np.isin(np.arange(table.shape[0]), among)
+        if cases is not None:
+            allowed &= np.isin(np.arange(table.shape[0]), cases)
         aim, cost = objectives(self.plan.scenario)[0], None
         shares = np.array([limits[name] / of.limit for name, of in table.limits.items()], dtype=float)
         if not aim.terms:
             cost = shares.max(axis=0)
         elif (values := aim.of(table.responses)) is not None:
             cost = aim.sign * expected(values, aim.sign)
-        if not allowed.any() and among is None and limits:  # take the closest one
+        if not allowed.any() and cases is None and limits:  # take the closest one
             allowed, cost = table.candidates, shares.max(axis=0)
         if cost is None or not (allowed & np.isfinite(cost)).any():
             return None
@@ -212,7 +214,7 @@ class WorstSearch:
     def _corners(self, case: int) -> list[Point]:
         """Corners to solve for a case: all for few numbers, else those that may be the worst."""
         paths = [parameter.parameter.path for parameter in self.plan.study.realisations.parameters]
-        if len(paths) <= FEW:
+        if len(paths) <= MOST_WITH_ALL_CORNERS:
             return list(product((-1.0, 1.0), repeat=len(paths)))
         changes, points = self.changes_of(case, self.evaluate.rows[case]), self._points(case)
         return [corner for judge in judges_of(self.plan) for corner in _corners(points, judge, paths, changes)]
@@ -251,11 +253,11 @@ class _Points:
         """Badness of a solved point; unknown values are never the worst."""
         return float(np.nan_to_num(judge.badness(self.known[point]), nan=-np.inf))
 
-    def worst(self, judge: Judge, apart_from: Point | None = None) -> Point | None:
-        """Worst solved point, or worst of those far enough from ``apart_from``; None without points."""
+    def worst(self, judge: Judge, away_from: Point | None = None) -> Point | None:
+        """Worst solved point, or worst of those far enough from ``away_from``; None without points."""
         far = [
             point for point in self.known
-            if apart_from is None or max(abs(a - b) for a, b in zip(point, apart_from, strict=True)) >= APART
+            if away_from is None or max(abs(a - b) for a, b in zip(point, away_from, strict=True)) >= START_DISTANCE
         ]  # fmt: skip
         return max(far, key=lambda point: self.badness(judge, point), default=None)
 
@@ -277,7 +279,7 @@ def _search_from_worst(points: _Points, judges: Sequence[Judge]) -> bool:
 def _corners(points: _Points, judge: Judge, paths: Sequence[str], changes: Changes) -> Iterator[Point]:
     """Corners where derivatives, and a linear fit of the sample, predict the worst value of a judge."""
     for response, by in changes.items():
-        if any(means(asked, response) for asked in judge.asked) and all(path in by for path in paths):
+        if any(matches_request(asked, response) for asked in judge.responses) and all(path in by for path in paths):
             yield tuple(1.0 if judge.sign * by[path][1] >= judge.sign * by[path][0] else -1.0 for path in paths)
     sample = np.array(list(points.known))
     bad = np.array([points.badness(judge, point) for point in points.known])
@@ -309,7 +311,7 @@ def _climb(points: _Points, judge: Judge, start: Point, steps: Iterable[float]) 
             if not points.solve([tuple(all_steps)]):
                 return None
             next_one = max([*neighbours, tuple(all_steps)], key=lambda point: points.badness(judge, point))
-            if not points.badness(judge, next_one) > before + BETTER * abs(before):
+            if not points.badness(judge, next_one) > before + LEAST_CHANGE * abs(before):
                 break
             at = next_one
     return at
