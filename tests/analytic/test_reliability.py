@@ -275,7 +275,7 @@ def test_measured_numbers_have_the_smooth_distribution_through_them(solved_by, t
         width = math.sqrt((1e3 * number["deviation"].values.item()) ** 2 - data.var())
         assert 0.02 < width < 0.08
         assert of["probability"] == pytest.approx(np.mean(norm.sf((1.35 - data) / width)), rel=1e-3)
-        assert any("beyond what was measured" in warning for warning in result.warnings)
+        assert any("beyond the measured values" in warning for warning in result.warnings)
 
 
 # --- events -----------------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic.
 
-The channels of a measurement are assigned to probes and snubbers by their names. Records that do not repeat are
-compared by peaks, scale, correlation and response spectra.
+The channels of a measurement are assigned to probes and snubbers by their names. Transient records are compared by
+peaks, scale, correlation and response spectra.
 """
 
 from __future__ import annotations
@@ -48,7 +48,10 @@ from beamsim.signals.records import Window, amplitude_db, sampled_records
 from beamsim.typing import TINY, Floats
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
-OF_CONTACTS = {"N": ("force", FORCE), "N m": ("moment", MOMENT)}  # by unit: of snubbers, of stops of hinges
+OF_CONTACTS = {
+    "N": ("force", FORCE),
+    "N m": ("moment", MOMENT),
+}  # by unit, of snubbers and of stops of hinges
 _SHOWN_PERIODS = 4
 
 
@@ -63,11 +66,12 @@ def compare(
 
     Parameters
     ----------
-    result : the run.
+    result : result of the run.
     pairs : place, quantity, and measured signal in SI units.
     harmonics : number of harmonics in the table.
-    last : use only this last part of measured histories, s; by default as long as the part of the run that is used:
-        that of ``run.spectrum``, else the part in which its motion has settled.
+    last : length of the final part of measured histories to use, s; by default as long as the part of the run that is
+        used
+    (that of ``run.spectrum``, else the part with settled motion).
 
     Returns
     -------
@@ -99,19 +103,19 @@ def compare(
 
 
 def record_warnings(signal: MeasuredSignal) -> list[str]:
-    """Warnings about a measured signal; for an acceleration also about an offset, which a run does not have."""
+    """Warnings about a measured signal; for an acceleration also about an offset, which runs do not have."""
     if signal.of_frequency or signal.unit != ACCELERATION.unit:
         return list(signal.warnings)
     return [*signal.warnings, *offset_warnings(signal, starts=False)]
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
-    """A history that was computed.
+    """Computed history of a place.
 
     Parameters
     ----------
-    result : the run.
-    place : a probe or output; for a force or moment a snubber.
+    result : result of the run.
+    place : probe or output; for a force or moment a snubber.
     quantity : one of `quantities_of` the place.
 
     Returns
@@ -128,7 +132,7 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
 
 
 def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
-    """A channel compared with the history of a run: harmonics in phase, histories without a delay, spectra."""
+    """Compare a channel with the history of a run: harmonics in phase, aligned histories, spectra."""
     place, quantity, signal = pair
     excitation = result.scenario.excitation.tone_hz
     unit = quantities_of(result)[place][quantity].unit
@@ -189,27 +193,30 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     )
 
 
-ALIKE, UNLIKE = 0.9, 0.7  # correlation from which a record is the other one but for sign or zero, and below which not
-FEWEST_OF_BOTH = 20  # samples that both have
-NOTABLE_OFFSET = 0.05  # of the root mean square of a history about its mean
+ALIKE, UNLIKE = (
+    0.9,
+    0.7,
+)  # correlations above which records agree, and below which they do not
+FEWEST_OF_BOTH = 20  # common samples, at least
+NOTABLE_OFFSET = 0.05  # relative to the root mean square of a history about its mean
 
 
 def _of_sign_and_zero(
     run: MeasuredSignal, record: MeasuredSignal, aligned: tuple[Floats, Floats, Floats, Floats]
 ) -> Iterator[str]:
-    """Warnings where a record is that of the run but for its sign, or but for what it reads at rest.
+    """Warn if a record agrees with the run only with opposite sign, or only without its offset.
 
     Parameters
     ----------
-    run, record : the histories, in one unit.
-    aligned : times and values of the run, then of the record, shifted by the delay between them.
+    run, record : histories, in one unit.
+    aligned : times and values of the run, then of the record, without the delay between them.
     """
     predicted, measured, correlation = _where_both_last(*aligned)
     size, offset = float(np.std(predicted)), float(measured.mean() - predicted.mean())
     if correlation > ALIKE and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
         share = f"{100.0 * abs(offset) / size:.2g} % of the computed root mean square"
         yield (
-            f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}: an offset counts "
+            f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}; an offset counts "
             "as a difference; subtract what the channel reads at rest"
         )
     if correlation < UNLIKE:
@@ -217,7 +224,7 @@ def _of_sign_and_zero(
         other = _where_both_last(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
         if other > ALIKE:
             yield (
-                f"{record.name}: with the other sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
+                f"{record.name}: with opposite sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
                 "written: give --factor -1 if its sensor counts in the other direction"
             )
 
@@ -225,7 +232,7 @@ def _of_sign_and_zero(
 def _where_both_last(
     time: Floats, predicted: Floats, of_record: Floats, measured: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Values of a run and of a record at the times of the run that both have, and their correlation, nan of none."""
+    """Values of a run and of a record at their common times, and their correlation (nan without common times)."""
     both = (time >= of_record[0]) & (time <= of_record[-1])
     if np.count_nonzero(both) < FEWEST_OF_BOTH or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
         return predicted, predicted, np.nan
@@ -233,11 +240,11 @@ def _where_both_last(
     return one, other, float(np.corrcoef(one, other)[0, 1])
 
 
-WHOLE_PART = 1e-9  # relative round-off of times, by which the last part of a record may be longer
+WHOLE_PART = 1e-9  # relative round-off of times, which may lengthen the last part of a record
 
 
 def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iterator[str]:
-    """A warning where the sample rate, 1/s, ends response spectra below the frequency that is asked for."""
+    """Warn if the sample rate, 1/s, limits response spectra below the requested frequency."""
     if reached_hz < asked_hz * (1 - WHOLE_PART):
         yield (
             f"{name}: response spectra end at {reached_hz:.4g} Hz, below run.srs.to = {asked_hz:g} Hz: the records "
@@ -247,7 +254,7 @@ def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iter
 
 
 def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
-    """A warning where a history has a notable part above half its sample rate."""
+    """Warn if a history has notable content above half its sample rate."""
     share = _aliased_share(result, place, quantity)
     if share is not None:
         times = result["histories"]["time"].values
@@ -260,7 +267,7 @@ def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
 
 
 def _aliased_share(result: RunResult, place: str, quantity: str) -> float | None:
-    """Share of the root mean square of a history above half the output rate; None where it is not notable."""
+    """Share of the root mean square of a history above half the output rate; None if it is negligible."""
     called = {"moment": "force", "absolute_displacement": "displacement"}.get(quantity, quantity)
     shares = result.summary.get("aliased_in_histories") or {}
     share = shares.get(f"{place} {called}")
@@ -270,7 +277,7 @@ def _aliased_share(result: RunResult, place: str, quantity: str) -> float | None
 def _part_of_run(
     result: RunResult, place: str, quantity: str, excitation: float, warnings: list[str]
 ) -> MeasuredSignal:
-    """The part of a computed history that is compared."""
+    """Part of a computed history that is compared."""
     times, values = result["histories"]["time"].values, predicted_history(result, place, quantity)
     part = slice(max(times.size - 2**21, 0), times.size)
     time, x = times[part], np.asarray(values[part], dtype=float)
@@ -281,16 +288,16 @@ def _part_of_run(
     return MeasuredSignal(place, time[steady], x[steady])
 
 
-SETTLED = 0.01  # relative difference of periods of a settled motion, rms
+SETTLED = 0.01  # relative rms difference of the periods of a settled motion
 
 
 def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
-    """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
+    """Start of the compared part of a run: from `run.spectrum`, else where the motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
         duration = result["spectra"]["duration_s"].item() if "spectra" in result.datasets else np.inf
         share = min(duration / float(time[-1] - time[0]), 1.0)
-        return float(time[-round(share * (time.size - 1))])  # whole periods: one end of the two
+        return float(time[-round(share * (time.size - 1))])  # whole periods: one of the two end points
     if not np.isfinite(excitation):
         return float(time[0])
     start, deviation = steady_part(time, x, 1.0 / excitation)
@@ -305,14 +312,14 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
 def _harmonics(
     predicted: MeasuredSignal, measured: MeasuredSignal, motion: tuple[float, int], count: int, warnings: list[str]
 ) -> tuple[Harmonics, Harmonics]:
-    """Harmonics of both signals, as many as both contain; none without an excitation frequency.
+    """Harmonics of both signals, as many as both contain; empty without an excitation frequency.
 
     Parameters
     ----------
     predicted, measured : the signals.
-    motion : frequency of the excitation, Hz, and how many of its periods one of the motion has.
+    motion : excitation frequency, Hz, and excitation periods per period of the motion.
     count : number of harmonics of the excitation.
-    warnings : that there are fewer is added to.
+    warnings : list to which a warning about missing harmonics is added.
     """
     excitation, multiple = motion
     if not np.isfinite(excitation):
@@ -329,7 +336,7 @@ def _harmonics(
 
 
 def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
-    """Spectrum of a history under a Hann window; a measured spectrum stays as it is."""
+    """Spectrum of a history with a Hann window; a measured spectrum is returned unchanged."""
     if signal.of_frequency:
         frequency, amplitude = signal.x, np.abs(signal.y)
         peak = float(amplitude.max())
@@ -350,7 +357,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
 
 
 def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
-    """Delay of maximum correlation, for motions without excitation frequency."""
+    """Delay of maximum correlation, for motions without an excitation frequency."""
     from scipy import signal
 
     length = float(measured.x[-1] - measured.x[0])
@@ -360,20 +367,20 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     correlation = signal.correlate(a - a.mean(), b - b.mean(), method="fft")
     lags, best = signal.correlation_lags(grid.size, grid.size), int(np.argmax(correlation))
     before, top, after = correlation[np.clip([best - 1, best, best + 1], 0, correlation.size - 1)]
-    between = 0.5 * (before - after) / min(before - 2 * top + after, -TINY)  # of samples: the top of a parabola
+    between = 0.5 * (before - after) / min(before - 2 * top + after, -TINY)  # in samples: vertex of a parabola
     return float(predicted.x[0] + (lags[best] + between) * step - measured.x[0])
 
 
 def _aligned_samples(
     predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, period: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """A few periods of both in the time of the prediction.
+    """A few periods of both signals on the time axis of the prediction.
 
     Parameters
     ----------
-    predicted, measured : both.
-    delay : s, of the measurement.
-    period : s, of the motion; not finite without an excitation frequency, where both are returned whole.
+    predicted, measured : the signals.
+    delay : delay of the measurement, s.
+    period : period of the motion, s; infinite without an excitation frequency: both are then returned completely.
     """
     x, y = predicted.x, np.asarray(predicted.y, dtype=float)
     none = np.zeros(0)
@@ -421,21 +428,21 @@ def _channel_summary(channel: ChannelComparison) -> dict[str, Any]:
 
 
 Pair = tuple[str, str, MeasuredSignal]
-"""Place and quantity of a result, and the measured signal that is compared with it."""
+"""Place and quantity of a result, and the measured signal for them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelChoice:
-    """Which channels of a file are compared with what, and what the file does not say of them."""
+    """Selection of channels of a file, and information that the file lacks."""
 
-    place: str | None = None  # probe, snubber or output; without it and `channel` those of all are paired
-    quantity: str | None = None  # without it and `channel` all of `quantities_of` the place are paired
-    channel: str | None = None  # its name
-    unit: str | None = None  # of the values
-    axis_unit: str | None = None  # of the time or frequency
-    level: str | None = None  # with its unit, of the excitation at which frequency responses were measured
-    decimal: DecimalMark | None = None  # of a text file, where its numbers leave it open
-    preparation: RecordPreparation | None = None  # of time histories; by default they are taken as they are
+    place: str | None = None  # probe, snubber or output; all if neither this nor `channel` is given
+    quantity: str | None = None  # all of `quantities_of` the place if neither this nor `channel` is given
+    channel: str | None = None  # name of the channel
+    unit: str | None = None  # unit of the values
+    axis_unit: str | None = None  # unit of time or frequency
+    level: str | None = None  # excitation level at which frequency responses were measured, with unit
+    decimal: DecimalMark | None = None  # for a text file with ambiguous numbers
+    preparation: RecordPreparation | None = None  # of time histories; unchanged by default
 
 
 BY_NAME = ChannelChoice()
@@ -443,19 +450,20 @@ BY_NAME = ChannelChoice()
 
 
 def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = BY_NAME) -> list[Pair]:
-    """The measured channels of a file that belong to places of a result by name, in SI units.
+    """Measured channels of a file, assigned to places of a result by name, in SI units.
 
-    With a chosen `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or
-    unit says, else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
+    A chosen `channel`, or the only one of a file, is compared with `quantity` (by default from its name or unit, else
+    the absolute acceleration) at `place` (by default from its name, or the only place).
 
-    Time histories and amplitude spectra can be compared; with a sweep frequency responses, too, times the level at
-    which they were measured. Channels of other function types are left out where others are named after the places.
+    Time histories and amplitude spectra can be compared; with a sweep also frequency responses, multiplied by the level
+    at which they were measured. Channels of other function types are ignored if other channels are named after the
+    places.
 
     Parameters
     ----------
-    result : a run or a sweep.
-    path : of the file.
-    choice : of channels, places and quantities; by default all that are named after each other.
+    result : run or sweep.
+    path : path of the file.
+    choice : selection of channels, places and quantities; by default all pairs with matching names.
 
     Returns
     -------
@@ -465,7 +473,7 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
     Raises
     ------
     ScenarioError
-        If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
+        If the file cannot be used, no channel matches, or the matching one has an unsuitable function type.
     """
     demand_result(result)
     path = Path(path)
@@ -495,17 +503,17 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
 
 
 def _functions(of_sweep: bool) -> tuple[FunctionType, ...]:
-    """Function types that are compared with a sweep, and with a run."""
+    """Function types that can be compared with a sweep, or with a run."""
     return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if of_sweep else ()))
 
 
 def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
-    """A time history or amplitudes: those of a frequency response at a level.
+    """Time history, or amplitudes; for a frequency response, those at a level.
 
     Raises
     ------
     ScenarioError
-        If it is none of them, or has no level.
+        If it is none of these, or has no level.
     """
     purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
     try:
@@ -515,7 +523,7 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
 
 
 def _prepare(signal: MeasuredSignal, path: Path, preparation: RecordPreparation | None) -> MeasuredSignal:
-    """A measured signal as it is compared."""
+    """Prepare a measured signal for the comparison."""
     if preparation is None:
         return signal
     try:
@@ -528,18 +536,18 @@ _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
 
 
 def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
-    """Place and quantity of the one channel that is compared.
+    """Place and quantity of the only channel that is compared.
 
     Parameters
     ----------
     signal : the channel.
-    found : what the result has.
+    found : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
-        If the result has no such quantity, or not there.
+        If the result has no such quantity, or not at that place.
     """
     known, place, unit = _dimensions(found), choice.place, choice.unit
     meant = known if place is None else {**found[place], **known}
@@ -555,24 +563,24 @@ def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: Chann
 
 
 def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
-    """Places, quantities and the channels that are named after them, in the units of the file.
+    """Places, quantities and the channels named after them, in the units of the file.
 
     Parameters
     ----------
-    signals : of the file.
-    found : what the result has.
+    signals : signals of the file.
+    found : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
-        If no channel is.
+        If no channel is named after them.
     """
     place, quantity, unit = choice.place, choice.quantity, choice.unit
     pairs: list[Pair] = []
     for name in found if place is None else [place]:
         for q in found[name] if quantity is None else found[name].keys() & {quantity}:
-            own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not say what it is
+            own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not name its quantity
             called = "force" if q == "moment" and all("moment" not in s.name for s in signals) else q  # as in results
             try:
                 signal = channel_named(signals, name, called, path, required=own)
@@ -580,7 +588,7 @@ def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choi
                 continue
             if not (own or signal.unit or unit or place):
                 continue
-            place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit says what it is
+            place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit defines the quantity
             meant = {**found[name], **_dimensions(found)}
             if not place_alone or _quantity_of(signal.name, signal.unit or unit or "", meant) == q:
                 pairs.append((name, q, signal))
@@ -600,7 +608,7 @@ def _dimensions(found: _Quantities) -> dict[str, Dimension]:
 
 
 def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:
-    """The quantity, of those known with their dimensions, that a channel's name or unit says; else the first."""
+    """Quantity that a channel's name or unit indicates, among known ones; else the first."""
     words = channel.lower().replace("_", " ")
     longest_first = sorted(known, key=len, reverse=True)
     by_name = next((q for q in longest_first if quantity_text(q) in words), "")
@@ -614,23 +622,23 @@ def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str
 
 
 def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
-    """The probe or snubber that a channel is named after, or the only one.
+    """Probe or snubber that a channel is named after, or the only one.
 
     Raises
     ------
     ScenarioError
-        If there are several and the channel's name says none or more than one of them.
+        If there are several and the channel's name contains none or more than one of them.
     """
     named = [name for name in places if contains_word(signal.name, name)]
     if len(named) == 1 or (not named and len(places) == 1):
         return (named or places)[0]
     what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
-    remedy = f"say where it was measured: --probe {places[0]} (there are {', '.join(places)})"
+    remedy = f"give the place of measurement: --probe {places[0]} (there are {', '.join(places)})"
     raise ScenarioError.at("", f"{path}: the channel {signal.name} {what}", remedy)
 
 
 def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimension]]:
-    """By place of a result what can be compared there, with its dimension: probes, then snubbers, then outputs."""
+    """Comparable quantities with their dimensions by place of a result: probes, then snubbers, then outputs."""
     if isinstance(result, RunResult):
         histories = result["histories"]
         probes = histories.labels("probe")
@@ -655,24 +663,25 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
     return found
 
 
-PARTS = 10  # of a record, left out one by one for the standard error of the scale
-MOST_PANELS = 100_000  # of an oscillator, which takes seconds: longer records have spectra up to a lower frequency
+PARTS = 10  # of a record, each left out once for the standard error of the scale
+MOST_PANELS = 100_000  # per oscillator, some seconds: spectra of longer records end at a lower frequency
 
 
 def compare_records(
     predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
 ) -> RecordComparison | None:
-    """Measures of likeness of two aligned records while both last.
+    """Measures of agreement of two aligned records over their common time.
 
     Parameters
     ----------
     predicted, measured : times (nt,), s, and values.
-    settings : range and quality of the oscillators; by default Q = 10 and six an octave over what the records resolve.
+    settings : range and quality of the oscillators; by default Q = 10 and six per octave, up to the records'
+        resolution.
 
     Returns
     -------
     RecordComparison
-        None where they overlap in less than twice as many samples as there are parts, or one is zero there.
+        None if they have fewer common samples than twice the number of parts, or one of them is zero there.
     """
     begin, end = max(predicted[0][0], measured[0][0]), min(predicted[0][-1], measured[0][-1])
     inside = (measured[0] >= begin) & (measured[0] <= end)
