@@ -47,8 +47,8 @@ from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, perio
 from beamsim.signals.records import Window, amplitude_db, sampled_records
 from beamsim.typing import TINY, Floats
 
-OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
-OF_CONTACTS = {
+PROBE_QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
+CONTACT_QUANTITIES = {
     "N": ("force", FORCE),
     "N m": ("moment", MOMENT),
 }  # by unit, of snubbers and of stops of hinges
@@ -124,9 +124,9 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
         SI units.
     """
     histories = result["histories"]
-    if place in histories.labels("probe") and quantity in OF_PROBES:
+    if place in histories.labels("probe") and quantity in PROBE_QUANTITIES:
         return histories[quantity].sel(probe=place).values
-    if place in histories.labels("snubber") and quantity in dict(OF_CONTACTS.values()):
+    if place in histories.labels("snubber") and quantity in dict(CONTACT_QUANTITIES.values()):
         return histories["snubber_force"].sel(snubber=place).values
     return histories["output_value"].sel(output=place).values
 
@@ -138,7 +138,7 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
-        last = float(run.x[-1] - run.x[0]) * (1 + WHOLE_PART)
+        last = float(run.x[-1] - run.x[0]) * (1 + TIME_ROUND_OFF)
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
         raise measurement_error(what, "check the channel and its cable, or leave it out with --channel")
@@ -162,11 +162,11 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
         likeness = compare_records((time_p, history_p), (time_m, history_m), settings)
-        warnings += _of_sign_and_zero(run, record, (time_p, history_p, time_m, history_m))
+        warnings += _sign_and_offset_warnings(run, record, (time_p, history_p, time_m, history_m))
         if likeness is not None and settings is not None:
             rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
-            warnings += _of_rate(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
-    warnings += _of_aliasing(result, place, quantity)
+            warnings += _rate_warnings(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
+    warnings += _aliasing_warnings(result, place, quantity)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -193,67 +193,67 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     )
 
 
-ALIKE, UNLIKE = (
+LEAST_CORRELATION, LOW_CORRELATION = (
     0.9,
     0.7,
 )  # correlations above which records agree, and below which they do not
-FEWEST_OF_BOTH = 20  # common samples, at least
+FEWEST_COMMON_SAMPLES = 20  # common samples, at least
 NOTABLE_OFFSET = 0.05  # relative to the root mean square of a history about its mean
 
 
-def _of_sign_and_zero(
-    run: MeasuredSignal, record: MeasuredSignal, aligned: tuple[Floats, Floats, Floats, Floats]
+def _sign_and_offset_warnings(
+    run: MeasuredSignal, record: MeasuredSignal, aligned_histories: tuple[Floats, Floats, Floats, Floats]
 ) -> Iterator[str]:
     """Warn if a record agrees with the run only with opposite sign, or only without its offset.
 
     Parameters
     ----------
     run, record : histories, in one unit.
-    aligned : times and values of the run, then of the record, without the delay between them.
+    aligned_histories : times and values of the run, then of the record, without the delay between them.
     """
-    predicted, measured, correlation = _where_both_last(*aligned)
+    predicted, measured, correlation = _common_times(*aligned_histories)
     size, offset = float(np.std(predicted)), float(measured.mean() - predicted.mean())
-    if correlation > ALIKE and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
+    if correlation > LEAST_CORRELATION and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
         share = f"{100.0 * abs(offset) / size:.2g} % of the computed root mean square"
         yield (
             f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}; an offset counts "
             "as a difference; subtract what the channel reads at rest"
         )
-    if correlation < UNLIKE:
+    if correlation < LOW_CORRELATION:
         turned = replace(record, y=-record.y)
-        other = _where_both_last(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
-        if other > ALIKE:
+        other = _common_times(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
+        if other > LEAST_CORRELATION:
             yield (
                 f"{record.name}: with opposite sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
                 "written: give --factor -1 if its sensor counts in the other direction"
             )
 
 
-def _where_both_last(
-    time: Floats, predicted: Floats, of_record: Floats, measured: Floats
+def _common_times(
+    time: Floats, predicted: Floats, measured_time: Floats, measured: Floats
 ) -> tuple[Floats, Floats, float]:
     """Values of a run and of a record at their common times, and their correlation (nan without common times)."""
-    both = (time >= of_record[0]) & (time <= of_record[-1])
-    if np.count_nonzero(both) < FEWEST_OF_BOTH or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
+    both = (time >= measured_time[0]) & (time <= measured_time[-1])
+    if np.count_nonzero(both) < FEWEST_COMMON_SAMPLES or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
         return predicted, predicted, np.nan
-    one, other = predicted[both], np.interp(time[both], of_record, measured)
+    one, other = predicted[both], np.interp(time[both], measured_time, measured)
     return one, other, float(np.corrcoef(one, other)[0, 1])
 
 
-WHOLE_PART = 1e-9  # relative round-off of times, which may lengthen the last part of a record
+TIME_ROUND_OFF = 1e-9  # relative round-off of times, which may lengthen the last part of a record
 
 
-def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iterator[str]:
+def _rate_warnings(name: str, highest_hz: float, requested_hz: float, rate: float) -> Iterator[str]:
     """Warn if the sample rate, 1/s, limits response spectra below the requested frequency."""
-    if reached_hz < asked_hz * (1 - WHOLE_PART):
+    if highest_hz < requested_hz * (1 - TIME_ROUND_OFF):
         yield (
-            f"{name}: response spectra end at {reached_hz:.4g} Hz, below run.srs.to = {asked_hz:g} Hz: the records "
+            f"{name}: response spectra end at {highest_hz:.4g} Hz, below run.srs.to = {requested_hz:g} Hz: the records "
             f"have {rate:.4g} samples a second, and oscillators above a tenth of that follow the interpolation between "
             "samples"
         )
 
 
-def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
+def _aliasing_warnings(result: RunResult, place: str, quantity: str) -> Iterator[str]:
     """Warn if a history has notable content above half its sample rate."""
     share = _aliased_share(result, place, quantity)
     if share is not None:
@@ -288,10 +288,10 @@ def _part_of_run(
     return MeasuredSignal(place, time[steady], x[steady])
 
 
-SETTLED = 0.01  # relative rms difference of the periods of a settled motion
+SETTLED_DIFFERENCE = 0.01  # relative rms difference of the periods of a settled motion
 
 
-def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
+def _start(result: RunResult, time: Floats, values: Floats, excitation: float, name: str, warnings: list[str]) -> float:
     """Start of the compared part of a run: from `run.spectrum`, else where the motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
@@ -300,8 +300,8 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
         return float(time[-round(share * (time.size - 1))])  # whole periods: one of the two end points
     if not np.isfinite(excitation):
         return float(time[0])
-    start, deviation = steady_part(time, x, 1.0 / excitation)
-    if deviation > SETTLED:
+    start, deviation = steady_part(time, values, 1.0 / excitation)
+    if deviation > SETTLED_DIFFERENCE:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
             f"{time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
@@ -399,12 +399,16 @@ def _aligned_samples(
     return x, y, moved[kept], history[kept]
 
 
-def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -> float:
-    inside = (time_m >= time_p[0]) & (time_m <= time_p[-1]) if time_m.size else np.zeros(0, dtype=bool)
+def _rms(predicted_time: Floats, predicted: Floats, measured_time: Floats, measured: Floats) -> float:
+    inside = (
+        (measured_time >= predicted_time[0]) & (measured_time <= predicted_time[-1])
+        if measured_time.size
+        else np.zeros(0, dtype=bool)
+    )
     if not inside.any():
         return float("nan")
-    difference = np.interp(time_m[inside], time_p, history_p) - history_m[inside]
-    size = float(np.sqrt(np.mean(history_m[inside] ** 2)))
+    difference = np.interp(measured_time[inside], predicted_time, predicted) - measured[inside]
+    size = float(np.sqrt(np.mean(measured[inside] ** 2)))
     return float(np.sqrt(np.mean(difference**2)) / size) if size > 0 else float("nan")
 
 
@@ -445,11 +449,11 @@ class ChannelChoice:
     preparation: RecordPreparation | None = None  # of time histories; unchanged by default
 
 
-BY_NAME = ChannelChoice()
+ALL_BY_NAME = ChannelChoice()
 """All channels that are named after places and quantities."""
 
 
-def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = BY_NAME) -> list[Pair]:
+def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = ALL_BY_NAME) -> list[Pair]:
     """Measured channels of a file, assigned to places of a result by name, in SI units.
 
     A chosen `channel`, or the only one of a file, is compared with `quantity` (by default from its name or unit, else
@@ -502,12 +506,12 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
         raise ScenarioError.at(problem.path, problem.message, remedy) from None
 
 
-def _functions(of_sweep: bool) -> tuple[FunctionType, ...]:
+def _functions(for_sweep: bool) -> tuple[FunctionType, ...]:
     """Function types that can be compared with a sweep, or with a run."""
-    return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if of_sweep else ()))
+    return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if for_sweep else ()))
 
 
-def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
+def _amplitudes(signal: MeasuredSignal, for_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
     """Time history, or amplitudes; for a frequency response, those at a level.
 
     Raises
@@ -515,9 +519,9 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
     ScenarioError
         If it is none of these, or has no level.
     """
-    purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
+    purpose = f"a comparison with a {'sweep' if for_sweep else 'run'}"
     try:
-        return signal.require(_functions(of_sweep), purpose).at_level(level, "--level")
+        return signal.require(_functions(for_sweep), purpose).at_level(level, "--level")
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 
@@ -535,13 +539,13 @@ def _prepare(signal: MeasuredSignal, path: Path, preparation: RecordPreparation 
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
 
 
-def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
+def _owner(signal: MeasuredSignal, quantities: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
     """Place and quantity of the only channel that is compared.
 
     Parameters
     ----------
     signal : the channel.
-    found : quantities of the result.
+    quantities : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
@@ -549,26 +553,26 @@ def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: Chann
     ScenarioError
         If the result has no such quantity, or not at that place.
     """
-    known, place, unit = _dimensions(found), choice.place, choice.unit
-    meant = known if place is None else {**found[place], **known}
+    known, place, unit = _dimensions(quantities), choice.place, choice.unit
+    meant = known if place is None else {**quantities[place], **known}
     compared = choice.quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
     if compared not in known:
         message = f"--quantity {compared} is not one of {', '.join(known)}"
         raise ScenarioError.at("", message, "choose one of these")
-    owners = [name for name, of_place in found.items() if compared in of_place]
+    owners = [name for name, of_place in quantities.items() if compared in of_place]
     at = place or _place_of(signal, owners, path)
     if at not in owners:
         raise ScenarioError.at("", f"--probe {at} has no {compared}", f"choose from {', '.join(owners)}")
     return at, compared
 
 
-def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
+def _by_name(signals: list[MeasuredSignal], quantities: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
     """Places, quantities and the channels named after them, in the units of the file.
 
     Parameters
     ----------
     signals : signals of the file.
-    found : quantities of the result.
+    quantities : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
@@ -578,9 +582,12 @@ def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choi
     """
     place, quantity, unit = choice.place, choice.quantity, choice.unit
     pairs: list[Pair] = []
-    for name in found if place is None else [place]:
-        for q in found[name] if quantity is None else found[name].keys() & {quantity}:
-            own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not name its quantity
+    for name in quantities if place is None else [place]:
+        for q in quantities[name] if quantity is None else quantities[name].keys() & {quantity}:
+            own = q in (
+                *PROBE_QUANTITIES,
+                *dict(CONTACT_QUANTITIES.values()),
+            )  # the channel of an output need not name its quantity
             called = "force" if q == "moment" and all("moment" not in s.name for s in signals) else q  # as in results
             try:
                 signal = channel_named(signals, name, called, path, required=own)
@@ -589,22 +596,22 @@ def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choi
             if not (own or signal.unit or unit or place):
                 continue
             place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit defines the quantity
-            meant = {**found[name], **_dimensions(found)}
+            meant = {**quantities[name], **_dimensions(quantities)}
             if not place_alone or _quantity_of(signal.name, signal.unit or unit or "", meant) == q:
                 pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError.at(
             "",
-            f"{path} has no channel named after a probe ({', '.join(found)}) and a quantity",
+            f"{path} has no channel named after a probe ({', '.join(quantities)}) and a quantity",
             f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
         )
     return pairs
 
 
-def _dimensions(found: _Quantities) -> dict[str, Dimension]:
+def _dimensions(quantities: _Quantities) -> dict[str, Dimension]:
     """Dimensions of all quantities of a result, by name."""
-    return {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
+    return {q: dimension for of_place in quantities.values() for q, dimension in of_place.items()}
 
 
 def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:
@@ -653,17 +660,17 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
         quantities, units = (cycles.by_label(f"output_{column}") for column in ("quantity", "unit"))
         outputs = {name: (quantities[name].item(), units[name].item()) for name in quantities}
         contacts = {name: force.unit for name, force in cycles.by_label("peak_force").items()}
-    of_probe = {q: motion_dimension(q) for q in OF_PROBES}
+    of_probe = {q: motion_dimension(q) for q in PROBE_QUANTITIES}
     found = {name: dict(of_probe) for name in probes}
     for name, unit in contacts.items():
-        found.setdefault(name, {}).update([OF_CONTACTS[unit]])
+        found.setdefault(name, {}).update([CONTACT_QUANTITIES[unit]])
     for name, (quantity, unit) in outputs.items():
         dimension = Dimension(quantity_text(quantity), unit, f"1 {unit}", gravity=unit == "m/s^2")
         found.setdefault(name, {}).setdefault(quantity, dimension)
     return found
 
 
-PARTS = 10  # of a record, each left out once for the standard error of the scale
+JACKKNIFE_PARTS = 10  # of a record, each left out once for the standard error of the scale
 MOST_PANELS = 100_000  # per oscillator, some seconds: spectra of longer records end at a lower frequency
 
 
@@ -685,7 +692,7 @@ def compare_records(
     """
     begin, end = max(predicted[0][0], measured[0][0]), min(predicted[0][-1], measured[0][-1])
     inside = (measured[0] >= begin) & (measured[0] <= end)
-    if np.count_nonzero(inside) < 2 * PARTS:
+    if np.count_nonzero(inside) < 2 * JACKKNIFE_PARTS:
         return None
     time, y = measured[0][inside], measured[1][inside]
     begin, end = float(time[0]), float(time[-1])
@@ -694,7 +701,7 @@ def compare_records(
     x = both[0](time)
     if not (np.any(own) and np.any(y)):
         return None
-    first = np.linspace(0, time.size, PARTS, endpoint=False).astype(int)
+    first = np.linspace(0, time.size, JACKKNIFE_PARTS, endpoint=False).astype(int)
     across, power, of_measured = (np.add.reduceat(product, first) for product in (x * y, x * x, y * y))
     without = (power.sum() - power) / (across.sum() - across)
     slowest = max(float(np.diff(t).max()) for t, _ in (predicted, measured))
@@ -706,7 +713,10 @@ def compare_records(
     frequency = geomspaced(min(lowest, 0.5 * highest), highest, per_octave)
     ends, values = np.array([begin, end]), lambda at: np.column_stack([spline(at) for spline in both])
     spectra = shock_spectra(frequency, quality, ends, values, 0.0).max(axis=1)
-    scale, scatter = power.sum() / across.sum(), np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))
+    scale, scatter = (
+        power.sum() / across.sum(),
+        np.sqrt((JACKKNIFE_PARTS - 1) * np.mean((without - without.mean()) ** 2)),
+    )
     correlation = across.sum() / np.sqrt(power.sum() * of_measured.sum())
     return RecordComparison(
         float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),

@@ -16,9 +16,9 @@ from beamsim.summaries import Entry, Number, Plain, record, unit_in
 from beamsim.typing import Bools, Complexes, Floats
 
 _CHANNEL, _ROW, _SAMPLE = ("comparison",), ("row",), ("sample",)
-_WHOSE = "number of the comparison, from 0"
+_COMPARISON_NUMBER = "number of the comparison, from 0"
 _ABOUT = {
-    "comparison": Variable(_CHANNEL, "1", _WHOSE, int),
+    "comparison": Variable(_CHANNEL, "1", _COMPARISON_NUMBER, int),
     "place": Variable(_CHANNEL, "", "name of the probe or output; that of the snubber for a force or moment", str),
     "quantity": Variable(_CHANNEL, "", "quantity that is compared", str),
     "unit": Variable(_CHANNEL, "", "its unit", str),
@@ -62,7 +62,7 @@ CHANNELS = Layout(
 
 
 def _rows(
-    name: str, text: str, columns: Mapping[str, tuple[str, str]], dim: str = "row", of: str = "channels"
+    name: str, text: str, columns: Mapping[str, tuple[str, str]], dim: str = "row", owner: str = "channels"
 ) -> Layout:
     """Layout of a table with the rows of all comparisons, one after the other; columns with unit and meaning."""
     along = (dim,)
@@ -71,7 +71,7 @@ def _rows(
         text,
         {
             dim: Variable(along, "1", ROW, int),
-            "comparison": Variable(along, "1", _WHOSE, int, names=f"{of}/comparison"),
+            "comparison": Variable(along, "1", _COMPARISON_NUMBER, int, names=f"{owner}/comparison"),
             **{column: Variable(along, unit, meaning) for column, (unit, meaning) in columns.items()},
         },
         optional=True,
@@ -134,7 +134,7 @@ SWEEPS = Layout(
 )  # fmt: skip
 SWEEP_RESPONSES = _rows(
     "sweep_responses", "Responses over the frequencies of the measurements.",
-    {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, of="sweeps",
+    {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, owner="sweeps",
 )  # fmt: skip
 SWEEP_PEAKS = _rows(
     "sweep_peaks", "Measured peaks over frequency, each with the paired computed one, or NaN.",

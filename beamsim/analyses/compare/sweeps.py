@@ -36,7 +36,7 @@ from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
 
-FEWEST = 8  # measured frequencies within the sweep, at least
+FEWEST_FREQUENCIES = 8  # measured frequencies within the sweep, at least
 
 
 @dataclass(frozen=True)
@@ -170,19 +170,19 @@ def _with_record_starts(
             )
             for place, quantity, signal in histories
         ]
-    begin = beginning(curve, records) if tracking.begin is None else tracking.begin
-    _check_beginning(curve, records, begin)
+    begin = find_start(curve, records) if tracking.begin is None else tracking.begin
+    _check_start(curve, records, begin)
     return replace(tracking, begin=begin)
 
 
-def _computed_cycles(curve: SweepCurve, place: str, quantity: str, where: str) -> CycleValues:
+def _computed_cycles(curve: SweepCurve, place: str, quantity: str, signal_name: str) -> CycleValues:
     followed = "force" if quantity == "moment" else quantity
     if followed in FOLLOWED and place in curve.places(followed):
         return curve.channel(followed, place)
     outputs = curve.cycles.by_label("output_quantity")
     if place not in outputs or outputs[place].item() != quantity:
         raise measurement_error(
-            f"{where}: the sweep has no {quantity.replace('_', ' ')} of {place}",
+            f"{signal_name}: the sweep has no {quantity.replace('_', ' ')} of {place}",
             "compare absolute_acceleration or displacement of a probe, force of a snubber, or an output",
         )
     return curve.channel("output", place)
@@ -206,13 +206,13 @@ def _channel(
     frequency, values = curve.frequency_hz[rising], _detector_readings(curve, computed, detector, where)[rising]
     if followed:
         signal = _tracked(curve, signal, detector, tracking)
-        frequency, values = filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
+        frequency, values = moving_mean(frequency, tracking.cycles), moving_mean(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
-    if np.count_nonzero(inside) < FEWEST:
+    if np.count_nonzero(inside) < FEWEST_FREQUENCIES:
         raise measurement_error(
             f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
             f"{frequency[-1]:.4g} Hz, those of the sweep",
-            f"at least {FEWEST} are needed",
+            f"at least {FEWEST_FREQUENCIES} are needed",
         )
     x = signal.x[inside]
     measured = np.asarray(signal.y[inside], dtype=complex)
@@ -258,11 +258,11 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
         turned = excitation.fundamental[some]
         # the excitation of the sweep is a sine: amplitude -i relative to a cosine
         y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), TINY)
-    x, y = filtered(of.frequency_hz, tracking.cycles), filtered(y, tracking.cycles)
+    x, y = moving_mean(of.frequency_hz, tracking.cycles), moving_mean(y, tracking.cycles)
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
 
 
-def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detector, where: str) -> Complexes:
+def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detector, signal_name: str) -> Complexes:
     """(C,) value of a detector in each cycle of the computed sweep."""
     if detector == "peak":
         return computed.peak.astype(complex)
@@ -271,13 +271,13 @@ def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detec
     first = np.flatnonzero(curve.orders == 1.0)
     if not first.size:
         raise measurement_error(
-            f"{where} is compared with the fundamental, which the sweep did not compute",
+            f"{signal_name} is compared with the fundamental, which the sweep did not compute",
             "add 1 to sweep.orders, or use --detector peak",
         )
     return np.asarray(computed.harmonics[first[0]])
 
 
-MOST_OF_FDAC = 120  # rows and columns of an FDAC matrix
+LARGEST_FDAC = 120  # rows and columns of an FDAC matrix
 
 
 def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
@@ -287,7 +287,7 @@ def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
     f = channels[0].frequency_hz
     if any(not np.array_equal(channel.frequency_hz, f) for channel in channels):
         return None
-    some = np.unique(np.linspace(0, f.size - 1, min(f.size, MOST_OF_FDAC)).round().astype(int))
+    some = np.unique(np.linspace(0, f.size - 1, min(f.size, LARGEST_FDAC)).round().astype(int))
     predicted = np.array([channel.predicted[some] for channel in channels])
     measured = np.array([channel.measured[some] for channel in channels])
     return Assurance(f[some], f[some], modal_assurance(predicted, measured))
@@ -327,8 +327,9 @@ def _channel_summary(channel: SweptComparison) -> dict[str, Any]:
 
 
 FEWEST_SAMPLES = 5.0  # samples per cycle of the highest frequency
-RESPONSE_OFF = 0.1  # largest relative frequency error of responses, whose phases turn at resonances; noise gives 0.25
-STEP = 0.15  # relative frequency step between trial starts
+# largest relative frequency error of responses, whose phases turn at resonances; noise gives 0.25
+LARGEST_RESPONSE_ERROR = 0.1
+TRIAL_STEP = 0.15  # relative frequency step between trial starts
 
 
 @dataclass(frozen=True)
@@ -336,7 +337,8 @@ class ReferenceRecord:
     """Record from which the start of a sweep is found, with the expected phases of its fundamental."""
 
     signal: MeasuredSignal
-    expected: Complexes | None = None  # (C,) fundamental of every cycle of the curve; None for the excitation
+    # (C,) fundamental of every cycle of the curve; None for the excitation
+    expected_fundamental: Complexes | None = None
 
 
 @dataclass(frozen=True)
@@ -350,10 +352,10 @@ class RecordCycles:
     rms: Floats  # (C,) with the mean
 
 
-LEAST_MOVE = 1e-6  # relative frequency error below which the start is not corrected
+LEAST_CORRECTION = 1e-6  # relative frequency error below which the start is not corrected
 
 
-def beginning(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
+def find_start(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
     """Time in the records at which a curve of the sweep begins, s: their frequency is then that of the sweep.
 
     The phase of the fundamental drifts from cycle to cycle by the relative frequency error. Phases of responses also
@@ -362,23 +364,23 @@ def beginning(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
     """
     start, end = records[0].signal.x[0], records[0].signal.x[-1]
     slope = np.abs(np.gradient(curve.frequency_hz, curve.time))
-    step = STEP * float(np.min(curve.frequency_hz / slope))
+    step = TRIAL_STEP * float(np.min(curve.frequency_hz / slope))
     latest = max(float(end - curve.time[-1] + curve.time[0]), float(start))
     trials = np.linspace(start, latest, int(np.clip(np.ceil((latest - start) / step) + 1, 1, 200)))
-    begin = min((float(b) for b in trials), key=lambda b: _off(curve, records, b))
-    for _ in range(20 if _off(curve, records, begin) < RESPONSE_OFF + STEP else 0):
+    begin = min((float(b) for b in trials), key=lambda b: _frequency_error(curve, records, b))
+    for _ in range(20 if _frequency_error(curve, records, begin) < LARGEST_RESPONSE_ERROR + TRIAL_STEP else 0):
         moves = [_delay(curve, record, begin) for record in records]
         move = float(np.nanmedian(np.concatenate(moves)))
         begin -= move
-        if abs(move) * float(np.max(slope / curve.frequency_hz)) < LEAST_MOVE:
+        if abs(move) * float(np.max(slope / curve.frequency_hz)) < LEAST_CORRECTION:
             break
     return begin
 
 
-EXCITATION_OFF = 0.03  # largest median frequency error of an excitation that follows the sweep
+LARGEST_EXCITATION_ERROR = 0.03  # largest median frequency error of an excitation that follows the sweep
 
 
-def _check_beginning(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> None:
+def _check_start(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> None:
     """Refuse records that do not have the frequency of the sweep.
 
     Raises
@@ -386,25 +388,25 @@ def _check_beginning(curve: SweepCurve, records: Sequence[ReferenceRecord], begi
     ScenarioError
         With the relative frequency error.
     """
-    off = _off(curve, records, begin)
-    if off > (EXCITATION_OFF if records[0].expected is None else RESPONSE_OFF):
+    off = _frequency_error(curve, records, start_s)
+    if off > (LARGEST_EXCITATION_ERROR if records[0].expected_fundamental is None else LARGEST_RESPONSE_ERROR):
         names = ", ".join(record.signal.name for record in records)
         raise measurement_error(
             f"{records[0].signal.source or names}: {names} does not follow the computed sweep: from "
-            f"{begin:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
+            f"{start_s:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
             "compute the sweep with the rate and range of the test; or give its start in the record (--begin), "
             "or which channel is the excitation (--reference)",
         )
 
 
-def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycles:
+def track(curve: SweepCurve, signal: MeasuredSignal, start_s: float) -> RecordCycles:
     """Fundamental, peak and rms of each cycle within the record.
 
     Parameters
     ----------
     curve : curve of the sweep, which defines the cycles.
     signal : time history.
-    begin : time in the record at which the curve begins, s.
+    start_s : time in the record at which the curve begins, s.
 
     Returns
     -------
@@ -419,11 +421,11 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycl
     from scipy.interpolate import CubicSpline
 
     where = signal.label
-    edges = curve.time - curve.time[0] + begin
+    edges = curve.time - curve.time[0] + start_s
     inside = np.flatnonzero((edges[:-1] >= signal.x[0]) & (edges[1:] <= signal.x[-1]))
     if inside.size < 2:
         raise measurement_error(
-            f"{where} contains {inside.size} cycles of the sweep, which begins at {begin:.4g} s of the record",
+            f"{where} contains {inside.size} cycles of the sweep, which begins at {start_s:.4g} s of the record",
             "record the whole sweep, or correct --begin",
         )
     rate = (signal.x.size - 1) / (signal.x[-1] - signal.x[0])
@@ -453,35 +455,35 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycl
     )
 
 
-def filtered(values: Any, cycles: int) -> Any:
+def moving_mean(values: Any, cycles: int) -> Any:
     """(C - N + 1,) mean over N successive cycles."""
     return np.convolve(values, np.full(cycles, 1.0 / cycles), mode="valid") if cycles > 1 else values
 
 
-AT_REST = 1e-4  # relative to the largest value of a record; smaller cycles have no usable phase
+REST_SHARE = 1e-4  # relative to the largest value of a record; smaller cycles have no usable phase
 
 
-def _drift(curve: SweepCurve, record: ReferenceRecord, begin: float) -> tuple[Floats, Floats]:
+def _drift(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> tuple[Floats, Floats]:
     """(C - 1,) frequencies of cycles, and relative frequency errors; nan for cycles at rest."""
-    of = track(curve, record.signal, begin)
+    of = track(curve, record.signal, start_s)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
-    moves = np.abs(turned) > (AT_REST * float(np.max(np.abs(record.signal.y)))) ** 2
-    if record.expected is not None:
-        expected = record.expected[of.cycle]
+    moves = np.abs(turned) > (REST_SHARE * float(np.max(np.abs(record.signal.y)))) ** 2
+    if record.expected_fundamental is not None:
+        expected = record.expected_fundamental[of.cycle]
         turned = turned * np.conj(expected[1:]) * expected[:-1]
     forward = 1.0 if curve.direction == "up" else -1.0
     return of.frequency_hz[1:], np.where(moves, forward * np.angle(turned) / (2 * np.pi), np.nan)
 
 
-def _off(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> float:
+def _frequency_error(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> float:
     """Median magnitude of the relative frequency error, at most one half."""
-    error = np.concatenate([_drift(curve, record, begin)[1] for record in records])
+    error = np.concatenate([_drift(curve, record, start_s)[1] for record in records])
     return float(np.median(np.nan_to_num(np.abs(error), nan=0.5)))
 
 
-def _delay(curve: SweepCurve, record: ReferenceRecord, begin: float) -> Floats:
+def _delay(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> Floats:
     """(C - 1,) time by which the record is ahead of the sweep, from the frequency of each cycle, s."""
-    frequency, error = _drift(curve, record, begin)
+    frequency, error = _drift(curve, record, start_s)
     rising = np.argsort(curve.frequency_hz, kind="stable")
     slope = np.gradient(curve.frequency_hz, curve.time)[rising]
     return np.asarray(error * frequency / np.interp(frequency, curve.frequency_hz[rising], slope))
