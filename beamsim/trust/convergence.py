@@ -487,20 +487,20 @@ def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
-            f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {numbers_text(figures)} "
+            f"the finer model, also stepped in time, has other contacts from {time:.4g} s on: {numbers_text(figures)} "
             "depend on what follows",
             remedy=f"lower run.rtol below {relative_tolerance(run):g}, "
             f"{_finer_model_remedy(result, convergence.first_modes)}, or take means of a longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (
-        f"the motion is so sensitive that from {time:.4g} s on it is one of many: {numbers_text(figures)} depend on "
-        "what follows"
+        f"the motion is so sensitive that from {time:.4g} s on it is one of many possible ones: "
+        f"{numbers_text(figures)} depend on what follows"
     )
     if math.isfinite(times.small_s):
-        sentence += f"; a change of the stiffness by 1e-9 of itself gives other contacts from {times.small_s:.4g} s on"
+        sentence += f"; a relative stiffness change of 1e-9 changes the contacts after {times.small_s:.4g} s"
     if math.isfinite(times.round_off_s):
-        sentence += f", round-off from {times.round_off_s:.4g} s on"
+        sentence += f", round-off after {times.round_off_s:.4g} s"
     of = "rms, contact share" + (", run.impacts" if run.impacts is None else "")
     means = f"means of a longer run ({of}), or " if result.scenario.is_lasting else ""  # else nothing is stationary
     return Outcome.of(

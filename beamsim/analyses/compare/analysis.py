@@ -216,8 +216,8 @@ def _sign_and_offset_warnings(
     if correlation > LEAST_CORRELATION and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
         share = f"{100.0 * abs(offset) / size:.2g} % of the computed root mean square"
         yield (
-            f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}; an offset counts "
-            "as a difference; subtract what the channel reads at rest"
+            f"{record.name}: its mean differs from that of the run by {offset:+.4g} {record.unit}, {share}; an offset "
+            "counts as a difference; subtract the reading of the channel at rest"
         )
     if correlation < LOW_CORRELATION:
         turned = replace(record, y=-record.y)
