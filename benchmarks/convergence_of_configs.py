@@ -102,7 +102,7 @@ def rows_of(name: str, command: str, scenario: Scenario) -> list[Row]:
         for values in (summary, truth)
     )
     differences, values = dict(numbers_by_place(relative_changes([own], [other]))), dict(numbers_by_place(own))
-    apart = {*(summary.get("without_limit") or ()), *summary.get("after_parting", ())}
+    apart = {*(summary.get("without_limit") or ()), *summary.get("after_divergence", ())}
     return [
         Row(name, key, values[key], error, differences[key], times)
         for key, error in numbers_by_place(stated)

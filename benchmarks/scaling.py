@@ -43,7 +43,7 @@ def march(scenario: Any, duration: float) -> dict[str, float]:
         flow = exact_flow(system, duration)
         call = lambda flow=flow: simulate(flow, system.initial_state)  # noqa: E731
         first = min(first, processor_time(call))
-        built = len(flow.visited)
+        built = len(flow.visited_phases)
         again = min(again, processor_time(call))
         events = max(call().event_time.size, 1)
     return {"an event": again / events, "a contact state": max(first - again, 0.0) / max(built, 1)}

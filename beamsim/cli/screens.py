@@ -17,7 +17,7 @@ from beamsim.outcomes import EXIT_RULES, Verdict, first_of
 from beamsim.plots.style import amount, is_known, margin_text, percent, scale_for
 from beamsim.plots.understood import interpretation
 from beamsim.results.result import ALLOWED_ERROR, Result
-from beamsim.results.values import limit_label, limit_unit, limits, longer_run, read_first
+from beamsim.results.values import is_main_value, limit_label, limit_unit, limits, longer_run
 from beamsim.scenario.base import count_text
 from beamsim.scenario.quantities import (
     FACTOR,
@@ -102,7 +102,7 @@ def more_rows(count: int) -> list[dict[str, str]]:
 def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
     """Those of ``entry.place`` of a summary that a user reads first."""
     modes = result.datasets.get("modes")
-    return [key for key in keys if read_first(result.scenario, modes, key)]
+    return [key for key in keys if is_main_value(result.scenario, modes, key)]
 
 
 _WITHOUT_LIMIT = "has no limit: it grows with the number of modes, because a force jumps at a point with little mass"
@@ -125,7 +125,7 @@ class Errors:
         }
         self._doubtful, self._after, self._unlimited = (
             {(entry, place) for entry, _, place in (key.partition(".") for key in result.summary.get(name) or ())}
-            for name in ("doubtful", "after_parting", "without_limit")
+            for name in ("doubtful", "after_divergence", "without_limit")
         )
         self._printed: set[tuple[str, str]] = set()
 
@@ -182,7 +182,7 @@ class Errors:
             verdict = f"not checked with a finer model ({model['reason']})"
         elif not model["modes"]:
             verdict = "all modes kept"
-        elif first_of_keys(self._result, summary.get("after_parting", ())):
+        elif first_of_keys(self._result, summary.get("after_divergence", ())):
             verdict = f"one of many motions, means within {error}{scatter}{apart}"
         else:
             verdict = f"converged within {error}{scatter}{apart}"

@@ -208,9 +208,9 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
-    count = plan.most_cases * plan.study.realisations.count
+    count = plan.most * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
-    most_further = plan.study.realisations.most_further_cases if plan.study.realisations.judged_by_worst else 0
+    most_further = plan.study.realisations.most_further if plan.study.realisations.judged_by_worst else 0
     further = f" and at most {most_further} further ones for the worst" if most_further else ""
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
@@ -303,7 +303,7 @@ def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, 
     path, fingerprint = journal_path(target), fingerprint_of(scenario, as_plain_data(scenario))
     with opened_journal(path, fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
         _say_known(journal, " starts and disturbances", target, options)
-        known = tuple(journal.kept)
+        known = tuple(journal.solved)
         with (
             _naming_kept(journal, " starts and disturbances", interrupted),
             progress_of("motions from many starts", shown=not options.quiet) as progress,

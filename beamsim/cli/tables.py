@@ -22,7 +22,7 @@ from beamsim.results.result import Result
 from beamsim.summaries import Entry, Plain, complete_entry, place_in_words, unit_in, words
 
 # entries about values, printed in the rows of these values
-OF_VALUES = ("status", "convergence", "doubtful", "after_parting", "peak_times_s", "peak_frequencies_hz",
+OF_VALUES = ("status", "convergence", "doubtful", "after_divergence", "peak_times_s", "peak_frequencies_hz",
              "output_unit")  # fmt: skip
 ACRONYMS = ("fdac", "frac", "mac", "psd", "srs")
 Row = tuple[str, str]

@@ -38,25 +38,25 @@ from beamsim.typing import Complexes, Floats, Ints
 
 Exponentials = tuple[tuple[int, float], ...]
 r"""A window on [0, T] as a sum of :math:`c e^{-i \pi s u / T}`: whole numbers s, and factors c."""
-MARGIN = 18  # half steps of frequency beyond the highest, that windows need
-SPREAD = 15  # points of the grid that a value is spread to
+MARGIN = 18  # half steps of frequency beyond the highest that windows need
+SPREAD = 15  # grid points over which a value is spread
 SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^2) - 1)), -1 < z < 1
-DEGREES = 15  # coefficients of the polynomials by which it is evaluated
+DEGREES = 15  # coefficients of the polynomials that approximate it
 OVERSAMPLING = 2  # of the grid
-_FREQUENCIES = 64  # in a row of the matrix of them
+_FREQUENCIES = 64  # frequencies per row of their matrix
 FAST = 2.0  # times the highest frequency: faster functions are integrated by parts ...
 LONG = 20.0  # ... where a segment is longer than so many of their time constants
 NODES_OF_ENDS, TURN_OF_ENDS = 40, 1.2  # times about an end, and the turn, rad, between two at the highest frequency
 _FITTED = np.cos(np.pi * (np.arange(160) + 0.5) / 160)  # shares of it at which the sums are fitted
 NODES_OF_RULES = (6, 8, 12, 16, 24, 32, 48, 64)
-NEIGHBOURS = 20  # on either side that an integral between two frequencies is interpolated from
+NEIGHBOURS = 20  # frequencies on either side used to interpolate an integral
 # turn of an exponential, rad, over which these rules integrate it to 1e-12
 _LONGEST_TURN = 8.0 * np.array(NODES_OF_RULES) / np.exp(1.0) * 10.0 ** (-6.0 / np.array(NODES_OF_RULES))
 _rule = lru_cache(np.polynomial.legendre.leggauss)
 
 
 def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
-    """Rows of channels on the equations of a flow, cubic springs apart.
+    """Rows of channels in terms of a flow's state and inputs, without cubic springs.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
     of = {name: rows[:, columns] for name, columns in parts.items()}
     fixed = equations.rows(rows.shape[0], coordinates=of["displacement"], velocities=of["velocity"])
     fixed += equations.constant(of["constant"][:, 0]) + of["load"] @ equations.signals(np.arange(signals))
-    if flow.observers:  # of which the first is the base's acceleration
+    if flow.observers:  # the first is the base's acceleration
         fixed += of["base_acceleration"] * equations.signals(np.array([flow.first_observer]))
     if flow.base_channel >= 0:
         fixed += of["base_displacement"] * equations.signals(np.array([flow.base_channel]))
@@ -105,8 +105,8 @@ def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | 
     Parameters
     ----------
     motion, channels : C columns of values along a motion.
-    largest_of : section and quantity of linear channels of whose extremes only the largest magnitude is asked for; of
-        the others that is a bound from within.
+    largest_of : section and quantity of linear channels of which only the largest magnitude is needed; for the other
+        channels of that kind a value that is reached, not the extreme.
     """
     order = channels.order
     competitors = None if largest_of is None else order[channels.places[largest_of]]
@@ -119,7 +119,7 @@ def channel_extrema(motion: Trajectory, channels: ChannelSet, largest_of: Key | 
     return Extrema(low, when_low, high, when_high, evaluations)
 
 
-ON_A_SAMPLE = 1e-9  # of a step, within which a time is that of a sample and needs no interpolation
+ON_A_SAMPLE = 1e-9  # share of a step within which a time counts as that of a sample
 
 
 class MotionPart:
@@ -129,7 +129,7 @@ class MotionPart:
     ----------
     motion : the part.
     rows_of : the outputs.
-    highest : rad/s, up to which Fourier integrals are asked for; the side lobes of windows may lie beyond.
+    highest : rad/s, highest frequency of the Fourier integrals; the side lobes of windows may lie beyond.
     """
 
     def __init__(self, motion: Trajectory, rows_of: RowsOf, highest: float) -> None:
@@ -142,7 +142,7 @@ class MotionPart:
     def all_integrals(self) -> Complexes:
         """(K, count) Fourier integrals at multiples of half the inverse of the duration."""
         step, outputs = np.pi / self.duration, self.rows_of(self.motion.flow.system.contacts.start).shape[0]
-        count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
+        count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other one serves half of the time
         values = values_to_sum(self.motion, self.rows_of, step * (count - 1))
         return evenly_spaced_sums(values, step, count, outputs).T
 
@@ -169,7 +169,7 @@ class MotionPart:
         ----------
         omega : (W,) rad/s, up to the highest.
         column : of the K outputs.
-        window : that the output is multiplied with.
+        window : factor of the output.
 
         Returns
         -------
@@ -197,9 +197,9 @@ class MotionPart:
 
     @cached_property
     def quarter_deviations(self) -> tuple[Floats, Floats]:
-        """(K,) root mean squares about the means, of the first and of the last quarter of the time.
+        """(K,) standard deviations in the first and in the last quarter of the time.
 
-        They are of what the means leave, so that a large one costs no digits.
+        The mean is subtracted first, so that a large mean costs no digits.
         """
         constant = self.motion.flow.equations.constant(self.means)
         first, second, *_, third, end = np.linspace(self.begin, self.motion.end, 5).tolist()
@@ -212,7 +212,7 @@ class MotionPart:
 
     @cached_property
     def halves(self) -> tuple[MotionPart, MotionPart]:
-        """Both halves of the time; the second has what the first leaves of the whole, at every other frequency."""
+        """Both halves of the time. The integrals of the second are those of the whole less those of the first."""
         begin, middle, end = np.linspace(self.begin, self.motion.end, 3).tolist()
         early = MotionPart(self.motion.extract(begin, middle), self.rows_of, self.highest)
         whole = self.all_integrals[:, ::2]
@@ -220,11 +220,11 @@ class MotionPart:
         late.all_integrals = (whole - early.all_integrals[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1])
         return early, late
 
-    def equal_parts(self, parts: int) -> list[MotionPart]:
+    def equal_parts(self, count: int) -> list[MotionPart]:
         """Equal parts of the time, one after the other."""
-        if parts == 1:
+        if count == 1:
             return [self]
-        edges = np.linspace(self.begin, self.motion.end, parts + 1).tolist()
+        edges = np.linspace(self.begin, self.motion.end, count + 1).tolist()
         return [MotionPart(self.motion.extract(*span), self.rows_of, self.highest) for span in pairwise(edges)]
 
 
@@ -252,7 +252,7 @@ def evenly_spaced_sums(values: Iterable[tuple[Floats, Floats]], step: float, cou
     spread = 0.5 * SPREAD * weight * _spreading(node)
     turn = 1j * np.pi * SPREAD / points * node
     coarse, fine = np.arange(0, count, _FREQUENCIES), np.arange(_FREQUENCIES)
-    # of the spreading function: the exponential at a frequency is a product of two
+    # transform of the spreading function: the exponential at a frequency is a product of two
     transform = (np.exp(np.multiply.outer(coarse, turn)) * spread) @ np.exp(np.multiply.outer(turn, fine))
     transform = transform.real.ravel()[:count]
     return np.asarray(np.fft.rfft(grid, axis=0)[:count] / transform[:, None])
@@ -274,8 +274,8 @@ def _polynomials() -> Floats:
 def interpolate_integrals(integrals: Complexes, position: Floats) -> Complexes:
     r"""Fourier integrals between the frequencies at which they are known, to about 1e-13 of the largest.
 
-    A transform of what lasts for :math:`\pi / \delta` has twice as many values as determine it: it is their sum with
-    weights sinc times a window, which is that of the spreading function above.
+    A signal of length :math:`\pi / \delta` is oversampled twice: its transform is a sum of the given values with
+    weights sinc times a window, for which the spreading function above is taken.
 
     Parameters
     ----------
@@ -293,7 +293,7 @@ def interpolate_integrals(integrals: Complexes, position: Floats) -> Complexes:
     weight = np.sinc(distance) * np.exp(0.5 * np.pi * NEIGHBOURS * (inside - 1.0))
     known = integrals[np.abs(number)]
     known = np.where(number < 0, known.conj(), known)
-    # the phase of the middle of the signal is taken out before and put back after
+    # remove the phase of the middle of the signal before, restore it after
     return np.asarray(((known * weight) @ np.exp(-0.5j * np.pi * apart)) * np.exp(-0.5j * np.pi * share[:, 0]))
 
 
@@ -331,7 +331,7 @@ def values_to_sum(motion: Trajectory, output_of: RowsOf, highest: float) -> Iter
 def _values_at_nodes(
     motion: Trajectory, state: ContactState, segments: Ints, table: Complexes, fastest: float
 ) -> Iterator[tuple[Floats, Floats]]:
-    """Values times weights at the nodes of panels, of the rules that take the fewest values.
+    """Values times weights at the nodes of panels, with the rules that need the fewest values.
 
     Parameters
     ----------
@@ -382,7 +382,7 @@ def _values_at_nodes(
 def _values_about_ends(
     motion: Trajectory, state: ContactState, segments: Ints, table: Complexes, highest: float
 ) -> Iterator[tuple[Floats, Floats]]:
-    """What integrals by parts make of the values at both ends of segments.
+    """Values at times about both ends of segments whose sums are the integrals by parts.
 
     Parameters
     ----------
@@ -410,7 +410,7 @@ def _values_about_ends(
         some = segments[part]
         length, elapsed = motion.length[some, None], motion.time[some] - motion.time[0]
         amplitude, turned = motion.amplitudes(state, some)[:, source], length * exponent
-        at_end = amplitude * np.exp(np.where(turned.real < GROWTH, turned, 0.0))  # what would grow beyond it is at rest
+        at_end = amplitude * np.exp(np.where(turned.real < GROWTH, turned, 0.0))  # faster growth has no amplitude
         for begun, sizes in (
             (elapsed, [-amplitude * (power == order) for order in range(len(factors))]),
             (elapsed + length[:, 0], [at_end * length ** np.maximum(power - k, 0) for k in range(len(factors))]),

@@ -1,7 +1,7 @@
-"""Compilation of the kernels, the one folder in which compiled code is kept, and the processor time of all else.
+"""Compilation of the kernels, the folder of compiled code, and the processor time without compilation.
 
-Numba keeps compiled code by the file of each function, and does not see that a function which it calls has changed in
-another file. Therefore the folder is named by the contents of all kernels: whatever changes, all are compiled again.
+Numba caches compiled code per source file and does not notice when a called function in another file changes. Therefore
+the folder's name is a hash of all kernels: after any change all are compiled again.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ _LOG = logging.getLogger(__name__)
 
 
 class CompilationTime(event.Listener):
-    """The processor time spent in the compiler, which may be entered again within itself."""
+    """Processor time spent in the compiler, whose calls may be nested."""
 
     def __init__(self) -> None:
         self.spent, self._begun, self._depth = 0.0, 0.0, 0  # s, s
         self._lock = threading.Lock()
 
     def on_start(self, event: Any) -> None:
-        """The compiler is entered."""
+        """Start timing at the outermost call of the compiler."""
         with self._lock:
             self._begun = self._begun if self._depth else clock.process_time()
             self._depth += 1
 
     def on_end(self, event: Any) -> None:
-        """The compiler is left."""
+        """Add the time of the outermost call."""
         with self._lock:
             self._depth -= 1
             self.spent += 0.0 if self._depth else clock.process_time() - self._begun
@@ -52,15 +52,15 @@ cast("Any", event).register("numba:compiler_lock", COMPILATION)
 
 
 def processor_time() -> float:
-    """s, that this process has used, compilation apart: differences are those of a solver."""
+    """Processor time of this process without compilation, s."""
     return clock.process_time() - COMPILATION.spent
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function of arrays and numbers when it is first called, and keep what was compiled.
 
-    It lets go of the interpreter, so that threads execute kernels side by side. A division by zero gives infinity.
-    A function with a leading underscore can be called by kernels alone and is kept as a part of those.
+    The kernel releases the interpreter lock, so that threads execute kernels in parallel. A division by zero gives
+    infinity. A function with a leading underscore can only be called by kernels and is compiled into them.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def kernel(function: Callable[..., Any], **options: Any) -> Any:
     if folder is not None:
         config.CACHE_DIR = str(folder)  # read when the function is decorated
     try:
-        if function.__name__.startswith("_"):  # a third of the time went into the wrappers and files of these
+        if function.__name__.startswith("_"):  # their wrappers and files took a third of the compilation time
             options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         else:
             options["cache"] = folder is not None
@@ -85,19 +85,18 @@ def kernel(function: Callable[..., Any], **options: Any) -> Any:
         config.CACHE_DIR = before
 
 
-# a kernel whose sums may be taken in the order that suits the processor
+# a kernel whose sums may be reordered for vectorisation
 summing = partial(kernel, fastmath={"reassoc", "contract", "nsz"})
 
 
 _COMPILING = (
-    "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a busy machine "
-    "minutes"
+    "compiling the numerical kernels for this processor, once; this takes half a minute, on a busy machine minutes"
 )
 
 
 @cache
 def cache_folder() -> Path | None:
-    """The folder of compiled code, made where it is missing; None, with a warning, where it cannot be written.
+    """The folder of compiled code, created if missing; None, with a warning, if it cannot be written.
 
     It is in ``NUMBA_CACHE_DIR``, else in the user's folder for caches.
     """
@@ -122,7 +121,7 @@ def cache_folder() -> Path | None:
 
 
 def _user_caches() -> Path:
-    """The user's folder for caches, as the system has it."""
+    """The user's cache folder by the conventions of the operating system."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local")
     if sys.platform == "darwin":

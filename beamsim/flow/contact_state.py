@@ -39,7 +39,7 @@ SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 @dataclass(frozen=True)
 class ContactState:
-    """What is known of one contact state: equations and modes, and under given inputs the tables.
+    """One contact state: its equations and modes, and under given inputs the tables for the kernels.
 
     There are B basis functions, T terms and Z free amplitudes.
     """
@@ -63,12 +63,12 @@ class ContactState:
 
     @classmethod
     def of(
-        cls, equations: StateEquations, sources: Sources, longest_window: float, known: ContactState | None = None
+        cls, equations: StateEquations, sources: Sources, longest_window: float, neighbour: ContactState | None = None
     ) -> ContactState:
         """Diagonalise the system with its contacts in given phases.
 
         Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
-        unsymmetric of the order of these; none from a ``known`` state with few other phases where
+        unsymmetric of the order of these; none from a ``neighbour`` state with few other phases where
         :func:`beamsim.flow.invariant_blocks.neighbouring_modes` is exact.
 
         Parameters
@@ -76,18 +76,18 @@ class ContactState:
         equations : of the contact state.
         sources : of the inputs.
         longest_window : upper limit on the length of a segment, s.
-        known : a contact state of the same system.
+        neighbour : a contact state of the same system.
 
         Returns
         -------
         ContactState
         """
-        of, modes = equations.equations, None if known is None else _modes_from_neighbour(known, equations)
+        of, modes = equations.equations, None if neighbour is None else _modes_from_neighbour(neighbour, equations)
         if modes is None:
             modes = _solved_modes(equations, longest_window)
         if of.contacts.internal_states and not of.contacts.couples_states(equations.phases):
             alone = block_diagonalise(equations.internal_rates[:, of.internal], longest_window)
-            modes = modes.join(alone.placed(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
+            modes = modes.join(alone.transform(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
         right, left, lam = modes.simple
         upper = np.flatnonzero(lam.imag >= 0.0)
         modes = BlockForm(SimpleModes(right[:, upper], left[upper], lam[upper]), modes.blocks)
@@ -102,8 +102,8 @@ class ContactState:
     def with_loads(self, sources: Sources) -> ContactState:
         """The same state under other signals of the same channels.
 
-        Where each input forces a motion with its own time function alone, before and now, only that motion is new:
-        the first F terms, one for each input. Else all terms are listed anew.
+        If each input's forced motion contains only the time function of that input, before and now, only the first F
+        terms (one per input) are recomputed. Otherwise all terms are listed again.
         """
         drive = self.drive or Drive.of(self.equations, self.modes, self.horizon)
         forced, F = responses(drive, sources), sources.power.size
@@ -156,21 +156,21 @@ class ContactState:
         """(n, b) powers of some of the functions at times tau (n,)."""
         return np.vander(tau, int(self.power.max()) + 1, increasing=True)[:, self.power[functions]]
 
-    def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
-        """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
-        free = y - (given @ self.forced_at_start).real
-        return np.concatenate([given, free @ self.projector.T], axis=1)
+    def amplitudes(self, input_amplitudes: Complexes, y: Floats) -> Complexes:
+        """(n, F + Z) amplitudes of the inputs (n, F), then those of the free motions in states y (n, N)."""
+        free = y - (input_amplitudes @ self.forced_at_start).real
+        return np.concatenate([input_amplitudes, free @ self.projector.T], axis=1)
 
-    def amplitude_noise(self, given: Complexes, y: Floats) -> Floats:
-        """(n, F + Z) round-off of the amplitudes, given (n, F) at states (n, N): that of the free motions counts."""
-        parts = np.abs(y) + np.abs(given) @ np.abs(self.forced_at_start)
+    def amplitude_noise(self, input_amplitudes: Complexes, y: Floats) -> Floats:
+        """(n, F + Z) round-off of the amplitudes; zero for the inputs, see `amplitudes`."""
+        parts = np.abs(y) + np.abs(input_amplitudes) @ np.abs(self.forced_at_start)
         of_free = np.finfo(float).eps * parts @ np.abs(self.projector.T)
-        return np.concatenate([np.zeros(given.shape), of_free], axis=1)
+        return np.concatenate([np.zeros(input_amplitudes.shape), of_free], axis=1)
 
     def roundoff_scale(self, rows: Floats, coefficients: Complexes) -> Floats:
-        """(T, k) bound on the parts of each term's coefficient before they cancel, of outputs with rows (k, V).
+        """(T, k) bound on the summands of each term's coefficient before they cancel, for outputs with rows (k, V).
 
-        At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
+        At a node of all moving modes the coefficients are round-off themselves; these products of norms are not.
         """
         size, equations = np.abs(coefficients), self.equations.equations
         parts = (equations.coordinates, equations.velocities, equations.internal)
@@ -182,18 +182,18 @@ class ContactState:
 
 
 def _tables_of_state(
-    equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources, forced: Complexes
+    equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources, input_responses: Complexes
 ) -> ContactState:
     """The tables of a contact state: the responses (F, D, N) to the sources, and the free motion."""
     (X, Xi, lam), F, rising = modes.simple, sources.power.size, np.flatnonzero(sources.power)
     every = np.arange(F)
-    exists: Bools = np.asarray(forced.any(axis=2))
+    exists: Bools = np.asarray(input_responses.any(axis=2))
     exists[every, sources.power] = exists[rising, sources.power[rising] - 1] = True
     (of_source, power), basis = exists.nonzero(), dict[tuple[complex, int], int]()
     keys = [*zip(sources.exponent[of_source].tolist(), power.tolist(), strict=True), *((x, 0) for x in lam.tolist())]
     term_basis = [basis.setdefault(key, len(basis)) for key in keys]
     term_source = [*of_source.tolist(), *range(F, F + lam.size)]
-    vectors = [forced[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
+    vectors = [input_responses[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
     window = min(horizon, float(sources.longest_piece.max()))
     for key, source, of_terms in _terms_of_blocks(modes.blocks, F + lam.size, window) if modes.blocks else ():
         term_basis += [basis.setdefault(key, len(basis))] * source.size
@@ -215,7 +215,7 @@ def _tables_of_state(
         term_vector=np.concatenate(vectors),
         basis_of_source=np.array(term_basis, dtype=np.int64)[driven],
         terms_of_sources=(driven, lowered),
-        forced_at_start=np.ascontiguousarray(forced[:, 0]),
+        forced_at_start=np.ascontiguousarray(input_responses[:, 0]),
     )  # fmt: skip
 
 
@@ -238,7 +238,7 @@ def _terms_of_blocks(
 
 
 class Drive(NamedTuple):
-    """What inputs drive in a contact state, whatever their signals."""
+    """Rates of the state that unit inputs cause in a contact state; they do not depend on the signals."""
 
     equations: StateEquations
     modes: BlockForm  # both of each conjugate pair
@@ -248,7 +248,7 @@ class Drive(NamedTuple):
 
     @classmethod
     def of(cls, equations: StateEquations, modes: BlockForm, horizon: float) -> Drive:
-        """That of a contact state with one mode of each conjugate pair."""
+        """From the modes of a contact state, of which each conjugate pair is given by one mode."""
         (right, left, lam), of = modes.simple, equations.equations
         pair = np.flatnonzero(lam.imag > 0.0)
         both = SimpleModes(
@@ -279,24 +279,24 @@ def responses(drive: Drive, sources: Sources) -> Complexes:
     forced = _forced_responses(drive.modes, driving, sources, longest)
     if not equations.factors[:, : RATE + 1].any():
         return forced
-    # what a stiff contact's load leaves in slow motions is a small part of it
+    # refine once: in slow motions the response to the load of a stiff contact is a small difference
     corrected = _forced_responses(drive.modes, _residual(forced, equations, sources), sources, longest)
     return forced + corrected if forced.shape == corrected.shape else _sum_of_polynomials(forced, corrected)
 
 
-def _driving_in_powers(direct: Complexes, slopes: Floats, power: Ints) -> Complexes:
-    """(F, degree + 1, N) what drives the states, by powers of time, for sources that some powers of time multiply."""
+def _driving_in_powers(by_inputs: Complexes, by_slopes: Floats, power: Ints) -> Complexes:
+    """(F, degree + 1, N) polynomial coefficients of the loads on the states, for sources with powers of time."""
     every, rising = np.arange(power.size), np.flatnonzero(power)
-    driving = np.zeros((power.size, power.max() + 1, direct.shape[1]), dtype=complex)
-    driving[every, power], driving[rising, power[rising] - 1] = direct, (power[:, None] * slopes)[rising]
+    driving = np.zeros((power.size, power.max() + 1, by_inputs.shape[1]), dtype=complex)
+    driving[every, power], driving[rising, power[rising] - 1] = by_inputs, (power[:, None] * by_slopes)[rising]
     return driving
 
 
-def _sum_of_polynomials(one: Complexes, other: Complexes) -> Complexes:
-    """(F, D, N) sum of factors of powers of time, of which one has more than the other."""
-    total = np.zeros((one.shape[0], max(one.shape[1], other.shape[1]), one.shape[2]), dtype=complex)
-    total[:, : one.shape[1]] = one
-    total[:, : other.shape[1]] += other
+def _sum_of_polynomials(left: Complexes, right: Complexes) -> Complexes:
+    """(F, D, N) sum of two polynomials in time of different degree."""
+    total = np.zeros((left.shape[0], max(left.shape[1], right.shape[1]), left.shape[2]), dtype=complex)
+    total[:, : left.shape[1]] = left
+    total[:, : right.shape[1]] += right
     return total
 
 
@@ -319,7 +319,7 @@ def _forced_responses(modes: BlockForm, polynomial: Complexes, sources: Sources,
     w = np.zeros_like(beta[:, 0])
     series = bool(modes.blocks) or bool(near.any())
     if series:
-        near &= np.asarray(polynomial.any(axis=(1, 2)))[:, None]  # what drives nothing needs no series
+        near &= np.asarray(polynomial.any(axis=(1, 2)))[:, None]  # an input without a load needs no series
         distance[near | (distance == 0.0)] = np.inf
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance
@@ -328,22 +328,27 @@ def _forced_responses(modes: BlockForm, polynomial: Complexes, sources: Sources,
 
 
 def _with_series(
-    forced: Complexes, modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats, near: Bools
+    factors: Complexes, modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats, near_exponent: Bools
 ) -> Complexes:
-    """The same with the responses of blocks and of modes whose eigenvalue is near an exponent, which are power series.
+    """Add the responses of blocks, and of modes whose eigenvalue is near an exponent, as power series.
 
     Parameters
     ----------
-    forced : (F, degree + 1, N) the responses of other modes.
+    factors : (F, degree + 1, N) the responses of other modes.
     modes, polynomial, sources, longest : as for `_forced_responses`.
-    near : (F, modes) whether an eigenvalue is near the exponent, of the sources that act.
+    near_exponent : (F, modes) whether an eigenvalue is near the exponent, of the sources that act.
     """
     X, left, lam = modes.simple
     acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
-    window, limit, beta, near = longest[acting], sources.limit[acting], polynomial[acting] @ left.T, near[acting]
+    window, limit, beta, near_exponent = (
+        longest[acting],
+        sources.limit[acting],
+        polynomial[acting] @ left.T,
+        near_exponent[acting],
+    )
     series: list[tuple[int, int, Complexes]] = []  # input, power of time, factor
-    for a in range(acting.size) if modes.blocks else np.flatnonzero(near.any(axis=1)).tolist():
-        f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
+    for a in range(acting.size) if modes.blocks else np.flatnonzero(near_exponent.any(axis=1)).tolist():
+        f, some = int(acting[a]), near_exponent[a] & beta[a].any(axis=0)
         nu, load = complex(sources.exponent[f]), polynomial[f, : int(sources.power[f]) + 1]
         if some.any():
             driven = _power_series(np.diag(lam[some] - nu), beta[a, : load.shape[0], some], float(window[a]))
@@ -352,20 +357,20 @@ def _with_series(
             of_block = _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
             series += [(f, power, vector) for power, vector in of_block]
     powers = 1 + max((power for _, power, _ in series), default=0)
-    forced = np.pad(forced, ((0, 0), (0, max(0, powers - forced.shape[1])), (0, 0))) if series else forced
+    factors = np.pad(factors, ((0, 0), (0, max(0, powers - factors.shape[1])), (0, 0))) if series else factors
     for f, power, vector in series:
-        forced[f, power] += vector
-    return forced
+        factors[f, power] += vector
+    return factors
 
 
-def _modes_from_neighbour(known: ContactState, equations: StateEquations) -> BlockForm | None:
-    """The modes of a contact state from those of one that has few other phases; None where that is not exact."""
+def _modes_from_neighbour(nearest: ContactState, equations: StateEquations) -> BlockForm | None:
+    """The modes of a contact state from those of a state that differs in few phases; None if that is not exact."""
     of = equations.equations
-    neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, equations.phases)
+    neighbour = neighbouring_modes(of.system, nearest.modes.simple, nearest.phases, equations.phases)
     if neighbour is None:
         return None
     modes, n, N = BlockForm(neighbour, []), of.system.size, of.states
-    return modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
+    return modes if 2 * n == N else modes.transform(np.eye(N, 2 * n), np.eye(2 * n, N))
 
 
 class _ActiveContacts(NamedTuple):
@@ -374,14 +379,20 @@ class _ActiveContacts(NamedTuple):
     shape: Floats  # (a, n)
     stiffness: Floats  # (a,) N/m
     dashpot: Floats  # (a,) N s/m
-    along: Floats  # (a, n) direction of the forces; that of `shape` but where a contact presses others that rub
+    force_direction: (
+        Floats  # (a, n) direction of the forces; that of `shape` but where a contact presses others that rub
+    )
     contact: Ints  # (a,)
-    crossed: bool  # whether forces act along other directions than those that make them
+    nonsymmetric: (
+        bool  # whether contact forces are not along the contact's deflection, so that the matrix is not symmetric
+    )
 
 
 def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
-    """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
-    exact. Internal states are included where they are coupled with the structure."""
+    """Modes of a contact state: undamped ones in closed form, those coupled by damping or internal states numerically.
+
+    Internal states are included if they are coupled with the structure.
+    """
     system, contacts, phases = equations.equations.system, equations.equations.contacts, equations.phases
     n, N = system.size, equations.equations.states
     k, c = equations.factors[:, [PENETRATION, RATE]].T
@@ -399,7 +410,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
     modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
-        modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
+        modes = modes.transform(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size:
         some = _UndampedModes(omega2[together], psi[:, together], extension[:, together], d[np.ix_(together, together)])
         modes = modes.join(_coupled_modes(some, N, window))
@@ -409,45 +420,48 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
 def _joined_with_rest(
     modes: BlockForm,
     equations: StateEquations,
-    acting: _ActiveContacts,
+    active: _ActiveContacts,
     undamped: tuple[Floats, Floats],
-    across: Floats,
+    constrained: Floats,
 ) -> BlockForm:
-    """Modes, joined by those of motions that contacts hold at rest, whatever the values of these.
+    """Modes of a state in which contacts hold some motions at rest, including those constrained motions.
 
     Parameters
     ----------
     modes : of the other motions.
-    equations, acting : of the contact state, and its contacts.
+    equations, active : of the contact state, and its contacts.
     undamped : squared frequencies (e,) and shapes (n, e) of the other motions.
-    across : (n, c) motions that are held; a unit of them leaves the others in equilibrium.
+    constrained : (n, c) motions that contacts hold at rest; the other motions stay in equilibrium for any value of
+        them.
     """
     system, (omega2, psi) = equations.equations.system, undamped
     n, N = system.size, equations.equations.states
-    pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
+    pushed = system.stiffness[:, None] * constrained + (active.shape.T * active.stiffness) @ (
+        active.shape @ constrained
+    )
     compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
     moved = (psi * compliance) @ (psi.T @ pushed)
-    about, rest = np.eye(N), np.eye(N, n) @ across
-    about[:n, :n] += moved @ across.T
-    right, left = np.eye(N, n) @ (across - moved), rest.T
-    at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(across.shape[1], complex))
-    return modes.placed(np.eye(N), about).join(BlockForm(at_rest, []))
+    about, rest = np.eye(N), np.eye(N, n) @ constrained
+    about[:n, :n] += moved @ constrained.T
+    right, left = np.eye(N, n) @ (constrained - moved), rest.T
+    at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(constrained.shape[1], complex))
+    return modes.transform(np.eye(N), about).join(BlockForm(at_rest, []))
 
 
 class _FirstOrder(NamedTuple):
-    """r modes as z' = A z for z = (scale times their coordinates, rates of these)."""
+    """r modes in first-order form z' = A z, where z holds their scaled coordinates and the rates."""
 
     scale: Floats  # (r,) 1/s, from metres to velocities
     A: Floats  # (2 r, 2 r) 1/s
-    out: Floats  # (N, 2 r) state for a unit of z
-    back: Floats  # (2 r, N) z of a state
+    to_state: Floats  # (N, 2 r) state for a unit of z
+    from_state: Floats  # (2 r, N) z of a state
 
     @classmethod
     def of(cls, undamped: _UndampedModes, states: int) -> _FirstOrder:
-        """That of modes in a state vector of so many states."""
+        """First-order form of undamped modes within a state vector of length ``states``."""
         omega2, psi, _, d = undamped
         n, r = psi.shape
-        # masses that nothing but dashpots joins have no frequency
+        # masses that only dashpots connect have no frequency
         fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
         scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
         A = np.block([[np.zeros((r, r)), np.diag(scale)], [-np.diag(omega2 / scale), -d]])
@@ -468,61 +482,66 @@ def _coupled_modes(undamped: _UndampedModes, states: int, window: float) -> Bloc
     """Modes that damping couples, in a state vector of so many states, for times up to the window, s."""
     scale, A, out, back = _FirstOrder.of(undamped, states)
     known = partial(_inverse_of_rates, undamped, scale) if undamped.omega_squared.min() > 0.0 else None
-    return block_diagonalise(A, window, known).placed(out, back)
+    return block_diagonalise(A, window, known).transform(out, back)
 
 
 def _general_modes(
-    equations: StateEquations, acting: _ActiveContacts, undamped: _UndampedModes, window: float, across: Floats | None
+    equations: StateEquations,
+    active: _ActiveContacts,
+    undamped: _UndampedModes,
+    window: float,
+    constrained: Floats | None,
 ) -> BlockForm:
-    """Modes that internal states couple, or forces along other directions than those that make them.
+    """Modes that are coupled by internal states, or by contact forces that are not along the contact's deflection.
 
     Parameters
     ----------
-    equations, acting : of the contact state, and its contacts.
+    equations, active : of the contact state, and its contacts.
     undamped : all r modes.
     window : s, longest time for which the blocks will be used.
-    across : (n, c) motions that are held, whose values load modes and drive internal states; None without.
+    constrained : (n, c) motions that contacts hold at rest, whose values load modes and internal states; None if there
+        are none.
     """
     system, contacts = equations.equations.system, equations.equations.contacts
     n, together = system.size, contacts.couples_states(equations.phases)
-    inside, held = contacts.internal_states if together else 0, 0 if across is None else across.shape[1]
+    inside, held = contacts.internal_states if together else 0, 0 if constrained is None else constrained.shape[1]
     _, psi, extension, _ = undamped
     scale, A, out, back = _FirstOrder.of(undamped, equations.equations.states)
     r, first = scale.size, 2 * scale.size + inside
     usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
     more = (0, inside + held)
     A, out, back = np.pad(A, (more, more)), np.pad(out, ((0, 0), more)), np.pad(back, (more, (0, 0)))
-    if acting.crossed:
-        aside = psi.T @ (acting.along - acting.shape).T
-        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ extension / scale
-        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ extension
-    if across is not None:
-        strained = (acting.along.T * acting.stiffness) @ (acting.shape @ across)
-        A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * across + strained) / usual
-        out[:n, first:], back[first:, :n] = across / usual, across.T * usual
+    if active.nonsymmetric:
+        aside = psi.T @ (active.force_direction - active.shape).T
+        A[r : 2 * r, :r] -= (aside * active.stiffness) @ extension / scale
+        A[r : 2 * r, r : 2 * r] -= (aside * active.dashpot) @ extension
+    if constrained is not None:
+        strained = (active.force_direction.T * active.stiffness) @ (active.shape @ constrained)
+        A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * constrained + strained) / usual
+        out[:n, first:], back[first:, :n] = constrained / usual, constrained.T * usual
     if together:
         unit = usual / max(float(np.abs(contacts.shape).max()), TINY)
-        states, (pushed, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, acting, undamped)
+        states, (pushed, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, active, undamped)
         A[r : 2 * r, states] = pushed / unit
         A[states, :r] = unit * by_penetration / scale
         A[states, r : 2 * r] = unit * by_rate
         A[states, states] = equations.internal_rates[:, equations.equations.internal]
-        if across is not None:
-            resting = (contacts.sign[:, None] * contacts.shape @ across)[contacts.state_owner]
+        if constrained is not None:
+            resting = (contacts.sign[:, None] * contacts.shape @ constrained)[contacts.state_owner]
             A[states, first:] = -unit / usual * (equations.internal_rate_factors[:, PENETRATION, None] * resting)
         out[2 * n :, states] = np.eye(inside) / unit
         back[states, 2 * n :] = np.eye(inside) * unit
-    return block_diagonalise(A, window).placed(out, back)
+    return block_diagonalise(A, window).transform(out, back)
 
 
 def _internal_coupling(
-    equations: StateEquations, acting: _ActiveContacts, undamped: _UndampedModes
+    equations: StateEquations, active: _ActiveContacts, undamped: _UndampedModes
 ) -> tuple[Floats, Floats, Floats]:
-    """What couples s internal states with r modes.
+    """Coupling matrices between s internal states and r modes.
 
     Parameters
     ----------
-    equations, acting, undamped : as for `_general_modes`.
+    equations, active, undamped : as for `_general_modes`.
 
     Returns
     -------
@@ -531,11 +550,11 @@ def _internal_coupling(
     """
     contacts, drive = equations.equations.contacts, equations.internal_rate_factors
     moved = contacts.shape @ undamped.shapes
-    moved[acting.contact] = (
+    moved[active.contact] = (
         undamped.extension
     )  # of stiff ones in slow motions, and none in motions that do not move them
     penetration = -contacts.sign[:, None] * moved
-    along = equations.push @ undamped.shapes if acting.crossed else -penetration
+    along = equations.push @ undamped.shapes if active.nonsymmetric else -penetration
     return (
         along[contacts.state_owner].T * equations.internal_factors,
         drive[:, PENETRATION, None] * penetration[contacts.state_owner],
@@ -544,7 +563,7 @@ def _internal_coupling(
 
 
 class _UndampedModes(NamedTuple):
-    """Modes of the structure with the springs of acting contacts, and what damping does between them."""
+    """Undamped modes of the structure with the springs of active contacts, and the damping matrix between them."""
 
     omega_squared: Floats  # (e,) rad^2/s^2
     shapes: Floats  # (n, e) orthonormal
@@ -552,16 +571,21 @@ class _UndampedModes(NamedTuple):
     damping: Floats  # (e, e)
 
 
-def _undamped_modes(system: PiecewiseLinearSystem, acting: _ActiveContacts, across: Floats | None) -> _UndampedModes:
-    """Of a structure whose motions ``across`` (n, n - e) are held; rigid-body motions no contact feels stay exact."""
-    n, phi, k = system.size, acting.shape, acting.stiffness
-    if not k.size and across is None:
+def _undamped_modes(
+    system: PiecewiseLinearSystem, active: _ActiveContacts, constrained: Floats | None
+) -> _UndampedModes:
+    """Undamped modes of the structure with the springs of active contacts, motions ``constrained`` (n, n - e) excluded.
+
+    Rigid-body motions that no contact resists stay exact.
+    """
+    n, phi, k = system.size, active.shape, active.stiffness
+    if not k.size and constrained is None:
         return _UndampedModes(system.stiffness, np.eye(n), phi, system.damping)
     held, unfelt = np.eye(n), np.zeros((n, 0))
     if (system.stiffness == 0.0).any():
-        held, unfelt = _with_rigid_motions(system, phi if across is None else np.vstack([phi, across.T]))
-    if across is not None:
-        held = held @ np.linalg.svd(across.T @ held)[2][across.shape[1] :].T
+        held, unfelt = _with_rigid_motions(system, phi if constrained is None else np.vstack([phi, constrained.T]))
+    if constrained is not None:
+        held = held @ np.linalg.svd(constrained.T @ held)[2][constrained.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
         extension = phi @ held @ psi
@@ -572,20 +596,20 @@ def _undamped_modes(system: PiecewiseLinearSystem, acting: _ActiveContacts, acro
             np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
         )
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
-        # so are the extensions of the springs: that of a stiff one in a low mode is below the round-off of phi @ psi
+        # the springs' extensions too: in a low mode that of a stiff spring is below the round-off of phi @ psi
         extension = phi @ held @ psi
         elastic = k > 0.0
         extension[elastic] = (extended[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
     free = unfelt.shape[1]
     shapes, extension = np.hstack([unfelt, held @ psi]), np.hstack([np.zeros((k.size, free)), extension])
-    damping = shapes.T @ system.damping @ shapes + (extension.T * acting.dashpot) @ extension
+    damping = shapes.T @ system.damping @ shapes + (extension.T * active.dashpot) @ extension
     return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, extension, damping)
 
 
-def _with_rigid_motions(system: PiecewiseLinearSystem, feeling: Floats) -> tuple[Floats, Floats]:
-    """Motions that contacts with shapes (a, n) feel or springs of the structure resist, then rigid-body ones."""
+def _with_rigid_motions(system: PiecewiseLinearSystem, contact_shapes: Floats) -> tuple[Floats, Floats]:
+    """Motions that contacts with shapes (a, n) or springs of the structure resist, then free rigid-body motions."""
     rigid, basis = np.flatnonzero(system.stiffness == 0.0), np.eye(system.size)
-    _, singular, turned = np.linalg.svd(feeling[:, rigid])
+    _, singular, turned = np.linalg.svd(contact_shapes[:, rigid])
     rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), TINY)))
     free = rigid.size - rank
     basis[np.ix_(rigid, rigid)] = turned.T
@@ -593,13 +617,13 @@ def _with_rigid_motions(system: PiecewiseLinearSystem, feeling: Floats) -> tuple
     return basis[:, free:], basis[:, :free]
 
 
-def _residual(forced: Complexes, equations: StateEquations, sources: Sources) -> Complexes:
-    """(F, degree + 1, N) part of what drives the sources' responses (F, D, N) that these do not balance.
+def _residual(factors: Complexes, equations: StateEquations, sources: Sources) -> Complexes:
+    """(F, degree + 1, N) residual of the forced responses ``factors`` (F, D, N) in the equation of motion.
 
-    That is a polynomial times ``e^{nu tau}``.
+    It is a polynomial times ``e^{nu tau}``.
     """
     of, power, F, degrees = equations.equations, sources.power, np.arange(sources.power.size), sources.power.max() + 1
-    y, higher = forced[:, :degrees], forced[:, 1 : degrees + 1]
+    y, higher = factors[:, :degrees], factors[:, 1 : degrees + 1]
     z = np.zeros((F.size, degrees, of.width), dtype=complex)
     z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
     z[F, power, of.slopes.start + F] = sources.exponent
@@ -656,7 +680,7 @@ def _power_series(matrix: Complexes, beta: Complexes, window: float) -> Iterator
 
 
 def _series(block: Block, window: float) -> list[Complexes]:
-    """N^k / k! of a block until the terms vanish over the window."""
+    """Terms N^k / k! of the exponential series of a block, until they are negligible over the window."""
     m = block.matrix.shape[0]
     N = block.matrix - block.centre * np.eye(m)
     series = [np.eye(m, dtype=complex)]

@@ -30,19 +30,19 @@ from beamsim.system.equations import Equations, Forcing, PiecewiseLinearSystem, 
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
-LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
+LONGEST_WINDOW_RADIANS = 64.0  # longest segment before re-expansion, in radians of the slowest oscillation
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
-EPS = 1e-15  # round-off of a state and of what makes up its rate
-HIGHEST_DERIVATIVE = ORDERS - 2  # that is looked at: with the slope of its inputs, from order 0 on
-USUAL_DERIVATIVE = 3  # that decides under most loads: higher ones are computed where it does not
+EPS = 1e-15  # relative round-off of a state and of the terms of its rate
+HIGHEST_DERIVATIVE = ORDERS - 2  # highest order that is evaluated, the slopes of the inputs included
+USUAL_DERIVATIVE = 3  # highest order that is needed under most loads; higher ones are computed on demand
 TABLES_SHARE = 0.2  # of the memory, for tables of contact states
-# parts of a contact state that the kernels take as they are
+# arrays of a contact state that are copied into the kernels' tables unchanged
 OF_STATES = ("exponent", "power", "projector", "term_basis", "term_source", "term_vector", "horizon")
-FITTED = 6  # power of time from which on an input is a polynomial that was fitted (swept sines)
+FITTED = 6  # lowest power of time of inputs that are fitted polynomials (swept sines)
 
 
 def same_at_rest(a: PiecewiseLinearSystem, b: PiecewiseLinearSystem) -> bool:
-    """Whether two systems differ in nothing but the forces of their contacts while these act."""
+    """Whether two systems are equal as long as no contact acts."""
     parts = [
         (s.stiffness, s.damping, s.constant_load, s.contacts.shape, s.contacts.gap, s.contacts.base_influence,
          s.contacts.arrays.guard)
@@ -54,23 +54,23 @@ def same_at_rest(a: PiecewiseLinearSystem, b: PiecewiseLinearSystem) -> bool:
 class StartOfMotion(NamedTuple):
     """Contacts at the start of a motion.
 
-    Before it a contact was in the phase that its law has for the state there; where a guard is zero, what follows is
-    decided by the motion. A contact is made at the start if it did not touch before and does after. One whose face is
-    where the structure has pressed it to, with or without a force, touched before.
+    Before the start a contact is in the phase that its law has for that state; if a guard is zero, the motion decides
+    on the phase. Contact is made at the start if the contact is open before and closed after. A contact whose face was
+    moved by the structure counts as closed before, with or without a force.
     """
 
-    before: Ints  # (m,) phases before the start
+    phases_before: Ints  # (m,) phases before the start
     phases: Ints  # (m,)
-    made: Bools  # (m,) whether contact is made at this very time
+    contact_made: Bools  # (m,) whether contact is made at this very time
     state: Floats  # (N,) with the internal states of contacts that were in other phases before
 
 
-def certain_signs(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
-    """(k,) signs and orders of the first derivatives that are beyond their round-off; a sign is 0 where none is.
+def certain_signs(value: Floats, roundoff: Floats) -> tuple[Floats, Ints]:
+    """(k,) sign and order of the first derivative that exceeds its round-off; the sign is 0 if none does.
 
-    ``value`` and ``doubt`` are (orders, k), from order 0 on.
+    ``value`` and ``roundoff`` are (orders, k), from order 0 on.
     """
-    beyond = np.abs(value) > doubt
+    beyond = np.abs(value) > roundoff
     first = beyond.argmax(axis=0)
     at = first, np.arange(first.size)
     return np.where(beyond[at], np.sign(value[at]), 0.0), first
@@ -85,18 +85,18 @@ class ExactFlow:
 
     Of all combinations of the contacts' phases few are visited; a state is built when it is first visited. Where a
     motion visits more states than are kept at once, the least recently used are dropped, and built again when they are
-    needed: ``states`` are those that are there, ``visited`` the phases of all. The two have the same order until the
-    first is dropped. For the kernels the states are in padded arrays that grow; ``follower[s, g]`` among them is the
-    state after the event of guard g in state s, -1 until a motion asks for it, and where it was dropped.
+    needed: ``states`` are those in memory, ``visited_phases`` the phases of all visited ones. The two have the same
+    order until the first is dropped. For the kernels the states are in padded arrays that grow; ``successor[s, g]``
+    among them is the state after the event of guard g in state s, or -1 if that state is not in memory.
 
     Parameters
     ----------
     system, forcing : the structure and its loads.
-    duration : longest time the flow will be asked for, s.
-    observers : further signals (the base's motion) that outputs may contain; they load nothing.
+    duration : s, longest motion that will be computed.
+    observers : further signals (the base's motion) that outputs may contain; they do not load the structure.
     most_states : states kept at once, 2 at least; by default all.
-    pieces : first and last (left out) of those of a record of which all signals are made; by default all pieces of
-        the signals. Others follow with `on_pieces`.
+    pieces : first piece of a record and the one after the last, if all signals are made of one record; by default all
+        pieces. `on_pieces` gives the flow on others.
     """
 
     system: PiecewiseLinearSystem
@@ -107,13 +107,15 @@ class ExactFlow:
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     inputs: Inputs = field(init=False)  # the sources as the kernels take them
-    record: CubicRecord | None = field(init=False)  # of which all signals are made, if so: it can be taken in parts
+    record: CubicRecord | None = field(
+        init=False
+    )  # the record, if all signals are made of one: it can be taken in chunks
     size: int = field(init=False)  # N, of the state vector
     base_channel: int = field(init=False)
     influence: Floats = field(init=False)  # (channels, m) displacement of each contact's mounting by a unit
     equations: Equations = field(init=False)  # shared with flows under other loads
     states: list[ContactState] = field(init=False)  # those that are kept
-    visited: list[Ints] = field(init=False)  # phases of all states visited
+    visited_phases: list[Ints] = field(init=False)  # phases of all states visited
 
     def __post_init__(self) -> None:
         self._load()
@@ -154,8 +156,8 @@ class ExactFlow:
         return compile_sources(self._channels_of(forcing, observers), self.duration)
 
     def _clear(self, arrays: dict[str, NDArray[np.generic]] | None = None) -> None:
-        """Remove all states; the first to come are in the rows of arrays, if they are given."""
-        self.states, self.visited = [], []
+        """Remove all states; ``arrays`` holds the table rows of the first states that will be added."""
+        self.states, self.visited_phases = [], []
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
         self._visit_numbers: dict[bytes, int] = {}  # numbers in ``visited``, by the phases
@@ -215,15 +217,18 @@ class ExactFlow:
 
         return flow._with_states_of(self, renewed)
 
-    def _with_states_of(self, before: ExactFlow, renewed: Callable[[ContactState], ContactState]) -> ExactFlow:
-        """This flow, with nothing but the used states of another one, each renewed.
+    def _with_states_of(self, original: ExactFlow, renew: Callable[[ContactState], ContactState]) -> ExactFlow:
+        """This flow with the used states of another flow, each rebuilt by ``renew``.
 
-        States with the same terms keep their tables but for what follows from the loads.
+        States with the same terms keep their tables, except for the entries that depend on the loads.
         """
-        used, number = sorted(before._used), np.full(len(before.states) + 1, -1)
+        used, number = sorted(original._used), np.full(len(original.states) + 1, -1)
         number[used] = np.arange(len(used))
-        tables, old = {name: array[used] for name, array in before._arrays.items()}, [before.states[k] for k in used]
-        states, follower = [renewed(state) for state in old], number[tables.get("follower", number[:0])]
+        tables, old = (
+            {name: array[used] for name, array in original._arrays.items()},
+            [original.states[k] for k in used],
+        )
+        states, successor = [renew(state) for state in old], number[tables.get("successor", number[:0])]
         alike = all(state.term_basis is known.term_basis for state, known in zip(states, old, strict=True))
         self._clear(tables if alike else {name: np.zeros_like(array) for name, array in tables.items()})
         for index, (state, known) in enumerate(zip(states, old, strict=True)):
@@ -234,19 +239,19 @@ class ExactFlow:
                 if state is not known:
                     self._write_loads(index, state)
         if used:
-            self._arrays["follower"][: len(used), : follower.shape[1]] = follower
+            self._arrays["successor"][: len(used), : successor.shape[1]] = successor
         return self
 
     @property
     def has_dropped_states(self) -> bool:
-        """Whether states were visited that are not kept any more."""
-        return len(self.visited) > len(self.states)
+        """Whether some visited states have been dropped."""
+        return len(self.visited_phases) > len(self.states)
 
     def visit_numbers(self, states: Ints) -> Ints:
         """Numbers, among all states visited, of states that are kept and were used in this order."""
         self._used.update(states.tolist())
         if len(self.states) != self.most_states:
-            return states  # none was dropped: the numbers are the same
+            return states  # none was dropped: both numberings agree
         for state in states:
             self._index.move_to_end(self.states[state].phases.tobytes())
         return np.array([self._visit_numbers[self.states[state].phases.tobytes()] for state in states], dtype=np.int64)
@@ -255,16 +260,16 @@ class ExactFlow:
         """A state by its number among all visited; one that was dropped is built again, and not kept."""
         if not self.has_dropped_states:
             return self.states[number]
-        kept = self._index.get(self.visited[number].tobytes())
-        return self._new_state(self.visited[number]) if kept is None else self.states[kept]
+        kept = self._index.get(self.visited_phases[number].tobytes())
+        return self._new_state(self.visited_phases[number]) if kept is None else self.states[kept]
 
-    def with_states(self, visited: Ints) -> ExactFlow:
-        """The same flow with some of the visited states alone, in their order."""
+    def with_states(self, numbers: Ints) -> ExactFlow:
+        """The same flow with only the visited states of these numbers, in their order."""
         flow = copy(self)
         flow.most_states = None
         flow._clear()
         kept = {state.phases.tobytes(): state for state in self.states}
-        for phases in (self.visited[k] for k in visited):
+        for phases in (self.visited_phases[k] for k in numbers):
             flow._append(kept.get(phases.tobytes()) or flow._new_state(phases))
         return flow
 
@@ -277,7 +282,7 @@ class ExactFlow:
         return index
 
     def _new_state(self, phases: Ints) -> ContactState:
-        """A contact state that is not kept, in a large structure from the one that differs in fewest contacts."""
+        """Build a contact state; in a large structure from the state that differs in the fewest contacts."""
         nearest = None
         if self.states and self.system.size >= LEAST_COORDINATES and self.system.contacts_act(phases):
             differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
@@ -298,14 +303,14 @@ class ExactFlow:
             "n_basis": np.array(state.exponent.size),
             "n_free": np.array(state.projector.shape[0]),
             "n_terms": np.array(state.term_basis.size),
-            "watch": watch,
+            "event_function": watch,
             "roundoff_scale": state.roundoff_scale(events.guards, watch[:, : events.count]),
             "phase": state.phases,
             "n_guards": np.array(events.count),
             "n_joining": np.array(events.joining_count),
             "guard_contact": events.contact,
             "reset": events.reset_row,
-            "follower": np.full(events.count, -1, dtype=np.int64),
+            "successor": np.full(events.count, -1, dtype=np.int64),
         }
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
@@ -319,36 +324,37 @@ class ExactFlow:
         return index
 
     def _enter(self, index: int, state: ContactState) -> None:
-        """Enter a state at a new place, or at that of a state that was dropped; its tables are written apart."""
+        """Register a state in a new row, or in the row of a dropped state; its tables are written separately."""
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
         key = state.phases.tobytes()
         if key not in self._visit_numbers:
-            self._visit_numbers[key] = len(self.visited)
-            self.visited.append(state.phases)
+            self._visit_numbers[key] = len(self.visited_phases)
+            self.visited_phases.append(state.phases)
         self.states[index : index + 1] = [state]
         self._index[key] = index
         self._used.discard(index)
 
     def _write_loads(self, index: int, state: ContactState) -> None:
-        """Write what follows from the loads, the first F terms, into the tables of a state that has the others."""
+        """Write the first F terms, which depend on the loads, into the tables of a state that has the other terms."""
         F, events, arrays = self.sources.power.size, state.equations.events, self._arrays
         forced = replace(state, term_vector=state.term_vector[:F])
         watch = forced.coefficients(events.rows, self.sources)
         arrays["exponent"][index, : state.exponent.size] = state.exponent
-        arrays["term_vector"][index, :F], arrays["watch"][index, :F, : watch.shape[1]] = state.term_vector[:F], watch
+        arrays["term_vector"][index, :F] = state.term_vector[:F]
+        arrays["event_function"][index, :F, : watch.shape[1]] = watch
         roundoff_scale = forced.roundoff_scale(events.guards, watch[:, : events.count])
         arrays["roundoff_scale"][index, :F, : events.count] = roundoff_scale
 
-    def _enlarge(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
+    def _enlarge(self, array: NDArray[Number], shape: tuple[int, ...]) -> NDArray[Number]:
         """An array with more rows, or wider ones; rows that no state has yet are zeros."""
-        most, rows = self.most_states or np.inf, old.shape[0]
-        if rows < need[0]:
-            rows = 4 * need[0] + 4  # memory is taken when a row is written
-            rows = rows if 4 * rows < most else int(most)  # the next growth would move all for few more
-        grown = np.zeros(tuple(map(max, old.shape, (rows, *need[1:]))), dtype=old.dtype)
-        known = (slice(min(old.shape[0], len(self.states))), *map(slice, old.shape[1:]))
-        grown[known] = old[known]
+        most, rows = self.most_states or np.inf, array.shape[0]
+        if rows < shape[0]:
+            rows = 4 * shape[0] + 4  # memory is taken when a row is written
+            rows = rows if 4 * rows < most else int(most)  # otherwise the next growth would copy all rows to add a few
+        grown = np.zeros(tuple(map(max, array.shape, (rows, *shape[1:]))), dtype=array.dtype)
+        known = (slice(min(array.shape[0], len(self.states))), *map(slice, array.shape[1:]))
+        grown[known] = array[known]
         return grown
 
     def _drop(self) -> int:
@@ -356,8 +362,8 @@ class ExactFlow:
         index = self._index.popitem(last=False)[1]
         for array in self._arrays.values():
             array[index] = 0
-        follower = self._arrays["follower"]
-        follower[follower == index] = -1
+        successor = self._arrays["successor"]
+        successor[successor == index] = -1
         return index
 
     def follow(self, state: int, guard: int) -> int:
@@ -366,11 +372,11 @@ class ExactFlow:
         self._index.move_to_end(phases.tobytes())
         after = self.system.contacts.phases_after(phases, int(events.contact[guard]), int(events.next[guard]))
         index = self.state_index(after)
-        self._arrays["follower"][state, guard] = index
+        self._arrays["successor"][state, guard] = index
         return index
 
     def tables(self) -> Tables:
-        """The states' tables for the kernels; rows beyond the states are unused."""
+        """The states' tables for the kernels; rows beyond the number of states are unused."""
         contacts, internal = self.system.contacts, self.equations.internal.start
         return Tables(first=internal + contacts.first_state, states=contacts.state_counts, **self._arrays)
 
@@ -389,18 +395,19 @@ class ExactFlow:
         return sizes[0] == sizes[1]
 
     def mounting_displacements(self, times: Floats) -> Floats:
-        """(nt, m) displacement of each contact's place from its stand at times, that of the structure left out, m."""
+        """(nt, m) displacement of each contact point relative to its mounting due to the base's motion alone, m."""
         moved = [np.multiply.outer(self._channels[c](times), self.influence[c]) for c in self.stands]
         return np.asarray(sum(moved, np.zeros((times.size, self.system.contacts.count))))
 
     def begin(self, state: Floats, time: float = 0.0) -> StartOfMotion:
         """How a motion starts from a state (N,).
 
-        A guard that is negative hands over to the phase it names: the contact was in it before, with the internal
-        states of that event (the face of a pad that is released lies where the structure left it). Where a guard is
-        zero the first derivative that is not zero decides, which counts as zero when it is below the round-off of the
-        terms that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to
-        act, and a contact that would leave again at once is not entered: its derivative was round-off.
+        If a guard is negative, the contact was already in the phase after that guard's event, with the internal states
+        of the event (the face of a released pad lies where the structure left it). If a guard is zero, its first
+        nonzero
+        derivative decides whether the event happens at the start; a derivative below the round-off of its terms counts
+        as zero. The guard with the lowest such order acts first. A contact that would change back at once does not
+        change: its derivative was round-off.
         """
         contacts, n, every = self.system.contacts, self.system.size, np.arange(self.system.contacts.count)
         rate = self.equations.penetrations
@@ -418,7 +425,7 @@ class ExactFlow:
             equations = self.states[self.state_index(phases)].equations
             events = equations.events
             signs, orders = self._first_signs(events.guards, equations.rates, given, state)
-            # a derivative of lower order that takes a contact back is round-off itself
+            # a derivative of lower order that reverses a change is round-off
             returns = (events.next == start[events.contact]) & (orders >= entered_by[events.contact])
             returns &= entered[events.contact]
             acting = np.flatnonzero((signs < 0) & (unvisited[events.contact, events.next] | returns))
@@ -439,23 +446,26 @@ class ExactFlow:
             entered_by[j] = orders[g]
         before = phases if before is None else before
         made = entered & contacts.closed(phases) & ~contacts.closed(before)
-        faces = np.flatnonzero(made & contacts.arrays.opening[every, before, INTERNAL:].any(axis=1))  # that move
-        if faces.size:  # were touched before where they are penetrated by more than round-off as they are when new
+        faces = np.flatnonzero(made & contacts.arrays.opening[every, before, INTERNAL:].any(axis=1))  # movable ones
+        if faces.size:  # closed before, if the penetration of the unused face exceeds round-off
             rows = self.equations.penetration[faces]
             made[faces] = self._first_signs(rows, rows[:0], given, state)[0] <= 0.0
         return StartOfMotion(before, phases, made, state)
 
-    def _first_signs(self, rows: Floats, rates: Floats, given: Complexes, state: Floats) -> tuple[Floats, Ints]:
-        """Signs and orders of the first derivatives of functions that are beyond their round-off, see `certain_signs`.
+    def _first_signs(
+        self, rows: Floats, rates: Floats, input_amplitudes: Complexes, state: Floats
+    ) -> tuple[Floats, Ints]:
+        """Sign and order of the first derivative of each function that exceeds its round-off, see `certain_signs`.
 
-        The derivatives of the state follow from the equation of motion: in a sum over the modes of a stiff contact the
-        round-off of the highest would hide them.
+        The derivatives of the state are taken from the equation of motion: in a sum over the modes of a stiff contact
+        the round-off of the highest mode would hide them.
 
         Parameters
         ----------
         rows : (k, V) the functions.
-        rates : (N, V) the time derivative of the state; (0, V): of the functions themselves the signs alone.
-        given : (F,) amplitudes of the inputs.
+        rates : (N, V) the time derivative of the state; (0, V) if only the signs of the functions themselves are
+            needed.
+        input_amplitudes : (F,) amplitudes of the inputs.
         state : (N,).
 
         Returns
@@ -464,9 +474,9 @@ class ExactFlow:
         """
         N, count, every = state.size, rows.shape[0], np.vstack([rows, rates])
         sizes, load_size = np.abs(every[:, :N]), np.abs(every[:, N:]).T
-        fit = self._round_off_of_fits(given) if self.sources.power.max() >= FITTED else None
+        fit = self._round_off_of_fits(input_amplitudes) if self.sources.power.max() >= FITTED else None
         for orders in (1, USUAL_DERIVATIVE + 1, HIGHEST_DERIVATIVE + 1) if rates.size else (1,):
-            derivatives = given * self.sources.derivatives_at_start[: orders + 1]
+            derivatives = input_amplitudes * self.sources.derivatives_at_start[: orders + 1]
             inputs = np.hstack([derivatives[:-1], derivatives[1:]])  # and their slopes
             driven = inputs.real @ every[:, N:].T
             y = np.empty((orders, N))  # the state and its derivatives
@@ -485,7 +495,7 @@ class ExactFlow:
                 break
         return found
 
-    def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
+    def inputs_at(self, times: Floats, orders: int = 1, piece_times: Floats | None = None) -> Floats:
         """Derivatives of the inputs at times, from order 0 on, followed by those of their slopes.
 
         After a state (N,) they make up the columns z of `beamsim.system.equations`.
@@ -493,23 +503,25 @@ class ExactFlow:
         Parameters
         ----------
         times : (nt,) s.
-        orders : how many derivatives, the inputs themselves among them.
-        since : (nt,) s, whose pieces count; those of the times by default.
+        orders : number of derivatives, order 0 included.
+        piece_times : (nt,) s, times that select the piece of the inputs; by default ``times``.
 
         Returns
         -------
         (nt, orders, 2 F) array
         """
         sources = self.sources
-        piece = np.maximum(np.searchsorted(sources.start, times if since is None else since, side="right") - 1, 0)
+        piece = np.maximum(
+            np.searchsorted(sources.start, times if piece_times is None else piece_times, side="right") - 1, 0
+        )
         given = sources.amplitudes_at(times, piece)[:, None, :]
         inputs = (given * sources.derivatives_at_start[: orders + 1]).real
         return np.concatenate([inputs[:, :-1], inputs[:, 1:]], axis=2)
 
     def outputs_of_states(
-        self, times: Floats, y: Floats, phases: Ints, rows_of: RowsOf, since: float | None = None
+        self, times: Floats, y: Floats, phases: Ints, rows_of: RowsOf, piece_time: float | None = None
     ) -> Floats:
-        """Outputs where the states are known.
+        """Outputs at times at which the states are known.
 
         Parameters
         ----------
@@ -517,14 +529,16 @@ class ExactFlow:
         y : (nt, N) states then.
         phases : (nt, m) of the contacts.
         rows_of : rows of k outputs in given phases.
-        since : s, time whose piece of the inputs counts; by default those at the times themselves.
+        piece_time : s, time that selects the piece of the inputs; by default each of ``times``.
 
         Returns
         -------
         values : (nt, k).
         """
         out = np.empty((times.size, rows_of(self.system.contacts.start).shape[0]))
-        inputs = self.inputs_at(times, since=None if since is None else np.full(times.size, since))[:, 0]
+        inputs = self.inputs_at(times, piece_times=None if piece_time is None else np.full(times.size, piece_time))[
+            :, 0
+        ]
         z = np.hstack([y, inputs])
         known, which = np.unique(phases, axis=0, return_inverse=True)
         for k, each in enumerate(known):
@@ -532,17 +546,17 @@ class ExactFlow:
             out[here] = z[here] @ rows_of(each).T
         return out
 
-    def _round_off_of_fits(self, given: Complexes) -> Floats:
-        """(orders, 2 F) of the derivatives of inputs that are fitted by polynomials, with amplitudes (F,); then zeros.
+    def _round_off_of_fits(self, amplitudes: Complexes) -> Floats:
+        """(orders, 2 F) round-off of the derivatives of inputs with amplitudes (F,) that are fitted polynomials.
 
-        A coefficient is known to the round-off of the whole polynomial on its piece, not to its own.
+        The second half is zero. A coefficient is accurate to the round-off of the whole polynomial on its piece.
         """
         sources, orders = self.sources, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        fit = np.zeros((orders.size, 2 * given.size))
+        fit = np.zeros((orders.size, 2 * amplitudes.size))
         for channel in set(sources.channel[sources.power >= FITTED].tolist()):
             of = np.flatnonzero(sources.channel == channel)
             length = float(sources.longest_piece[of].max())
-            fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders
+            fit[:, of] = ROUND_OFF * float(np.abs(amplitudes[of]) @ length ** sources.power[of]) / length**orders
         return fit
 
 
@@ -555,7 +569,7 @@ def exact_flow(
     Parameters
     ----------
     system : with its forcing.
-    duration : longest time that it is asked for, s.
+    duration : s, longest motion that will be computed.
     most_states : contact states that are kept at once; by default those that fit into their share of the memory.
     memory : bytes.
     pieces : see `ExactFlow`.
@@ -567,7 +581,7 @@ def exact_flow(
     Raises
     ------
     ScenarioError
-        For a record of too many pieces to be taken as a whole.
+        If a record has too many pieces for the memory.
     """
     observers = () if system.base_acceleration is None else (system.base_acceleration,)
     # each contact state's tables: matrices of the state vector, and the functions that end it

@@ -35,14 +35,14 @@ from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.kernels import EPS, _exp
 from beamsim.typing import Bools, Floats, Ints, not_none
 
-TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
+TOLERANCE = 1e-10  # relative difference below which two peaks of an output count as equal
 PARTS = 4  # of an interval
-NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the ends of the parts about it
-FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
+NEAREST, NEAR = 1e-4, 0.1  # shares of an interval: distance of the cubic's maximum from the ends of the part about it
+FARTHEST = 3.0  # rad, largest turn on a part of functions that the cubics include
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
-PARTS_AT_ONCE = 256  # of segments in a batch, which bounds the memory
-LATEST = 8  # parts of a batch, one of which those of the next may repeat
-SIMILAR = 1e-8  # relative difference of a sum of all amplitudes, above which two parts are not compared
+PARTS_AT_ONCE = 256  # parts of segments in a batch; bounds the memory
+LATEST = 8  # parts of the last batch with which those of the next are compared
+SIMILAR = 1e-8  # relative difference of the sums of amplitudes above which two parts are not compared
 REACH_ROUND_OFF = 1e-12  # of the sums of matrix products, relative to the sizes of their terms
 
 
@@ -58,19 +58,19 @@ class Sums(NamedTuple):
     amplitude: Any  # (n, T)
     noise: Any  # (n, T) round-off of the amplitudes
     table: Any  # (n, 3, T, K), or n = 1: real and imaginary parts and sizes of the coefficients of the outputs
-    place: Any  # (4, n) begin and end of the parts, shares of the segments; begin and length of the segments, s
+    span: Any  # (4, n) begin and end of the parts, shares of the segments; begin and length of the segments, s
     window: Any  # (n,) number of the window of each part
 
 
 class KnownExtremes(NamedTuple):
-    """The largest values that are known of J functions of the outputs in W windows, and of their negatives."""
+    """Largest values found so far of J functions of the outputs in W windows, and of their negatives."""
 
     value: Any  # (2, W, J)
-    when: Any  # (2, W, J) s
+    time: Any  # (2, W, J) s
     first: Any  # (J + 1,) of the outputs of each function
     squared: Any  # whether the functions are half the sums of the squares of their outputs
-    rank: Any  # (2, J) of what competes for being the largest: each alone, or competitors with their negatives
-    best: Any  # (W, ranks) the largest values of these
+    rank: Any  # (2, J) group of functions of which only the largest value counts
+    largest_of_rank: Any  # (W, groups) largest value of each group
 
 
 class Extrema(NamedTuple):
@@ -89,22 +89,22 @@ def search_extrema(
 ) -> Extrema:  # fmt: skip
     """The largest and smallest values of outputs in windows.
 
-    They are values that are reached, and no other is beyond them by more than `TOLERANCE` of their size; of sums of
-    squares of that of their largest value. Of competitors this holds of the largest magnitude of all. A part is left
-    out that repeats one which was searched, as each period of a steady motion does: then it is twice that.
+    The values are reached, and exact to `TOLERANCE` of their size (sums of squares: of the largest value). Of the
+    competitors only the largest magnitude of all is exact. A part that repeats a searched one, as each period of a
+    steady motion does, is skipped; the tolerance is then twice as large.
 
     Parameters
     ----------
     batches : the outputs on all parts of a motion, in seconds.
     outputs : number of them.
     windows : number W.
-    squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
-    competitors : those of the K of which only the largest magnitude of all is asked for.
+    squares : (K,) first output of each group of consecutive ones, if half the sums of their squares are searched.
+    competitors : numbers of the outputs of which only the largest magnitude of all is searched.
 
     Returns
     -------
     Extrema
-        Of the K groups; without groups K is the number of outputs. Infinite in windows of which nothing is known.
+        Of the K groups; without groups K is the number of outputs. Infinite in windows without motion.
     """
     known, evaluations = nothing_known(outputs, windows, squares, competitors), 0
     latest: tuple[Any, Sums | None] = None, None  # table of a contact state, and its parts that were searched last
@@ -118,15 +118,15 @@ def search_extrema(
         evaluations += search(scaled, bound, known, -1.0)[1]
         if not again[-LATEST:].any():
             latest = sums.table, scaled
-    high, low = np.where(np.isnan(known.when), -np.inf, known.value)
-    when_high, when_low = known.when
+    high, low = np.where(np.isnan(known.time), -np.inf, known.value)
+    when_high, when_low = known.time
     return Extrema(-low, when_low, high, when_high, evaluations)
 
 
 def nothing_known(
     outputs: int, windows: int = 1, squares: Ints | None = None, competitors: Ints | None = None
 ) -> KnownExtremes:
-    """What a search knows at its beginning; see `search_extrema` for the parameters."""
+    """Initial state of a search, without values; see `search_extrema` for the parameters."""
     first = np.append(np.arange(outputs) if squares is None else squares, outputs)
     shape, least = (2, windows, first.size - 1), np.finfo(float).min
     rank = np.arange(2 * shape[2]).reshape(2, -1)
@@ -139,30 +139,30 @@ def nothing_known(
 def in_shares(sums: Sums) -> Sums:
     """Sums of functions of time in s, with complex coefficients (T, K) or (n, T, K), as the kernels take them.
 
-    The time is counted from where `Sums.place` has the segment begin, in their lengths.
+    The time is counted from where `Sums.span` has the segment begin, in their lengths.
     """
-    length, table = sums.place[3, :, None], sums.table if sums.table.ndim == 3 else sums.table[None]
+    length, table = sums.span[3, :, None], sums.table if sums.table.ndim == 3 else sums.table[None]
     rate = sums.rate * length
     scale = (length**sums.power)[:, sums.basis]
     return sums._replace(
-        rate=np.where(rate.real < GROWTH, rate, 0.0),  # what rests may grow beyond all numbers
+        rate=np.where(rate.real < GROWTH, rate, 0.0),  # faster growth has no amplitude
         amplitude=sums.amplitude * scale, noise=sums.noise * scale,
         table=np.stack([table.real, table.imag, np.abs(table)], axis=1),
     )  # fmt: skip
 
 
-def reach(sums: Sums, known: KnownExtremes) -> Floats:
-    """(2, n, J) bounds on J functions of the outputs on parts, and on their negatives, from the values at the begins.
+def reach(sums: Sums, incumbents: KnownExtremes) -> Floats:
+    """(2, n, J) bounds on J functions of the outputs on parts, and on their negatives, from the initial values.
 
-    A term does not come farther from there than its largest slope takes it, or than twice its size. Products of
-    matrices give these bounds for all parts at once; where they are below what is known, a part needs no closer look.
+    A term changes by at most its largest slope times the length, and by at most twice its size. Matrix products
+    give these bounds for all parts at once; a part whose bound is below the incumbent is not searched.
 
     Parameters
     ----------
     sums : as `in_shares` gives them.
-    known : says what the functions are.
+    incumbents : which functions are searched.
     """
-    (begin, end), rate, power = sums.place[:2, :, None], sums.rate, sums.power
+    (begin, end), rate, power = sums.span[:2, :, None], sums.rate, sums.power
     farthest = np.maximum(np.abs(begin), np.abs(end))
     with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
         most = np.exp(np.maximum(rate.real * begin, rate.real * end)) * farthest**power
@@ -173,42 +173,42 @@ def reach(sums: Sums, known: KnownExtremes) -> Floats:
         one, other, sizes = (x.reshape(real.shape[0], -1, real.shape[1]) for x in (terms.real, terms.imag, sizes))
         value, spread = ((one @ real - other @ imag).reshape(begin.size, -1), (sizes @ size).reshape(begin.size, -1))
         high, low = value + spread, spread - value
-        if not known.squared:
+        if not incumbents.squared:
             return np.stack([high, low])
         squares = np.maximum(high, low) ** 2, -(np.maximum(np.maximum(-high, -low), 0.0) ** 2)
-        return 0.5 * np.add.reduceat(squares, known.first[:-1], axis=2)
+        return 0.5 * np.add.reduceat(squares, incumbents.first[:-1], axis=2)
 
 
-def repeats(sums: Sums, searched: Sums, known: KnownExtremes) -> Bools:
-    """(n,) whether outputs on parts are those on one of the last parts that were searched, within `TOLERANCE`.
+def repeats(sums: Sums, previous: Sums, incumbents: KnownExtremes) -> Bools:
+    """(n,) whether the outputs on parts equal those on one of the previously searched parts within `TOLERANCE`.
 
-    On parts of nearly one length the difference of a term follows from those of its amplitude and of its exponent.
+    On parts of nearly equal length the difference of a term follows from those of its amplitude and its exponent.
 
     Parameters
     ----------
-    sums, searched : parts of one contact state, as `in_shares` gives them.
-    known : the largest values, whose sizes count.
+    sums, previous : parts of one contact state, as `in_shares` gives them.
+    incumbents : the largest values, to which the tolerance refers.
     """
     end, order = slice(-LATEST, None), np.arange(1.0, sums.basis.size + 1.0)
-    one, other = sums.amplitude @ order, searched.amplitude[end] @ order
+    one, other = sums.amplitude @ order, previous.amplitude[end] @ order
     apart = np.abs(one[:, None] - other)
     nearest, found = apart.argmin(axis=1), np.zeros(one.size, dtype=bool)
-    alike = (searched.place[:2, end][:, nearest] == sums.place[:2]).all(axis=0)
-    alike &= (searched.window[end][nearest] == sums.window) & (apart.min(axis=1) <= SIMILAR * np.abs(one))
+    alike = (previous.span[:2, end][:, nearest] == sums.span[:2]).all(axis=0)
+    alike &= (previous.window[end][nearest] == sums.window) & (apart.min(axis=1) <= SIMILAR * np.abs(one))
     if alike.any():
         nearest, rate, amplitude = nearest[alike], sums.rate[alike], sums.amplitude[alike]
         with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
             most = np.exp(np.maximum(rate.real, 0.0))
-            turned = np.abs(rate - searched.rate[end][nearest]) * most
-            changed = np.abs(amplitude - searched.amplitude[end][nearest]) * most[:, sums.basis]
+            turned = np.abs(rate - previous.rate[end][nearest]) * most
+            changed = np.abs(amplitude - previous.amplitude[end][nearest]) * most[:, sums.basis]
             bound = (changed + np.abs(amplitude) * turned[:, sums.basis]) @ sums.table[0, 2]
-            size = np.abs(known.best[:, known.rank]).max(axis=1)[sums.window[alike]]
+            size = np.abs(incumbents.largest_of_rank[:, incumbents.rank]).max(axis=1)[sums.window[alike]]
             found[alike] = (bound <= TOLERANCE * size).all(axis=1)
     return found
 
 
 def values_in_shares(sums: Sums, rows: Ints, u: Floats) -> Floats:
-    """(m,) the only output on some parts, at one time (m,) each, a share of the segment."""
+    """(m,) a single output on some parts, each at one time u (m,), a share of the segment."""
     functions = np.exp(sums.rate[rows] * u[:, None]) * u[:, None] ** sums.power
     terms, table = functions[:, sums.basis] * sums.amplitude[rows], sums.table[rows if sums.table.shape[0] > 1 else 0]
     return np.asarray((terms.real * table[..., 0, :, 0] - terms.imag * table[..., 1, :, 0]).sum(axis=1))
@@ -252,31 +252,34 @@ def polynomials(values: Floats, start: Floats, length: Floats, window: Ints | No
         )  # fmt: skip
 
 
-class Look(NamedTuple):
-    """What the ends of P parts of an interval tell; that of a function of outputs stands at the first of these."""
+class IntervalEnds(NamedTuple):
+    """Values at the ends of P parts of an interval, and bounds between them.
+
+    The entry of a function of several outputs is that of the first of these.
+    """
 
     u: Any  # (P + 1,)
     wave: Any  # (P + 1, 4, B) real and imaginary parts of the functions of time there, and of their slopes
-    most: Any  # (5, B) bounds on their derivatives of the orders 0 to 4 on the interval
-    near: Any  # (B,) 1, or 0 where they turn too far on a part to be in the cubics
+    derivative_bound: Any  # (5, B) bounds on their derivatives of the orders 0 to 4 on the interval
+    in_cubic: Any  # (B,) 1, or 0 where they turn too far on a part to be in the cubics
     value: Any  # (P + 1, 3, K) as a whole; of what is in the cubics, the value and the slope
     bound: Any  # (9, K) on the derivatives of the orders 0 to 4 of what is in the cubics, on what is not, on round-off,
     # and on the largest and smallest value
 
 
-FOURTH, ASIDE, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
+FOURTH, REMAINDER, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
 
 
 @kernel
-def search(sums, reach, known, resolution):
-    """Raise what is known to the largest values on the parts.
+def search(sums, reach, incumbents, resolution):
+    """Update the incumbents by the largest values on the parts.
 
     Parameters
     ----------
-    sums, known : the outputs, and what is known of them.
-    reach : (2, n, J) bounds on the functions on the parts and on their negatives; infinite where all are looked at.
-    resolution : by how much turning points, of which all are sought, may differ from their neighbours; negative
-        where only the largest values are sought.
+    sums, incumbents : the outputs, and the largest values found so far; updated.
+    reach : (2, n, J) bounds on the functions on the parts and on their negatives; infinite to search every part.
+    resolution : smallest difference of neighbouring turning points, if all are searched; negative if only the largest
+        values are.
 
     Returns
     -------
@@ -285,62 +288,64 @@ def search(sums, reach, known, resolution):
     """
     B, K = sums.rate.shape[1], sums.table.shape[3]
     output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
-    ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
+    ends, inside = _make_ends(1, B, K), _make_ends(PARTS, B, K)
     waiting, turns = np.empty((64, 6)), np.empty((64, 2))
     used, evaluations = np.empty(2, dtype=np.int64), 0  # rows of these
     used[0] = used[1] = 0
-    open, one = np.empty(known.first.size - 1, dtype=np.int64), np.empty(1, dtype=np.int64)
+    open, one = np.empty(incumbents.first.size - 1, dtype=np.int64), np.empty(1, dtype=np.int64)
     for i in range(sums.window.size):
-        ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
-        count = _fill_open(known, reach, window, i, open)
+        ends.u[0], ends.u[1], window = sums.span[0, i], sums.span[1, i], sums.window[i]
+        count = _fill_open(incumbents, reach, window, i, open)
         if count == 0:
             continue
         _fill_waves(sums, i, 0.0, ends)
-        _fill_outputs(sums, i, known.first[open[0]], known.first[open[count - 1] + 1], ends, by_output, output, noise)
-        _evaluate_functions(known, sums, i, open[:count], output, noise, ends)
+        _fill_outputs(
+            sums, i, incumbents.first[open[0]], incumbents.first[open[count - 1] + 1], ends, by_output, output, noise
+        )
+        _evaluate_functions(incumbents, sums, i, open[:count], output, noise, ends)
         evaluations += 2 * count
         pieces, cut = inside, False
         for j in open[:count]:
             seen, one[0] = False, j
             for sign in range(2):
-                top, scale = _incumbent(known, sign, window, j)
-                if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
+                top, scale = _incumbent(incumbents, sign, window, j)
+                if ends.bound[HIGHEST + sign, incumbents.first[j]] <= _limit(top, scale, top, resolution):
                     continue
                 if not cut:
                     pieces, cut = _cut(sums, i, ends), True
                 if not seen:
-                    _evaluate_functions(known, sums, i, one, output, noise, pieces)
+                    _evaluate_functions(incumbents, sums, i, one, output, noise, pieces)
                     evaluations, seen = evaluations + pieces.u.size, True
                 key = (sign, window, j, i)
                 waiting, turns = (
                     _with_room(waiting, used[0] + pieces.u.size),
                     _with_room(turns, used[1] + pieces.u.size),
                 )
-                _subdivide(known, key, pieces, resolution, waiting, turns, used)
+                _subdivide(incumbents, key, pieces, resolution, waiting, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
                     row = waiting[used[0]]
-                    top, scale = _incumbent(known, sign, window, j)
+                    top, scale = _incumbent(incumbents, sign, window, j)
                     if row[2] <= _limit(top, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
                     _fill_waves(sums, i, row[4], inside)
-                    _evaluate_functions(known, sums, i, one, output, noise, inside)
+                    _evaluate_functions(incumbents, sums, i, one, output, noise, inside)
                     evaluations += PARTS - 1
                     waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
-                    _subdivide(known, key, inside, resolution, waiting, turns, used)
+                    _subdivide(incumbents, key, inside, resolution, waiting, turns, used)
     return turns[: used[1]], evaluations
 
 
 @kernel
-def _fill_open(known, reach, window, i, open):
-    """Write the functions that may exceed what is known on a part, and return how many these are."""
+def _fill_open(incumbents, reach, window, i, open):
+    """Write the functions that may exceed their incumbents on a part, and return their number."""
     count = 0
     for j in range(open.size):
         below = True
         for sign in range(2):
-            top, _ = _incumbent(known, sign, window, j)
-            below = below and reach[sign, i, j] <= top and not math.isnan(known.when[sign, window, j])
+            top, _ = _incumbent(incumbents, sign, window, j)
+            below = below and reach[sign, i, j] <= top and not math.isnan(incumbents.time[sign, window, j])
         if not below:
             open[count] = j
             count += 1
@@ -356,16 +361,16 @@ def variation(sums):
     """
     n, B, K = sums.window.size, sums.rate.shape[1], sums.table.shape[3]
     output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
-    ends, first, slopes = _make_look(1, B, K), np.arange(K + 1), np.empty(B)
+    ends, first, slopes = _make_ends(1, B, K), np.arange(K + 1), np.empty(B)
     bound, value = np.zeros((n, K)), np.empty((2, n, K))
     for i in range(n):
-        ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
+        ends.u[0], ends.u[1] = sums.span[0, i], sums.span[1, i]
         _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, 0, K, ends, by_output, output, noise)
         look = _cut(sums, i, ends)
         _evaluate_outputs(first, first[:K], output, noise, look)
         for b in range(B):
-            slopes[b] = (1.0 - look.near[b]) * _integral_of_slope(sums, i, b, look)
+            slopes[b] = (1.0 - look.in_cubic[b]) * _integral_of_slope(sums, i, b, look)
         for k in range(K):
             value[0, i, k], value[1, i, k] = look.value[0, 0, k], look.value[look.u.size - 1, 0, k]
             for b in range(B):
@@ -378,11 +383,11 @@ def variation(sums):
 
 
 @kernel
-def _integral_of_slope(sums, i, b, look):
+def _integral_of_slope(sums, i, b, ends):
     """Bound on the integral of the magnitude of the slope of a function of time over an interval."""
-    rate, begin, end = sums.rate[i, b], look.u[0], look.u[look.u.size - 1]
+    rate, begin, end = sums.rate[i, b], ends.u[0], ends.u[ends.u.size - 1]
     if sums.power[b] > 0 or abs(rate.real) * (end - begin) < 1e-6:
-        return look.most[1, b] * (end - begin)
+        return ends.derivative_bound[1, b] * (end - begin)
     size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
     return size * (math.exp(rate.real * end) - math.exp(rate.real * begin)) / rate.real
 
@@ -404,21 +409,21 @@ def _cubic_variation(left, right, first, last):
 
 
 @kernel
-def _make_look(parts, B, K):
-    """Work arrays."""
-    return Look(
+def _make_ends(parts, B, K):
+    """Uninitialised `IntervalEnds` of P parts, B functions and K outputs."""
+    return IntervalEnds(
         np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((5, B)), np.empty(B), np.empty((parts + 1, 3, K)),
         np.empty((9, K)),
     )  # fmt: skip
 
 
 @kernel
-def _with_room(rows, used):
-    """Rows, of which more are going to be used."""
-    if used <= rows.shape[0]:
+def _with_room(rows, count):
+    """An array with at least ``count`` rows, enlarged if necessary."""
+    if count <= rows.shape[0]:
         return rows
-    out = np.empty((2 * used, rows.shape[1]))
-    for i in range(rows.shape[0]):  # with a slice, the text of an error that cannot occur would be compiled for seconds
+    out = np.empty((2 * count, rows.shape[1]))
+    for i in range(rows.shape[0]):  # a slice would take seconds more to compile
         for j in range(rows.shape[1]):
             out[i, j] = rows[i, j]
     return out
@@ -426,7 +431,7 @@ def _with_room(rows, used):
 
 @kernel
 def _cut(sums, i, ends):
-    """A look at equal parts of an interval, at most 64, so short that all functions are in the cubics."""
+    """Ends of equal parts of an interval, at most 64, so short that the cubics include all functions."""
     parts, square = 1, 0.0
     for b in range(sums.power.size):
         square = max(square, sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
@@ -435,7 +440,7 @@ def _cut(sums, i, ends):
         parts *= 2
     if parts == 1:
         return ends
-    look = _make_look(parts, ends.near.size, ends.bound.shape[1])
+    look = _make_ends(parts, ends.in_cubic.size, ends.bound.shape[1])
     for p in range(parts + 1):
         look.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
     _fill_waves(sums, i, 0.0, look)
@@ -444,8 +449,10 @@ def _cut(sums, i, ends):
 
 @summing
 def _fill_outputs(sums, i, first, last, ends, by_output, output, noise):
-    """(3, K, B) on a part, of outputs from one to another: real and imaginary parts and sizes of the functions'
-    coefficients; (K,) round-off."""
+    """Fill in the coefficients of outputs ``first`` to ``last`` on a part, and their round-off.
+
+    (3, K, B): real and imaginary parts and sizes of the functions' coefficients; (K,) round-off.
+    """
     n, B = i if sums.table.shape[0] > 1 else 0, output.shape[2]
     farthest, round_off = max(abs(ends.u[0]), abs(ends.u[1])), np.empty(B)
     for b in range(B):
@@ -455,14 +462,18 @@ def _fill_outputs(sums, i, first, last, ends, by_output, output, noise):
         noise[k] = 0.0
     for t in range(sums.basis.size):
         b = sums.basis[t]
-        real, imag, rounded = sums.amplitude[i, t].real, sums.amplitude[i, t].imag, sums.noise[i, t] * ends.most[0, b]
+        real, imag, rounded = (
+            sums.amplitude[i, t].real,
+            sums.amplitude[i, t].imag,
+            sums.noise[i, t] * ends.derivative_bound[0, b],
+        )
         for k in range(first, last):
             by_output[0, b, k] += sums.table[n, 0, t, k] * real - sums.table[n, 1, t, k] * imag
             by_output[1, b, k] += sums.table[n, 0, t, k] * imag + sums.table[n, 1, t, k] * real
             noise[k] += sums.table[n, 2, t, k] * rounded
     for b in range(B):
         rate = math.sqrt(sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
-        round_off[b] = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
+        round_off[b] = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.derivative_bound[0, b]
     for k in range(first, last):
         for b in range(B):
             output[0, k, b], output[1, k, b] = by_output[0, b, k], by_output[1, b, k]
@@ -472,13 +483,13 @@ def _fill_outputs(sums, i, first, last, ends, by_output, output, noise):
 
 
 @kernel
-def _fill_waves(sums, i, top, look):
+def _fill_waves(sums, i, maximum, ends):
     """The functions of time at the ends of the parts of an interval, and bounds between these.
 
-    The parts are about the place of its top, or equal where that is 0 (no flag, for which two versions are compiled).
+    The parts are placed about the maximum at ``maximum``, or equal if that is 0 (a flag would be compiled twice).
     From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
     """
-    u, wave, most, last = look.u, look.wave, look.most, look.u.size - 1
+    u, wave, most, last = ends.u, ends.wave, ends.derivative_bound, ends.u.size - 1
     step, farthest = 0.0, max(abs(u[0]), abs(u[last]))
     for p in range(last):
         step = max(step, u[p + 1] - u[p])
@@ -491,10 +502,10 @@ def _fill_waves(sums, i, top, look):
             e = _exp(rate.real, rate.imag, u[0])
             wave[0, 0, b], wave[0, 1, b] = e.real, e.imag
             done, doubled = 1, 0
-            while done <= last:  # as many again, by what the function grows on these
+            while done <= last:  # double the number, with the growth of the function over these
                 e = e * e if doubled % 3 > 0 else _exp(rate.real, rate.imag, u[done] - u[0])
                 for p in range(done, min(2 * done, last + 1)):
-                    if top > 0.0:
+                    if maximum > 0.0:
                         e = _exp(rate.real, rate.imag, u[p] - u[p - done])
                     x, y = wave[p - done, 0, b], wave[p - done, 1, b]
                     wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real
@@ -514,69 +525,76 @@ def _fill_waves(sums, i, top, look):
             for order in range(4, 0, -1):
                 most[order, b] = farthest * most[order, given] + order * most[order - 1, given]
             most[0, b] = farthest * most[0, given]
-        look.near[b] = 1.0 if size * step <= FARTHEST else 0.0
+        ends.in_cubic[b] = 1.0 if size * step <= FARTHEST else 0.0
 
 
 @kernel
-def _evaluate_functions(known, sums, i, which, output, noise, look):
-    """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
-    is known, of equal values the first counts."""
-    value, bound, window = look.value, look.bound, sums.window[i]
-    _evaluate_outputs(known.first, which, output, noise, look)
-    for j in which:
-        k = known.first[j]
-        if known.squared:
-            _add_squares(look, k, known.first[j + 1])
+def _evaluate_functions(incumbents, sums, i, functions, output, noise, ends):
+    """Evaluate functions of outputs at the ends of the parts of an interval and bound them in between.
+
+    The incumbents are updated; of equal values the first counts.
+    """
+    value, bound, window = ends.value, ends.bound, sums.window[i]
+    _evaluate_outputs(incumbents.first, functions, output, noise, ends)
+    for j in functions:
+        k = incumbents.first[j]
+        if incumbents.squared:
+            _add_squares(ends, k, incumbents.first[j + 1])
         high, low = -math.inf, math.inf  # of the hulls of the cubics
-        for p in range(look.u.size - 1):
-            h = look.u[p + 1] - look.u[p]
+        for p in range(ends.u.size - 1):
+            h = ends.u[p + 1] - ends.u[p]
             left, right = value[p, 1, k], value[p + 1, 1, k]
             after, before = left + value[p, 2, k] * h / 3.0, right - value[p + 1, 2, k] * h / 3.0
             error = VALUE * bound[FOURTH, k] * h * h * h * h
             high = max(high, max(max(left, right), max(after, before)) + error)
             low = min(low, min(min(left, right), min(after, before)) - error)
-        bound[HIGHEST, k] = _add_remainder(high, bound[ASIDE, k], 1.0, known.squared) - bound[ROUND_OFF, k]
-        bound[HIGHEST + 1, k] = _add_remainder(-low, bound[ASIDE, k], -1.0, known.squared) - bound[ROUND_OFF, k]
-        for p in range(look.u.size):
+        bound[HIGHEST, k] = _add_remainder(high, bound[REMAINDER, k], 1.0, incumbents.squared) - bound[ROUND_OFF, k]
+        bound[HIGHEST + 1, k] = (
+            _add_remainder(-low, bound[REMAINDER, k], -1.0, incumbents.squared) - bound[ROUND_OFF, k]
+        )
+        for p in range(ends.u.size):
             for sign in range(2):
                 reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
-                if reached > known.value[sign, window, j]:
-                    known.value[sign, window, j] = reached
-                    known.best[window, known.rank[sign, j]] = max(known.best[window, known.rank[sign, j]], reached)
-                    known.when[sign, window, j] = sums.place[2, i] + sums.place[3, i] * look.u[p]
+                if reached > incumbents.value[sign, window, j]:
+                    incumbents.value[sign, window, j] = reached
+                    incumbents.largest_of_rank[window, incumbents.rank[sign, j]] = max(
+                        incumbents.largest_of_rank[window, incumbents.rank[sign, j]], reached
+                    )
+                    incumbents.time[sign, window, j] = sums.span[2, i] + sums.span[3, i] * ends.u[p]
 
 
 @summing
-def _evaluate_outputs(first, which, output, noise, look):
-    """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
-    for k in range(first[which[0]], first[which[which.size - 1] + 1]):
-        for p in range(look.u.size):
+def _evaluate_outputs(first, functions, output, noise, ends):
+    """Evaluate the outputs of some functions, with bounds on derivatives, on the remainder outside the cubics, and on
+    round-off."""
+    for k in range(first[functions[0]], first[functions[functions.size - 1] + 1]):
+        for p in range(ends.u.size):
             whole, value, slope = 0.0, 0.0, 0.0
-            for b in range(look.near.size):
+            for b in range(ends.in_cubic.size):
                 real, imag = output[0, k, b], output[1, k, b]
-                part = real * look.wave[p, 0, b] - imag * look.wave[p, 1, b]
+                part = real * ends.wave[p, 0, b] - imag * ends.wave[p, 1, b]
                 whole += part
-                value += look.near[b] * part
-                slope += look.near[b] * (real * look.wave[p, 2, b] - imag * look.wave[p, 3, b])
-            look.value[p, 0, k], look.value[p, 1, k], look.value[p, 2, k] = whole, value, slope
+                value += ends.in_cubic[b] * part
+                slope += ends.in_cubic[b] * (real * ends.wave[p, 2, b] - imag * ends.wave[p, 3, b])
+            ends.value[p, 0, k], ends.value[p, 1, k], ends.value[p, 2, k] = whole, value, slope
         n0, n1, n2, n3, n4, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for b in range(look.near.size):
-            size, near = output[2, k, b], output[2, k, b] * look.near[b]
-            n0 += near * look.most[0, b]
-            n1 += near * look.most[1, b]
-            n2 += near * look.most[2, b]
-            n3 += near * look.most[3, b]
-            n4 += near * look.most[4, b]
-            aside += (size - near) * look.most[0, b]
-        look.bound[0, k], look.bound[1, k], look.bound[2, k], look.bound[3, k] = n0, n1, n2, n3
-        look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k] = n4, aside, noise[k]
+        for b in range(ends.in_cubic.size):
+            size, near = output[2, k, b], output[2, k, b] * ends.in_cubic[b]
+            n0 += near * ends.derivative_bound[0, b]
+            n1 += near * ends.derivative_bound[1, b]
+            n2 += near * ends.derivative_bound[2, b]
+            n3 += near * ends.derivative_bound[3, b]
+            n4 += near * ends.derivative_bound[4, b]
+            aside += (size - near) * ends.derivative_bound[0, b]
+        ends.bound[0, k], ends.bound[1, k], ends.bound[2, k], ends.bound[3, k] = n0, n1, n2, n3
+        ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k] = n4, aside, noise[k]
 
 
 @kernel
-def _add_squares(look, first, last):
-    """Half the sum of the squares of the outputs from one to another, in the place of the first of them."""
-    value, bound = look.value, look.bound
-    for p in range(look.u.size):
+def _add_squares(ends, first, last):
+    """Replace outputs ``first`` to ``last`` by half the sum of their squares, stored at the first."""
+    value, bound = ends.value, ends.bound
+    for p in range(ends.u.size):
         whole, near, slope = 0.0, 0.0, 0.0
         for k in range(first, last):
             whole += 0.5 * value[p, 0, k] ** 2
@@ -590,26 +608,26 @@ def _add_squares(look, first, last):
         bound[q, first] = math.sqrt(total)
     n0, n1, n2, n3, n4 = bound[0, first], bound[1, first], bound[2, first], bound[3, first], bound[4, first]
     bound[FOURTH, first] = n0 * n4 + 4.0 * n1 * n3 + 3.0 * n2**2  # by Leibniz and Schwarz
-    bound[ROUND_OFF, first] *= n0 + bound[ASIDE, first] + 0.5 * bound[ROUND_OFF, first]
+    bound[ROUND_OFF, first] *= n0 + bound[REMAINDER, first] + 0.5 * bound[ROUND_OFF, first]
 
 
 @kernel
-def _incumbent(known, sign, window, j):
-    """The largest value of all that a function competes with, and the size of these."""
-    of_window = known.best[window]
-    return of_window[known.rank[sign, j]], of_window[known.rank[0 if known.squared else sign, j]]
+def _incumbent(incumbents, sign, window, j):
+    """The largest value in the group of a function, and the size of the values in it."""
+    of_window = incumbents.largest_of_rank[window]
+    return of_window[incumbents.rank[sign, j]], of_window[incumbents.rank[0 if incumbents.squared else sign, j]]
 
 
 @kernel
-def _limit(top, scale, reached, resolution):
-    """What a function has to exceed on an interval at whose ends a value is reached.
+def _limit(incumbent, scale, end_value, resolution):
+    """Threshold that a function has to exceed within an interval, given its value at the ends.
 
-    Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one
-    does. The size of values is scale.
+    If only the largest values are searched this is the incumbent plus the tolerance; if all turning points are, the
+    value at the ends plus the resolution. ``scale`` is the size of the values.
     """
     if resolution >= 0.0:
         return -math.inf
-    return top + (4.0 * EPS if reached == top else TOLERANCE) * abs(scale)
+    return incumbent + (4.0 * EPS if end_value == incumbent else TOLERANCE) * abs(scale)
 
 
 @kernel
@@ -626,53 +644,52 @@ def _divide(interval, u):
 
 
 @kernel
-def _subdivide(known, key, look, resolution, waiting, turns, used):
-    """Parts that may hold more than what is known, written behind those that wait, the first part last.
+def _subdivide(incumbents, key, ends, resolution, queue, turning_points, counts):
+    """Append the parts that may exceed the incumbent to the queue, the first part last.
 
     Parameters
     ----------
-    known, look, resolution : see `search`.
+    incumbents, ends, resolution : see `search`.
     key : sign, window, function, part.
-    waiting : begin, end, bound, the value that is reached at the ends, the place of the top, 0 if not certain, and how
-        near to that it is.
-    turns : see `search`.
-    used : (2,) rows of these two that are used.
+    queue : rows of begin, end, bound, value at the ends, time of the maximum (0 if not certain), and its uncertainty.
+    turning_points : see `search`.
+    counts : (2,) rows in use of these two.
     """
     sign = 1.0 if key[0] == 0 else -1.0
-    value, k = look.value, known.first[key[2]]
-    top, scale = _incumbent(known, key[0], key[1], key[2])
-    fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
-    for p in range(look.u.size - 2, -1, -1):
-        begin, h = look.u[p], look.u[p + 1] - look.u[p]
+    value, k = ends.value, incumbents.first[key[2]]
+    top, scale = _incumbent(incumbents, key[0], key[1], key[2])
+    fourth, aside, noise = ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k]
+    for p in range(ends.u.size - 2, -1, -1):
+        begin, h = ends.u[p], ends.u[p + 1] - ends.u[p]
         left, right = sign * value[p, 1, k], sign * value[p + 1, 1, k]
         first, last = sign * value[p, 2, k] * h, sign * value[p + 1, 2, k] * h
         error = fourth * h * h * h * h
         reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
         limit = _limit(top, scale, reached, resolution)
         highest, place, curvature, flattest, steepest = _cubic(left, right, first, last)
-        bound = _add_remainder(highest + VALUE * error, aside, sign, known.squared) - noise
+        bound = _add_remainder(highest + VALUE * error, aside, sign, incumbents.squared) - noise
         climbs = flattest > SLOPE * error or steepest < -SLOPE * error
         if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
             continue
         if resolution >= 0.0 and VALUE * error + aside <= resolution + noise:
             if place > 0.0 or (first > 0.0 and last <= 0.0):
-                turns[used[1], 0] = key[3]
-                turns[used[1], 1] = begin + h * (place if place > 0.0 else 1.0)
-                used[1] += 1
+                turning_points[counts[1], 0] = key[3]
+                turning_points[counts[1], 1] = begin + h * (place if place > 0.0 else 1.0)
+                counts[1] += 1
             continue
-        row = waiting[used[0]]
-        row[0], row[1], row[2], row[3], row[4], row[5] = begin, look.u[p + 1], bound, reached, 0.0, 0.0
+        row = queue[counts[0]]
+        row[0], row[1], row[2], row[3], row[4], row[5] = begin, ends.u[p + 1], bound, reached, 0.0, 0.0
         if aside == 0.0 and 2.0 * SLOPE * error < -NEAR * curvature:  # else the top may be elsewhere
             row[4], row[5] = place, max(NEAREST, -2.0 * SLOPE * error / curvature)
-        used[0] += 1
+        counts[0] += 1
 
 
 @kernel
-def _add_remainder(bound, aside, sign, squared):
-    """Bound on a function from that on what is in the cubic and that on what is not."""
+def _add_remainder(bound, remainder, sign, squared):
+    """Bound on a function from the bounds on its cubic and on the remainder."""
     if not squared:
-        return bound + aside
-    root, rest = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * aside
+        return bound + remainder
+    root, rest = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * remainder
     return (root + rest) ** 2 if sign > 0.0 else -(max(root - rest, 0.0) ** 2)
 
 

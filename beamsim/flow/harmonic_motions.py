@@ -31,8 +31,8 @@ class _SegmentsInState(NamedTuple):
     state: ContactState  # under the loads of one of the motions
     vector: Complexes  # (J, T, N) of the terms
     exponent: Complexes  # (J, B) of the functions
-    given: Complexes  # (J, F) exponents of the sources
-    of: Ints  # (S,) which of the J motions
+    source_exponent: Complexes  # (J, F) exponents of the sources
+    motion: Ints  # (S,) which of the J motions
     segment: Ints  # (S,) numbers among all segments
     amplitude: Complexes  # (S, T) of the terms
     noise: Floats  # (S, T) round-off of the amplitudes
@@ -40,14 +40,14 @@ class _SegmentsInState(NamedTuple):
     def part(self, rows: slice | Bools) -> _SegmentsInState:
         """Some of the segments."""
         return self._replace(
-            of=self.of[rows], segment=self.segment[rows], amplitude=self.amplitude[rows], noise=self.noise[rows]
+            motion=self.motion[rows], segment=self.segment[rows], amplitude=self.amplitude[rows], noise=self.noise[rows]
         )
 
     def coefficients(self, rows: Floats) -> Complexes:
         """(J, T, K) factors of the terms in outputs with rows (K, V)."""
-        y, inputs, slopes = np.split(rows, np.cumsum([self.vector.shape[2], self.given.shape[1]]), axis=1)
+        y, inputs, slopes = np.split(rows, np.cumsum([self.vector.shape[2], self.source_exponent.shape[1]]), axis=1)
         table = self.vector @ y.T
-        table[:, self.state.terms_of_sources[0]] += inputs.T + self.given[:, :, None] * slopes.T
+        table[:, self.state.terms_of_sources[0]] += inputs.T + self.source_exponent[:, :, None] * slopes.T
         return table
 
     def integrals(self, length: Floats, weight: Complexes, power: Ints) -> Complexes:
@@ -64,7 +64,7 @@ class _SegmentsInState(NamedTuple):
         """
         of_terms = self.state.term_basis[:, None] == np.arange(self.exponent.shape[1])
         acts = (self.amplitude != 0.0).astype(float) @ of_terms > 0.0
-        rate = np.where(acts, self.exponent[self.of], 0.0)[:, :, None] + weight[:, None, :]
+        rate = np.where(acts, self.exponent[self.motion], 0.0)[:, :, None] + weight[:, None, :]
         degree = self.state.power[:, None] + power
         moments = exponential_moments(rate * length[:, None, None], int(degree.max()))
         every = np.take_along_axis(moments, np.broadcast_to(degree[..., None], (*rate.shape, 1)), axis=3)[..., 0]
@@ -131,7 +131,7 @@ class HarmonicMotions:
         """All segments, no more at once than the memory has room for with so many values for each function."""
         for group in self._groups:
             rows = max(1, VALUES_AT_ONCE // (group.exponent.shape[1] * width))
-            for first in range(0, group.of.size, rows):
+            for first in range(0, group.motion.size, rows):
                 check_stop()
                 yield group.part(slice(first, first + rows))
 
@@ -152,14 +152,14 @@ class HarmonicMotions:
         def sums() -> Iterator[Sums]:
             for group in self._groups:
                 state, lasting, table = group.state, group.part(lasts[group.segment]), None
-                for first in range(0, lasting.of.size, PARTS_AT_ONCE):
+                for first in range(0, lasting.motion.size, PARTS_AT_ONCE):
                     some = lasting.part(slice(first, first + PARTS_AT_ONCE))
                     table = group.coefficients(rows_of(state.phases)) if table is None else table
-                    unit = np.ones(some.of.size)
+                    unit = np.ones(some.motion.size)
                     place = np.stack([0.0 * unit, unit, self.time[some.segment], self.length[some.segment]])
                     yield Sums(
-                        group.exponent[some.of], state.power, state.term_basis, some.amplitude, some.noise,
-                        table[some.of], place, self.motion[some.segment],
+                        group.exponent[some.motion], state.power, state.term_basis, some.amplitude, some.noise,
+                        table[some.motion], place, self.motion[some.segment],
                     )  # fmt: skip
 
         outputs = rows_of(self.flow.system.contacts.start).shape[0]
@@ -179,7 +179,7 @@ class HarmonicMotions:
         outputs, W = rows_of(self.flow.system.contacts.start).shape[0], omega.shape[1]
         out, none = np.zeros((len(self.maps), outputs, W), dtype=complex), np.zeros(W, dtype=np.int64)
         for group in self._shares(2 * W):
-            of, at, basis = group.of, group.segment, group.state.term_basis
+            of, at, basis = group.motion, group.segment, group.state.term_basis
             factors = 0.5 * group.amplitude[:, :, None] * group.coefficients(rows_of(group.state.phases))[of]
             turning: Complexes = np.asarray(-1j * omega[self.motion[at]], dtype=complex)
             elapsed = self.time[at] - self.time[self.first[self.motion[at]]]
@@ -192,7 +192,7 @@ class HarmonicMotions:
         """(M, Q) integrals over each motion of ``sum_k weight[k, q] left_k right_k``, of outputs by the phases."""
         out = np.zeros((len(self.maps), weight.shape[1]))
         for group in self._shares(2 * max(each.exponent.shape[1] for each in self._groups)):
-            state, of, at = group.state, group.of, group.segment
+            state, of, at = group.state, group.motion, group.segment
             left, right, basis = left_of(state.phases), right_of(state.phases), state.term_basis
             acting = np.flatnonzero(left.any(axis=1) & right.any(axis=1))  # open contacts have no force
             one, other = (group.amplitude[:, :, None] * group.coefficients(x[acting])[of] for x in (left, right))

@@ -43,7 +43,7 @@ from beamsim.typing import TINY, Complexes, Floats, Ints
 
 
 class Subspaces(NamedTuple):
-    """All of them; what A is between them is all but block diagonal."""
+    """Right and left vectors of all subspaces of A, and A between them, which is nearly block diagonal."""
 
     right: Complexes  # X, (N, N)
     left: Complexes  # Xi, (N, N)
@@ -51,14 +51,14 @@ class Subspaces(NamedTuple):
 
 
 def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints], scale: Floats) -> Subspaces | None:
-    """Subspaces of A nearer to invariant ones; None where couplings are small already or do not decrease.
+    """Improve approximate invariant subspaces of A; None if couplings are already small or do not decrease.
 
     Parameters
     ----------
     A : (N, N).
     right, left : (N, N) vectors in columns, and in rows.
-    groups : numbers of vectors that belong together; those in no group are alone.
-    scale : (N,) what couplings make of a state is judged in coordinates so many times as large as these.
+    groups : numbers of the vectors of each block; a vector in no group is a block of its own.
+    scale : (N,) factors of the coordinates in which the size of couplings is judged.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
 ACCEPTED_PROJECTOR = 1e6  # norm that is accepted where merging does not get below the largest
-NEGLIGIBLE_COUPLING = 1e-12  # of a state in another one, which may stay
+NEGLIGIBLE_COUPLING = 1e-12  # relative coupling of two blocks that is accepted
 SAME_EIGENVALUE = 1e-9  # relative distance of eigenvalues that count as equal
 ROUND_OFF = 1e-15  # of the largest eigenvalue
 SEPARATE_PAIR = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
@@ -145,12 +145,14 @@ class BlockForm(NamedTuple):
     simple: SimpleModes
     blocks: list[Block]  # the others
 
-    def placed(self, out: Floats, back: Floats) -> BlockForm:
-        """Those of a state of which this one is a part, or the same in other coordinates: ``out`` (N', N) puts this
-        state into it, ``back`` (N, N') takes it out."""
+    def transform(self, to_state: Floats, from_state: Floats) -> BlockForm:
+        """The subspaces in other coordinates, or as part of a longer state.
+
+        ``to_state`` (N', N) maps this state into the other one, ``from_state`` (N, N') maps back.
+        """
         right, left, eigenvalue = self.simple
-        blocks = [replace(b, right=out @ b.right, left=b.left @ back) for b in self.blocks]
-        return BlockForm(SimpleModes(out @ right, left @ back, eigenvalue), blocks)
+        blocks = [replace(b, right=to_state @ b.right, left=b.left @ from_state) for b in self.blocks]
+        return BlockForm(SimpleModes(to_state @ right, left @ from_state, eigenvalue), blocks)
 
     def join(self, other: BlockForm) -> BlockForm:
         """These subspaces and others of the same state."""
@@ -196,7 +198,7 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
 
 
 def _second_order_block(shape: Floats, omega_squared: float, damping: float, rate: float) -> Block:
-    """The block of a mode (n,) whose two eigenvalues are not separate; rate is its own, 1/s, 0 where it has none."""
+    """The block of a mode (n,) whose two eigenvalues are not separate; ``rate`` is that of the mode, 1/s, or 0."""
     n, unit = shape.size, rate or 1.0
     right, left = np.zeros((2 * n, 2), dtype=complex), np.zeros((2, 2 * n), dtype=complex)
     right[:n, 0], right[n:, 1] = shape / unit, shape
@@ -212,8 +214,8 @@ def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], F
     ----------
     A : (N, N).
     window : s, longest time for which the blocks will be used.
-    inverse : gives that of A, written down rather than computed, and with it the eigenvalues far below the largest,
-        which A itself knows only to the round-off of the largest (a heavily overdamped contact).
+    inverse : gives the inverse of A in closed form. From it follow the eigenvalues far below the largest, which A
+        determines only to the round-off of the largest (a heavily overdamped contact).
 
     Returns
     -------
@@ -224,8 +226,8 @@ def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], F
 
     Where eigenvectors are ill-conditioned, the coordinates are scaled first: displacements and the internal states of a
     contact much stiffer than the structure have other sizes (balancing, after Osborne, J. ACM 7 (1960)). Balancing, and
-    the eigenvalue solver, which does the same, may enlarge round-off (Watkins, ETNA 23 (2006)): what the blocks leave
-    of A between them is measured in the given coordinates, see `refined`.
+    the eigenvalue solver, which does the same, may enlarge round-off (Watkins, ETNA 23 (2006)): the remaining coupling
+    of the blocks is measured in the given coordinates, see `refined`.
     """
     simple = _separate(A, inverse)
     if simple is None:
@@ -245,11 +247,11 @@ def _balanced_blocks(A: Floats, window: float, inverse: Callable[[], Floats] | N
     modes = _clusters(balanced, window) if simple is None else BlockForm(simple, [])
     if inverse is None and A.shape[0] > 1:
         modes = _refined(balanced, modes, scale)
-    return modes if np.all(scale == 1.0) else modes.placed(np.diag(scale), np.diag(1.0 / scale))
+    return modes if np.all(scale == 1.0) else modes.transform(np.diag(scale), np.diag(1.0 / scale))
 
 
 def _refined(A: Floats, modes: BlockForm, scale: Floats) -> BlockForm:
-    """BlockForm, both of each conjugate pair, and blocks without the couplings that round-off has left between them."""
+    """The block form with the couplings removed that round-off has left; both members of each conjugate pair."""
     simple, blocks = modes
     whole = [*blocks, *(b.conjugate() for b in blocks if b.weight == 2.0)]
     count = simple.eigenvalue.size
@@ -335,7 +337,7 @@ SPLIT_BY_ROUND_OFF = 1e-9  # of the largest eigenvalue, by which round-off split
 def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:
     """Single-linkage clusters; of two conjugate clusters only the upper one."""
     largest = float(np.max(np.abs(lam), initial=0.0))
-    # what splits a multiple eigenvalue at zero is round-off of the largest, or too small to be seen within the window
+    # a multiple eigenvalue at zero is split by round-off of the largest, or by less than the window resolves
     floor = max((SPLIT_BY_ROUND_OFF + 1e-3 * tolerance) * largest, tolerance / window)
     near = np.abs(lam[:, None] - lam[None, :]) <= (
         tolerance * np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :]) + floor
@@ -389,7 +391,7 @@ LEAST_COORDINATES, MOST_CHANGED = 52, 2
 
 
 def neighbouring_modes(
-    system: PiecewiseLinearSystem, known: SimpleModes, before: Ints, phases: Ints
+    system: PiecewiseLinearSystem, neighbour: SimpleModes, phases_before: Ints, phases: Ints
 ) -> SimpleModes | None:
     """Modes of (q, q') in a contact state from those of another one.
 
@@ -398,8 +400,8 @@ def neighbouring_modes(
     Parameters
     ----------
     system : the structure.
-    known : modes with the phases ``before``, one of each conjugate pair.
-    before, phases : (m,) of the contacts in the known state and in the new one.
+    neighbour : modes with the phases ``phases_before``, one of each conjugate pair.
+    phases_before, phases : (m,) of the contacts in the known state and in the new one.
 
     Returns
     -------
@@ -407,22 +409,22 @@ def neighbouring_modes(
     """
     n, contacts = system.size, system.contacts
     damped = contacts.damped or bool(np.diag(system.damping).any())
-    if not damped or system.coupled_by_damping or np.count_nonzero(before != phases) > MOST_CHANGED:
+    if not damped or system.coupled_by_damping or np.count_nonzero(phases_before != phases) > MOST_CHANGED:
         return None
     if any(
         contacts.couples_states(of) or contacts.sticks_rigidly(of).any() or contacts.presses(of)
-        for of in (before, phases)
+        for of in (phases_before, phases)
     ):
         return None
-    upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
+    upper = np.flatnonzero(neighbour.eigenvalue.imag > 0.0)
     if upper.size < n:
         return None
-    old, new = (contacts.arrays.force[np.arange(contacts.count), each] for each in (before, phases))
+    old, new = (contacts.arrays.force[np.arange(contacts.count), each] for each in (phases_before, phases))
     change = (new - old)[:, :2]
-    upper = upper[np.argsort(known.eigenvalue[upper].imag)]
-    pole, rows = known.eigenvalue[upper], known.left[upper, n : 2 * n]  # vectors, one a row
+    upper = upper[np.argsort(neighbour.eigenvalue[upper].imag)]
+    pole, rows = neighbour.eigenvalue[upper], neighbour.left[upper, n : 2 * n]  # vectors, one a row
     largest = np.argmax(np.abs(rows), axis=1)
-    rows *= np.sqrt(known.right[largest, upper] / rows[np.arange(n), largest])[:, None]
+    rows *= np.sqrt(neighbour.right[largest, upper] / rows[np.arange(n), largest])[:, None]
     for j in np.flatnonzero(change.any(axis=1)):
         p = rows @ contacts.shape[j]
         some = np.flatnonzero(p)
@@ -442,17 +444,17 @@ def neighbouring_modes(
 def _with_dyad(
     pole: Complexes, rows: Complexes, p: Complexes, k: float, c: float
 ) -> tuple[Complexes, Complexes] | None:
-    """Modes after a spring k and a dashpot c were added along one direction.
+    """Modes after adding a spring k and a dashpot c along one direction.
 
     Parameters
     ----------
     pole : (n,) eigenvalues in the upper half-plane, sorted by their imaginary parts.
-    rows, p : (n, n') their vectors u, and (n,) what these have of the direction.
+    rows, p : (n, n') their vectors u, and (n,) the components of these along the direction.
     k, c : N/m and N s/m.
 
     Returns
     -------
-    pole, rows : the same after the change; None where not all were found.
+    pole, rows : the same after the change; None if some were not found.
     """
     found = _zeros(pole, p * p, k, c)
     if found is None:
@@ -461,28 +463,30 @@ def _with_dyad(
     zero, pairs = pole[near] + offset, _Pairs.of(pole[near], offset, pole)
     apart = pole[:, None] - pole
     np.fill_diagonal(apart, 1.0)
-    squares = np.prod(pairs.to * pairs.other.conj() / (apart.T * (pole - pole.conj()[:, None])), axis=0)
+    squares = np.prod(pairs.from_pole * pairs.from_conjugate.conj() / (apart.T * (pole - pole.conj()[:, None])), axis=0)
     exact = np.sqrt(squares / (k + c * pole))
     exact *= np.where((exact * p.conj()).real < 0.0, -1.0, 1.0)
-    total = c / (k + c * zero) ** 2 + np.sum((exact / pairs.to) ** 2 + (exact.conj() / pairs.other) ** 2, axis=1)
+    total = c / (k + c * zero) ** 2 + np.sum(
+        (exact / pairs.from_pole) ** 2 + (exact.conj() / pairs.from_conjugate) ** 2, axis=1
+    )
     moved = exact[:, None] * rows
     parts = np.concatenate([moved.real, (moved * pole.conj()[:, None]).real])
-    factors = pairs.both / np.sqrt(total)[:, None]
+    factors = pairs.pair_sum / np.sqrt(total)[:, None]
     return zero, np.hstack([factors * zero[:, None], -factors]) @ parts
 
 
 class _Pairs(NamedTuple):
     """Differences of numbers (m,) from poles (n,) and from their conjugates."""
 
-    to: Complexes  # (m, n)
-    other: Complexes  # (m, n)
-    both: Complexes  # (m, n) 2 over their products
+    from_pole: Complexes  # (m, n)
+    from_conjugate: Complexes  # (m, n)
+    pair_sum: Complexes  # (m, n) 2 over their products
 
     @classmethod
-    def of(cls, near: Complexes, offset: Complexes, pole: Complexes) -> _Pairs:
-        """Of the numbers ``near + offset``, which stand apart because the differences are to keep their digits."""
-        to = (near[:, None] - pole) + offset[:, None]
-        other = (near[:, None] - pole.conj()) + offset[:, None]
+    def of(cls, origin: Complexes, offset: Complexes, pole: Complexes) -> _Pairs:
+        """Differences of numbers ``origin + offset``, given separately so that small ones keep their digits."""
+        to = (origin[:, None] - pole) + offset[:, None]
+        other = (origin[:, None] - pole.conj()) + offset[:, None]
         return cls(to, other, 2.0 / (to * other))
 
 
@@ -493,7 +497,7 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
     """
     n = pole.size
     if np.any(np.abs(np.diff(pole)) < 1e-10 * np.abs(pole[:-1])):
-        return None  # two count as one
+        return None  # two zeros coincide
     offset = -(k + c * pole) * residue
     space = np.diff(pole.imag, prepend=0.0, append=np.inf)
     offset *= np.minimum(1.0, 0.4 * np.where(offset.imag > 0.0, space[1:], space[:-1]) / np.abs(offset))
@@ -503,18 +507,18 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
         zeros = pole[near] + offset
         zero = zeros[busy]
         pairs = _Pairs.of(pole[near[busy]], offset[busy], pole)
-        part = (zero[:, None] * residue.real - turned) * pairs.both
-        inverse = (pairs.to.real + 1j * zero.imag[:, None]) * pairs.both
+        part = (zero[:, None] * residue.real - turned) * pairs.pair_sum
+        inverse = (pairs.from_pole.real + 1j * zero.imag[:, None]) * pairs.pair_sum
         apart = zero[:, None] - zeros
         apart[np.arange(busy.size), busy] = np.inf
         others = (inverse - 1.0 / apart - 1.0 / (zero[:, None] - zeros.conj())).sum(axis=1)
         total, z = part.sum(axis=1), k + c * zero
         value = 1.0 + z * total
-        step = -value / (c * total + z * (residue.real * pairs.both - part * inverse).sum(axis=1) + value * others)
+        step = -value / (c * total + z * (residue.real * pairs.pair_sum - part * inverse).sum(axis=1) + value * others)
         if not np.all(np.isfinite(step)):
             return None
         new = offset[busy] + step
-        below = (pole[near[busy]] + new).imag < 0.0  # its conjugate is the one that is still missing
+        below = (pole[near[busy]] + new).imag < 0.0  # the conjugate is the zero that is still missing
         new = np.where(below, (pole[near[busy]] + new).conj() - pole[near[busy]], new)
         size = np.where(below, np.inf, np.abs(step))
         neighbours = np.clip(near[busy] + np.array([[0], [-1], [1]]), 0, n - 1)

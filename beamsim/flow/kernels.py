@@ -3,7 +3,7 @@ moments of exponentials.
 
 Arrays in, arrays out; nothing is allocated per segment. Symbols: ``tau`` is the time since the start of a
 segment, ``gamma[b]`` a complex coefficient of the basis function :math:`\tau^{p_b} e^{\lambda_b \tau}`, so
-that a watched quantity is :math:`g(\tau) = \mathrm{Re} \sum_b \gamma_b \tau^{p_b} e^{\lambda_b\tau}`.
+that an event function is :math:`g(\tau) = \mathrm{Re} \sum_b \gamma_b \tau^{p_b} e^{\lambda_b\tau}`.
 
 Guards are functions :math:`g(\tau) = \mathrm{Re} \sum_b \gamma_b \tau^{p_b} e^{\lambda_b \tau}` that are positive while
 the contacts stay in their phases. From value, slope and a bound on the curvature follows a step over which no guard can
@@ -17,8 +17,8 @@ Numbers are known to round-off, so that zero is a question of tolerances. There 
   guards are positive or at zero, and what is below is round-off of the change of coordinates: at most `AT_EVENT` of
   the terms, or `AT_ONCE` of the segment. At the beginning of a motion, whose phases the first derivatives have
   decided, it is `AT_START` times the noise.
-- A guard that has been at zero since its segment began, and falls (a contact at rest where an input begins), leaves
-  zero late by its noise. If its first slope takes it below, the event is at tau, else at the start.
+- A guard that is zero from the start of its segment and then falls (a contact at rest when an input begins) is detected
+  late, by an amount set by its noise. If its initial slope explains the value, the event is at tau, else at the start.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 from beamsim.flow.compiled import kernel, summing
 
 EPS = 2.220446049250313e-16
-LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
+LEAST = 1.0  # smallest size of x for which (e^x - 1) / x keeps its digits
 
 
 class Tables(NamedTuple):
@@ -46,17 +46,17 @@ class Tables(NamedTuple):
     term_basis: Any  # (S, T)
     term_source: Any  # (S, T)
     term_vector: Any  # (S, T, N)
-    watch: Any  # (S, T, w) of the state's guards, then of the internal states after the events that reset them
+    event_function: Any  # (S, T, w) of the state's guards, then of the internal states after the events that reset them
     roundoff_scale: (
         Any  # (S, T, g) size of each term's parts before they cancel, which sets the round-off of the guards
     )
     horizon: Any  # (S,)
     phase: Any  # (S, m) of the contacts
     n_guards: Any  # (S,)
-    n_joining: Any  # (S,) see `Guards.joining`
+    n_joining: Any  # (S,) see `Guards.joining_count`
     guard_contact: Any  # (S, g) contact of each guard
     reset: Any  # (S, g) column of `watch` with the contact's internal states after the event, -1 where they go on
-    follower: Any  # (S, g) state after a guard's event, -1 where it is not built yet
+    successor: Any  # (S, g) state after a guard's event, -1 if it is not in memory
     first: Any  # (m,) of a contact's internal states in the state vector
     states: Any  # (m,) number of a contact's internal states
 
@@ -92,7 +92,7 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 
 @kernel
-def _shift(inputs, amplitude, piece, t, shifted):
+def _shift(inputs, amplitude, piece, t, out):
     """Amplitudes of the inputs, or changes of them, about another time than the start of their piece.
 
     Parameters
@@ -101,7 +101,7 @@ def _shift(inputs, amplitude, piece, t, shifted):
     amplitude : (P, F) about the starts of the pieces.
     piece : of the inputs.
     t : s.
-    shifted : (F,) or more; the first F are written.
+    out : (F,) or more; the first F are written.
     """
     shift = t - inputs.start[piece]
     for f in range(inputs.exponent.size):
@@ -114,12 +114,12 @@ def _shift(inputs, amplitude, piece, t, shifted):
         nu = inputs.exponent[f]
         if shift != 0.0 and nu != 0.0:
             total *= _exp(nu.real, nu.imag, shift)
-        shifted[f] = total
+        out[f] = total
 
 
 @kernel
-def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):
-    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work.
+def _fill_sources(tables, s, inputs, piece, t, y, work, zeta):
+    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``work`` (N,) is for work.
 
     Parameters
     ----------
@@ -128,21 +128,21 @@ def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):
     piece : of the inputs.
     t : s.
     y : (N,) state.
-    rest : (N,) room for work.
+    work : (N,) room for work.
     zeta : (F + Z,) of the inputs, then of the free motions; written.
     """
     F = inputs.exponent.size
     _shift(inputs, inputs.amplitude, piece, t, zeta)
     for k in range(y.size):
-        rest[k] = y[k]
+        work[k] = y[k]
     for q in range(tables.n_terms[s]):
         source = tables.term_source[s, q]
         if source < F and tables.power[s, tables.term_basis[s, q]] == 0:
             z = zeta[source]
             for k in range(y.size):
                 v = tables.term_vector[s, q, k]
-                rest[k] -= v.real * z.real - v.imag * z.imag
-    _project(tables.projector[s], tables.n_free[s], rest, zeta[F:])
+                work[k] -= v.real * z.real - v.imag * z.imag
+    _project(tables.projector[s], tables.n_free[s], work, zeta[F:])
 
 
 @summing
@@ -227,7 +227,7 @@ def _reset(tables, s, guard, zeta, basis, y):
     for i in range(tables.states[contact]):
         total = 0.0
         for q in range(tables.n_terms[s]):
-            w = tables.watch[s, q, column + i]
+            w = tables.event_function[s, q, column + i]
             total += (w * zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]).real
         y[tables.first[contact] + i] = total
 
@@ -245,7 +245,7 @@ class Guards(NamedTuple):
 
     basis: Any  # B
     count: Any  # g
-    joining: Any  # how many, the first ones, act before any other: contacts that join others at rest
+    joining_count: Any  # how many, the first ones, act before any other: contacts that join others at rest
     exponent: Any  # (B,) 1/s
     power: Any  # (B,)
     coefficient: Any  # (B, g)
@@ -254,44 +254,44 @@ class Guards(NamedTuple):
 
 
 class SearchWork(NamedTuple):
-    """Work of a search."""
+    """Work arrays of a search for the first event."""
 
-    out: Any  # (4, g) value, slope, bound on the curvature, round-off
+    values: Any  # (4, g) value, slope, bound on the curvature, round-off
     floors: Any  # (g,)
     slopes: Any  # (g,) at the start of the segment, of what has not risen since; else -inf
 
 
 @kernel
-def _first_event(guards, work, H, begins, most):
+def _first_event(guards, work, H, start_guard, max_evaluations):
     """The first event on [0, H].
 
     Parameters
     ----------
     guards, work : what is searched, and room for it.
     H : s, length of the segment.
-    begins : the guard whose event is at its start, `ONWARDS` without one, or `BEGINNING` of the motion.
-    most : evaluations of the guards.
+    start_guard : the guard whose event is at its start, `ONWARDS` without one, or `BEGINNING` of the motion.
+    max_evaluations : evaluations of the guards.
 
     Returns
     -------
-    tau : s, time of the event, H without one, or how far the search came with ``most`` evaluations.
+    tau : s, time of the event, H without one, or how far the search came with ``max_evaluations`` evaluations.
     hit : the guard; `NO_EVENT` up to tau, or `NO_STEP` where a step has no length.
     evaluations : of the guards.
     """
-    out, floors, slopes = work.out, work.floors, work.slopes
+    out, floors, slopes = work.values, work.floors, work.slopes
     for j in range(guards.count):
         floors[j] = 0.0
     tau, evaluations = 0.0, 0
-    while tau < H and evaluations <= most:
+    while tau < H and evaluations <= max_evaluations:
         reach = _evaluate(guards, tau, H, out)
         evaluations += 1
-        if tau == 0.0 and begins != ONWARDS:
-            _fill_floors(guards, out, H, begins, floors)
+        if tau == 0.0 and start_guard != ONWARDS:
+            _fill_floors(guards, out, H, start_guard, floors)
         step, hit = _next_step(guards, out, floors, tau, reach, evaluations % PATIENCE == 0)
-        if begins < 0:
+        if start_guard < 0:
             step *= _follow_zeros(guards, out, tau, slopes, floors)
         if hit >= 0:
-            if begins < 0 and slopes[hit] * tau > -0.5 * _noise(guards, out, hit):
+            if start_guard < 0 and slopes[hit] * tau > -0.5 * _noise(guards, out, hit):
                 return 0.0, hit, evaluations
             return _crossing(out, hit, tau), hit, evaluations
         if tau + step == tau:
@@ -302,7 +302,7 @@ def _first_event(guards, work, H, begins, most):
 
 @kernel
 def _noise(guards, out, j):
-    """What a guard is known to.
+    """Round-off of a guard, below which it counts as zero.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ def _evaluate(guards, tau, H, out):
     for j in range(count):
         values[j], slopes[j], bounds[j], noises[j] = 0.0, 0.0, 0.0, 0.0
     first_value, first_slope, first_bound, first_noise = 0.0, 0.0, 0.0, 0.0
-    reach = H  # a high power is bounded by its value at the far end: after the first look no further than twice tau
+    reach = H  # a high power is bounded by its value at the far end: later evaluations reach to twice tau at most
     for b in range(guards.basis):
         if tau > 0.0 and guards.power[b] > 2:
             reach = min(H, max(2.0 * tau, H / 64.0))
@@ -400,7 +400,7 @@ def _safe_step(g, slope, bound):
     root = math.sqrt(slope * slope + 2.0 * bound * g)
     if slope < 0.0:
         return 2.0 * g / (root - slope)
-    if root == 0.0:  # the product is too small for a number: what is left of a motion that has decayed
+    if root == 0.0:  # underflow: the motion has decayed
         return math.sqrt(2.0 * g / bound)
     return (slope + root) / bound
 
@@ -409,10 +409,9 @@ def _safe_step(g, slope, bound):
 def _next_step(guards, out, floors, tau, reach, try_taylor_bound):
     """(step, hit): a step over which no guard can reach zero; the guard at zero already (`NO_EVENT`: none).
 
-    A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
-    smallest length. Of guards that an event has put below zero the lowest comes first, of the joining ones if there is
-    one among them. With ``try_taylor_bound`` a step takes higher
-    derivatives of the guards whose curvature stops it before ``reach``.
+    Twice its tolerance is added to every guard: a contact that stays at zero to round-off is ignored, and steps have a
+    smallest length. If an event has put several guards below zero, the lowest comes first; joining contacts precede all
+    others. With ``try_taylor_bound`` the bound uses higher derivatives of the guards whose curvature limits the step.
 
     Parameters
     ----------
@@ -429,7 +428,7 @@ def _next_step(guards, out, floors, tau, reach, try_taylor_bound):
     """
     step, hit, put_below = reach - tau, NO_EVENT, False
     for j in range(guards.count):
-        if j == guards.joining and put_below:
+        if j == guards.joining_count and put_below:
             break
         tolerance = max(_noise(guards, out, j), floors[j])
         lifted = out[0, j] + 2.0 * tolerance
@@ -446,7 +445,7 @@ def _next_step(guards, out, floors, tau, reach, try_taylor_bound):
 
 
 @kernel
-def _fill_floors(guards, out, H, begins, floors):
+def _fill_floors(guards, out, H, start_guard, floors):
     """Floors of the guards that are below zero at the start of a segment, after an event or at the beginning.
 
     Parameters
@@ -454,13 +453,13 @@ def _fill_floors(guards, out, H, begins, floors):
     guards : Guards.
     out : (4, g) at the start, as `_evaluate` fills it.
     H : s, length of the segment.
-    begins : the guard whose event is there, or `BEGINNING` of the motion.
+    start_guard : the guard whose event is there, or `BEGINNING` of the motion.
     floors : (g,) in units of the guards; written.
     """
     for j in range(guards.count):
         if out[0, j] >= 0.0:
             continue
-        if begins >= 0:
+        if start_guard >= 0:
             scale = 0.0
             for b in range(guards.basis):
                 scale += guards.size[b, j] * H ** guards.power[b]
@@ -471,10 +470,10 @@ def _fill_floors(guards, out, H, begins, floors):
 
 @kernel
 def _follow_zeros(guards, out, tau, slopes, floors):
-    """Fill in the slopes of `SearchWork`; what has risen has no floor any more.
+    """Update slopes and floors: the floor of a guard is removed once the guard is positive.
 
-    Returns the share of a step to take: half of the first one where a guard rises, so that it is seen above zero before
-    it may come back.
+    While a guard that starts at zero rises, only half of the first step is taken, so that it is evaluated above zero
+    before it can return.
 
     Parameters
     ----------
@@ -500,20 +499,20 @@ def _follow_zeros(guards, out, tau, slopes, floors):
 
 
 @kernel
-def _crossing(out, hit, tau):
+def _crossing(out, guard, tau):
     """Time of the zero next to tau, by one Newton step where the curvature allows it.
 
     Parameters
     ----------
     out : (4, g) at tau, as `_evaluate` fills it.
-    hit : the guard.
+    guard : the guard.
     tau : s.
 
     Returns
     -------
     tau : s, of the zero.
     """
-    g, slope, bound = out[0, hit], out[1, hit], out[2, hit]
+    g, slope, bound = out[0, guard], out[1, guard], out[2, guard]
     if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
         return max(0.0, tau - g / slope)
     return tau
@@ -581,13 +580,13 @@ DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 
 
 class Position(NamedTuple):
-    """Where a motion is."""
+    """Position of a motion: its time, contact state and the event there."""
 
     time: Any  # s
     piece: Any  # of the sources
     state: Any  # contact state
     guard: Any  # whose event is here, or ONWARDS, or BEGINNING of the motion
-    waits: Any  # whether the state after that event was not built
+    awaits_state: Any  # whether the state after that event was not built
 
 
 @kernel
@@ -611,7 +610,7 @@ def _fill_guards(tables, s, zeta, H, guards):
         b, z = tables.term_basis[s, q], zeta[tables.term_source[s, q]]
         a = 4.0 * EPS * abs(z) * H ** tables.power[s, b]  # a power of time counts with what it reaches on this segment
         for j in range(guards.count):
-            coefficient[b, j] += tables.watch[s, q, j] * z
+            coefficient[b, j] += tables.event_function[s, q, j] * z
             noise_floor[j] += a * tables.roundoff_scale[s, q, j]
     for b in range(guards.basis):
         for j in range(guards.count):
@@ -640,7 +639,7 @@ def _piece_at(inputs, piece, t, end):
 
 @kernel
 def _log_segment(log, number, t, state, piece, y):
-    """Write down how a segment begins.
+    """Write the start of a segment into the log.
 
     Parameters
     ----------
@@ -656,7 +655,7 @@ def _log_segment(log, number, t, state, piece, y):
 
 @kernel
 def _log_event(tables, log, number, t, state, guard):
-    """Write down an event.
+    """Write an event into the log.
 
     Parameters
     ----------
@@ -668,12 +667,12 @@ def _log_event(tables, log, number, t, state, guard):
     contact = tables.guard_contact[state, guard]
     log.event_time[number], log.event_contact[number] = t, contact
     log.event_before[number] = tables.phase[state, contact]
-    log.event_phase[number] = tables.phase[tables.follower[state, guard], contact]
+    log.event_phase[number] = tables.phase[tables.successor[state, guard], contact]
 
 
 @kernel
-def march(tables, inputs, position, end, y, log, most_evaluations):
-    """Carry a motion on from event to event.
+def march(tables, inputs, position, end, y, log, max_evaluations):
+    """Compute a motion from event to event until its end, or until the host has to act.
 
     Parameters
     ----------
@@ -682,12 +681,12 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     end : s.
     y : (N,) state, updated in place.
     log : takes segments and events (see `beamsim.flow.transient.Log`).
-    most_evaluations : of the guards.
+    max_evaluations : of the guards.
 
     Returns
     -------
     status : DONE at the end; NEED_STATE when the state that follows the guard's event is not built (the event is not
-        logged yet, the segment is); FULL when the log is full; BUDGET when ``most_evaluations`` were used: called again
+        logged yet, the segment is); FULL when the log is full; BUDGET when ``max_evaluations`` were used: called again
         it goes on; STUCK when a step has no length. A segment that takes that many evaluations alone is split.
     time, piece, state, guard : where the motion is.
     segments, events, evaluations : how many.
@@ -707,7 +706,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
             if n_seg == log.time.size or n_ev == log.event_time.size:
                 status = FULL
                 break
-            if n_eval > most_evaluations:
+            if n_eval > max_evaluations:
                 status = BUDGET
                 break
             H = min(stop - t, tables.horizon[state])
@@ -721,7 +720,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
                     nb, tables.n_guards[state], tables.n_joining[state], exponent, power, gamma, size, noise_floor
                 )
                 _fill_guards(tables, state, zeta, H, guards)
-                tau, hit, looks = _first_event(guards, search, H, guard, most_evaluations)
+                tau, hit, looks = _first_event(guards, search, H, guard, max_evaluations)
                 n_eval += looks
                 if hit == NO_STEP:
                     status = STUCK
@@ -736,7 +735,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
                 continue
             t += tau
             _reset(tables, state, hit, zeta, basis, y)
-        following = tables.follower[state, guard]
+        following = tables.successor[state, guard]
         waits = following < 0
         if waits:
             status = NEED_STATE
@@ -748,13 +747,13 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
 
 
 @kernel
-def _moments(x, top, out):
+def _moments(x, highest, out):
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top: upward while q is no larger than x, then downward from a series.
 
     Parameters
     ----------
     x : exponent, complex.
-    top : highest q.
+    highest : highest q.
     out : (top + 1,) complex; written.
     """
     size = math.sqrt(x.real * x.real + x.imag * x.imag)
@@ -764,19 +763,19 @@ def _moments(x, top, out):
     if size >= LEAST:
         inverse = 1.0 / x
         out[0] = (end - 1.0) * inverse
-        known = min(top, int(size))
+        known = min(highest, int(size))
         for q in range(1, known + 1):
             out[q] = (end - q * out[q - 1]) * inverse
-    if known == top:
+    if known == highest:
         return
-    total = complex(1.0 / (top + 1), 0.0)
+    total = complex(1.0 / (highest + 1), 0.0)
     term, k = total, 0
     while abs(term.real) + abs(term.imag) > 2e-17 * (abs(total.real) + abs(total.imag)):
         k += 1
-        term *= -x / (top + 1 + k)
+        term *= -x / (highest + 1 + k)
         total += term
-    out[top] = end * total
-    for q in range(top - 1, known, -1):
+    out[highest] = end * total
+    for q in range(highest - 1, known, -1):
         out[q] = (end - x * out[q + 1]) / (q + 1)
 
 

@@ -16,12 +16,12 @@ from beamsim.flow.kernels import fill_moments
 from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-CANCELLED = 1e-3  # a rate over the exponents that cancel in it, below which integrals come from moments
+CANCELLED = 1e-3  # relative size of a sum of exponents below which integrals are computed from moments
 
 VALUES_AT_ONCE, MANY_VALUES = 100_000, 2_000_000  # in a block of times or frequencies, which bounds the memory
 
 
-def exponential_moments(x: Complexes, top: int) -> Complexes:
+def exponential_moments(x: Complexes, highest: int) -> Complexes:
     r"""Moments :math:`m_q(x) = \int_0^1 s^q e^{x s} ds`.
 
     Integration by parts gives :math:`x m_q = e^x - q m_{q-1}`. Errors shrink in the upward direction while
@@ -31,16 +31,16 @@ def exponential_moments(x: Complexes, top: int) -> Complexes:
     Parameters
     ----------
     x : (...) exponents.
-    top : highest power.
+    highest : highest power.
 
     Returns
     -------
     (..., top + 1) moments, each as exact as round-off of :math:`\int_0^1 s^q |e^{x s}| ds`.
     """
     every = np.ascontiguousarray(x, dtype=complex).ravel()
-    out = np.empty((every.size, top + 1), dtype=complex)
+    out = np.empty((every.size, highest + 1), dtype=complex)
     fill_moments(every, out)
-    return out.reshape(*np.shape(x), top + 1)
+    return out.reshape(*np.shape(x), highest + 1)
 
 
 def weighted_moments(
@@ -72,7 +72,7 @@ def weighted_moments(
 
 
 def equal_times(tau: Floats, resolution: float) -> Floats:
-    """(n,) times of which those that differ by no more than a resolution from the next lower one are made equal, s."""
+    """(n,) times, s; those that differ from the next lower one by no more than the resolution are set equal to it."""
     order = np.argsort(tau, kind="stable")
     ordered = tau[order]
     first = np.append(True, np.diff(ordered) > resolution)
@@ -82,7 +82,7 @@ def equal_times(tau: Floats, resolution: float) -> Floats:
 
 
 def products_of_exponentials(
-    exponent: Complexes, factors: tuple[Complexes, Complexes, Floats], amplitude: Complexes, of: Ints, tau: Floats
+    exponent: Complexes, factors: tuple[Complexes, Complexes, Floats], amplitude: Complexes, segment: Ints, tau: Floats
 ) -> Floats:
     """Integrals from 0 to tau of sums of products of outputs, each a sum of T exponentials.
 
@@ -92,7 +92,7 @@ def products_of_exponentials(
     factors : coefficients (T, K) of the left and the right outputs, and weights (K, Q) of their products in the sums;
         the fewer exponentials are in left factors, the less is computed.
     amplitude : (S, T) of the exponentials on S segments, which coefficients multiply.
-    of : (n,) which of the segments.
+    segment : (n,) which of the segments.
     tau : (n,) s.
 
     Returns
@@ -105,24 +105,24 @@ def products_of_exponentials(
     rate, power, inverse = _pairs(exponent, none, acting, tau)
     forms = np.stack([(left[acting] * w) @ both.T for w in weight.T])
     by_ends = forms * inverse
-    out, (row, column) = -sums_of_products(amplitude, acting, by_ends)[of], np.nonzero(inverse == 0.0)
+    out, (row, column) = -sums_of_products(amplitude, acting, by_ends)[segment], np.nonzero(inverse == 0.0)
     whole = np.hstack([amplitude, amplitude.conj()])
     for part in blocks(tau.size, 4 * exponent.size + 2 * row.size):
-        at_end = amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent))
+        at_end = amplitude[segment[part]] * np.exp(np.multiply.outer(tau[part], exponent))
         out[part] += sums_of_products(at_end, acting, by_ends)
-        alone = amplitude[of[part]][:, acting[row]] * whole[of[part]][:, column]
+        alone = amplitude[segment[part]][:, acting[row]] * whole[segment[part]][:, column]
         alone *= _integrals(rate[row, column], power[row, column], tau[part])
         out[part] += (alone @ forms[:, row, column].T).real
     return out
 
 
-def sums_of_products(amplitude: Complexes, acting: Ints, factors: Complexes) -> Floats:
+def sums_of_products(amplitude: Complexes, first_factor: Ints, factors: Complexes) -> Floats:
     """Real parts of sums of products of amplitudes with each other and with their conjugates.
 
     Parameters
     ----------
     amplitude : (n, F).
-    acting : (A,) which of them are the first one of a product.
+    first_factor : (A,) which of them are the first one of a product.
     factors : (Q, A, 2 F) of the products with all and with their conjugates, in each of Q sums.
 
     Returns
@@ -132,7 +132,7 @@ def sums_of_products(amplitude: Complexes, acting: Ints, factors: Complexes) -> 
     grown, mixed = np.split(factors, 2, axis=2)
     alike, apart = mixed + grown, mixed - grown
     forms = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
-    one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, acting], amplitude))
+    one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, first_factor], amplitude))
     out = np.empty((amplitude.shape[0], forms.shape[0]))
     for column, form in zip(out.T, forms, strict=True):
         some = form.any(axis=1)  # inputs alone do work
@@ -225,8 +225,10 @@ def fourier_sums(
 
 
 def _pairs(exponent: Complexes, power: Ints, rows: Ints, times: Floats) -> tuple[Complexes, Ints, Complexes]:
-    """(R, 2 T) rates and powers of the products of some of T terms with all and their conjugates, and one over the
-    rates whose integrals over times follow from both ends, else 0."""
+    """(R, 2 T) rates and powers of the products of terms ``rows`` with all terms and their conjugates.
+
+    Third: the reciprocal rates where integrals follow from the values at both ends, else 0.
+    """
     rate = exponent[rows, None] + np.concatenate([exponent, exponent.conj()])
     size, degree = np.abs(exponent), power[rows, None] + np.tile(power, 2)
     by_ends = (degree == 0) & _distant(rate, size[rows, None] + np.tile(size, 2), times)
@@ -234,7 +236,8 @@ def _pairs(exponent: Complexes, power: Ints, rows: Ints, times: Floats) -> tuple
 
 
 def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
-    """Whether antiderivatives of exponentials keep their digits; size: sum of those that make up the rate, 1/s."""
+    """Whether antiderivatives of exponentials keep their digits; ``size``: sum of the summands' sizes of the rate,
+    1/s."""
     longest = float(times.max(initial=0.0))
     return np.asarray(np.abs(rate) * longest > CANCELLED * (1.0 + longest * size))
 
@@ -249,7 +252,7 @@ def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:
 
 
 def blocks(count: int, width: int, values: int = VALUES_AT_ONCE) -> Iterator[slice]:
-    """Ranges of rows of a table of a width, each of no more than a number of values, which bounds the memory."""
+    """Ranges of rows of a table, each with at most ``values`` entries, which bounds the memory."""
     rows = max(1, values // max(width, 1))
     for first in range(0, count, rows):
         check_stop()

@@ -1,4 +1,4 @@
-"""What shooting and continuation ask of a structure under periodic loads, whatever carries its motion.
+"""Interface of flows under periodic loads, as shooting and continuation use it.
 
 Implemented in closed form (:mod:`beamsim.flow.variational`) and by Taylor series for cubic springs
 (:mod:`beamsim.flow.smooth_flow`).
@@ -36,7 +36,7 @@ class NotFinite(ArithmeticError):
 
 
 def check_finite(y: Floats | Complexes) -> None:
-    """Refuse a state, or loads, that are not finite.
+    """Raise an error if a state or loads are not finite.
 
     Raises
     ------
@@ -117,11 +117,11 @@ class PeriodicForcing:
 
     @cached_property
     def _moves(self) -> Ints:
-        """Harmonics in which the base moves."""
+        """Numbers of the harmonics in which the base moves."""
         return np.flatnonzero(self.base)
 
     def signals(self, omega: float, level: float) -> Forcing:
-        """The same loads for :class:`beamsim.flow.exact.ExactFlow`; what they act on depends on neither number.
+        """The loads as the forcing of an :class:`beamsim.flow.exact.ExactFlow`.
 
         Raises
         ------
@@ -177,32 +177,36 @@ class Level:
 
 @dataclass(frozen=True)
 class ContactDirection:
-    """A parameter p along which the contacts' numbers change: their derivatives by p (shape by its vector)."""
+    """Derivatives of the contacts' numbers by a parameter p."""
 
     stiffness: Floats  # (m,) of laws made of one stiffness and one dashpot
     dashpot: Floats  # (m,)
     gap: Floats  # (m,)
     shape: Floats  # (m, n)
     base_participation: Floats  # (m,) of the motion of each place for a unit motion of the base
-    along: Contacts | None = None  # contacts whose laws' forces are added
+    added_contacts: Contacts | None = None  # contacts whose laws' forces are added
     cubic: Floats | None = None  # (nc,) stiffness of cubic springs in addition to the contacts
 
     @cached_property
     def scales_forces(self) -> bool:
-        """Whether it only adds multiples of laws' forces: all linear outputs are then linear in the parameter."""
+        """Whether p only scales forces, so that all linear outputs are linear in p."""
         others = self.stiffness, self.dashpot, self.gap, self.shape, self.base_participation
-        return self.along is not None and not any(map(np.any, others))
+        return self.added_contacts is not None and not any(map(np.any, others))
 
     @classmethod
     def of(
-        cls, contacts: Contacts, along: Contacts | None = None, cubic: Floats | None = None, **rates: Floats | float
+        cls,
+        contacts: Contacts,
+        added_contacts: Contacts | None = None,
+        cubic: Floats | None = None,
+        **rates: Floats | float,
     ) -> ContactDirection:
-        """A direction along which only what is named changes.
+        """A direction along which only the given numbers change.
 
         Parameters
         ----------
         contacts : m of them.
-        along, cubic : fields of the direction.
+        added_contacts, cubic : fields of the direction.
         rates : other fields, per unit of the parameter; one number for all contacts, or an entry for each.
 
         Returns
@@ -214,7 +218,7 @@ class ContactDirection:
         entries = {name: np.full(shape, rates.pop(name, 0.0)) for name, shape in shapes.items()}
         if rates:
             raise TypeError(f"contacts have no {', '.join(rates)} to change along a direction")
-        return cls(**entries, along=along, cubic=cubic)
+        return cls(**entries, added_contacts=added_contacts, cubic=cubic)
 
 
 Parameter = Frequency | Level | ContactDirection
@@ -222,9 +226,9 @@ Parameter = Frequency | Level | ContactDirection
 
 @dataclass(frozen=True, eq=False)
 class FlowMap:
-    """A motion over a time with the derivatives of its end: its segments, its events, and the map of its flow.
+    """A motion over a time: its segments, its events, and the derivatives of its final state.
 
-    It keeps no contact states: a branch of thousands of motions would not fit in memory with them.
+    It holds no contact states: with them a branch of thousands of motions would not fit in memory.
     """
 
     start: Floats  # (N,) (q, q') and the contacts' internal states
@@ -248,10 +252,10 @@ class FlowMap:
         return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
 
     def trajectory(self, flow: ExactFlow) -> Trajectory:
-        """The motion on a flow of the same system under the same loads, of which outputs are asked for."""
+        """The trajectory of the motion, from which outputs are computed, on a flow of the same system and loads."""
         for phases in self.phases:
             flow.state_index(phases)
-        number = {phases.tobytes(): k for k, phases in enumerate(flow.visited)}
+        number = {phases.tobytes(): k for k, phases in enumerate(flow.visited_phases)}
         state = np.array([number[phases.tobytes()] for phases in self.phases], dtype=np.int64)
         return Trajectory(
             flow, float(self.time[0] + self.duration), self.time, self.length, state, np.zeros_like(state), self.y,
@@ -265,14 +269,14 @@ class FlowMap:
         return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])
 
 
-def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
-    """The system with its numbers moved along a direction.
+def shift_system(system: PiecewiseLinearSystem, direction: ContactDirection, change: float) -> PiecewiseLinearSystem:
+    """The system with its numbers changed along a direction.
 
     Parameters
     ----------
     system : stays as it is.
     direction : derivatives of the numbers by a parameter.
-    amount : change of the parameter.
+    change : change of the parameter.
 
     Returns
     -------
@@ -280,16 +284,16 @@ def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amo
     """
     c = system.contacts
     moved = replace(
-        c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape,
-        base_participation=c.base_participations + amount * direction.base_participation,
+        c, gap=c.gap + change * direction.gap, shape=c.shape + change * direction.shape,
+        base_participation=c.base_participations + change * direction.base_participation,
     )  # fmt: skip
-    if direction.along is not None:
-        pairs = zip(c.laws, direction.along.laws, strict=True)
-        moved = replace(moved, laws=tuple(law.plus(other, amount) for law, other in pairs))
+    if direction.added_contacts is not None:
+        pairs = zip(c.laws, direction.added_contacts.laws, strict=True)
+        moved = replace(moved, laws=tuple(law.plus(other, change) for law, other in pairs))
     if np.any(direction.stiffness) or np.any(direction.dashpot):
         for j in np.flatnonzero((direction.stiffness != 0.0) | (direction.dashpot != 0.0)):
             k, c_j = moved.laws[j].stiffness, moved.laws[j].dashpot
-            moved = moved.with_numbers(int(j), k + amount * direction.stiffness[j], c_j + amount * direction.dashpot[j])
+            moved = moved.with_numbers(int(j), k + change * direction.stiffness[j], c_j + change * direction.dashpot[j])
     return replace(system, contacts=moved)
 
 
@@ -308,19 +312,19 @@ class PeriodicFlow(ABC):
     forcing: PeriodicForcing | None = None
     omega: float = 1.0
     level: float = 1.0
-    _followed: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
+    _march_count: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
 
     def __post_init__(self) -> None:
         if any(law.latches for law in self.system.contacts.laws):
             message = "have a latch, which holds for good: no periodic motion meets it"
             raise MethodError("snubbers", message, "leave latch out, or use `beamsim run`")
         self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
-        self._followed = [0]
+        self._march_count = [0]
         self._prepare()
 
     @abstractmethod
     def _prepare(self) -> None:
-        """What follows from the system."""
+        """Compute what depends on the system only."""
 
     @property
     def size(self) -> int:
@@ -330,7 +334,7 @@ class PeriodicFlow(ABC):
     @property
     def passages(self) -> int:
         """Motions computed so far, of this flow and of those that come from it."""
-        return self._followed[0]
+        return self._march_count[0]
 
     def with_loads(self, omega: float | None = None, level: float | None = None) -> Self:
         """The flow of the same structure at another frequency and level."""
@@ -358,7 +362,7 @@ class PeriodicFlow(ABC):
         ----------
         start : (N,) state (q, q') and the contacts' internal states.
         duration : s, positive.
-        parameters : what to take derivatives by, besides the start.
+        parameters : parameters of the derivatives, in addition to the start.
         t : time at the start, s (the periodic loads' phase).
 
         Returns

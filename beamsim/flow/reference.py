@@ -48,7 +48,6 @@ SAME_INSTANT = 16.0 * float(np.finfo(float).eps)  # of a time: shorter pieces ha
 DECAYED = 1e-16  # of the amplitude of an input: what has decayed to that moves nothing
 REAL_ROOT = 1e-6  # imaginary part: a double root is known to the root of round-off; a cut at no root does no harm
 PEAKS = 1e-10  # of the value, to which peaks are located
-STEPS_AT_ONCE = 256  # whose outputs are evaluated together
 _POINTS = chebyshev.chebpts2(DEGREE + 1)  # from -1 to 1
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
 
@@ -63,7 +62,7 @@ class ReferenceTrajectory:
     time: Floats  # (nt,) output times, s
     y: Floats  # (nt, N)
     phases: Ints  # (nt, m)
-    work_in: Floats  # (nt,) J, integrated along
+    input_work: Floats  # (nt,) J, integrated along
     dissipated: Floats  # (nt,) J, integrated along
     event_time: Floats  # (E,)
     event_contact: Ints  # (E,)
@@ -170,7 +169,7 @@ def _integrate(
     equations: _Equations,
     span: tuple[float, float],
     y: Floats,
-    stopped: Callable[[float], bool],
+    must_stop: Callable[[float], bool],
 ) -> Piece:
     """The motion from a state (N + 2,) on, to the first event within a span, s."""
     import scipy.integrate
@@ -193,7 +192,7 @@ def _integrate(
         if end > times[-1]:
             times.append(end)
             dense.append(step)
-        if stopped(end):
+        if must_stop(end):
             outcome = interruption(at=Where(end, "s"))
         elif guard is None:
             outcome = equations.check_guards(end, y)
@@ -215,8 +214,8 @@ class _Record:
         self.states[0], self.all_phases[0] = self.y, self.phases
         self.done, self.t = int(times[0] == 0.0), 0.0  # outputs; s
         self.touched = np.zeros(m)  # s that each contact has touched
-        made = np.flatnonzero(begin.made).tolist()
-        self.events = [(0.0, j, int(begin.before[j]), int(self.phases[j])) for j in made]
+        made = np.flatnonzero(begin.contact_made).tolist()
+        self.events = [(0.0, j, int(begin.phases_before[j]), int(self.phases[j])) for j in made]
         self.left: set[tuple[int, int]] = set()  # contacts and the phases that they have left at this instant
 
     def advance(self, piece: Piece) -> None:
@@ -277,14 +276,14 @@ class _Equations:
         base = self.flow.forcing.base_displacement
         self.base = None if base is None else (base, base.derivative())
 
-    def begin(self, t: float, phases: Ints, left: set[tuple[int, int]]) -> None:
+    def begin(self, t: float, phases: Ints, phases_left: set[tuple[int, int]]) -> None:
         """Go to the piece of the inputs that begins at a time or lasts then, and to phases of the contacts.
 
         Parameters
         ----------
         t : s.
         phases : (m,) of the contacts.
-        left : contacts and the phases that they have left at this instant, to which they do not return at once.
+        phases_left : contacts and the phases that they have left at this instant, to which they do not return at once.
         """
         flow, sources = self.flow, self.flow.sources
         piece = max(int(np.searchsorted(sources.start, t, side="right")) - 1, 0)
@@ -294,7 +293,7 @@ class _Equations:
         self.rates = np.vstack([self.at.rates, *factors])
         self.weight = np.zeros((0, 2)) if self.powers is None else self.powers[2]
         following = zip(self.events.contact.tolist(), self.events.next.tolist(), strict=True)
-        self.waiting = np.array([each in left for each in following], dtype=bool)
+        self.waiting = np.array([each in phases_left for each in following], dtype=bool)
         self.floor = np.zeros(self.events.count)  # of guards that wait until they have risen above zero
         self.longest_step = self._longest_step(t)
 
@@ -313,11 +312,8 @@ class _Equations:
         """(nt, N + 2 F) what outputs are linear in: states (nt, N), inputs and their slopes."""
         tau, exponent, power = (times - self.since)[:, None], self.flow.sources.exponent, self.flow.sources.power
         growth = self.amplitude * np.exp(exponent * tau)
-        if power.any():
-            inputs = growth * tau**power
-            slopes = exponent * inputs + power * growth * tau ** np.maximum(power - 1, 0)
-        else:
-            inputs, slopes = growth, exponent * growth
+        inputs = growth * tau**power
+        slopes = exponent * inputs + power * growth * tau ** np.maximum(power - 1, 0)
         return np.concatenate([y[:, : self.flow.size], inputs.real, slopes.real], axis=1)
 
     def _pulls(self, t: float, y: Floats) -> tuple[Floats, float]:
@@ -382,7 +378,7 @@ class _Equations:
         round_off = ROUND_OFF * parts
         coefficient = _COEFFICIENTS @ (values + round_off)
         doubtful = np.flatnonzero(coefficient[0] <= np.abs(coefficient[1:]).sum(axis=0)).tolist()
-        found = [(falls_through_zero(coefficient[:, g], waits=bool(self.waiting[g])), g) for g in doubtful]
+        found = [(falls_through_zero(coefficient[:, g], after_rise=bool(self.waiting[g])), g) for g in doubtful]
         share, guard = min(found, default=(np.inf, -1))
         if share <= 1.0:
             return float(step.t_old + half * (1.0 + share)), guard
@@ -403,9 +399,9 @@ class _Equations:
             at=Where(t, "s"), remedy="compare again with a smaller tolerance",
         )  # fmt: skip
 
-    def stop(self, which: Bools, t: float, y: Floats) -> None:
+    def stop(self, sticking: Bools, t: float, y: Floats) -> None:
         """Remove what the integrator has left of the velocities of contacts (m,) that stick rigidly, in y."""
-        held, n = np.flatnonzero(which), self.flow.system.size
+        held, n = np.flatnonzero(sticking), self.flow.system.size
         if held.size:
             rows = self.flow.equations.penetration_rate[held]
             left = rows @ self._known(np.array([t]), y[None])[0]
@@ -416,23 +412,23 @@ class _Equations:
         if self.events.reset_row[guard] >= 0:
             y[: self.flow.size] = self.at.state_after(guard) @ self._known(np.array([t]), y[None])[0]
 
-    def lost(self, before: Ints, after: Ints, t: float, y: Floats) -> float:
+    def lost(self, phases_before: Ints, phases_after: Ints, t: float, y: Floats) -> float:
         """Energy that the contacts lose at once where their phases change, J."""
         contacts = self.flow.system.contacts
-        lost = contacts.event_losses(before[None], after[None]).sum()
+        lost = contacts.event_losses(phases_before[None], phases_after[None]).sum()
         if contacts.pressed_contacts.size:
-            normal = self.flow.at(after).normal_force @ self._known(np.array([t]), y[None])[0]
-            lost += (contacts.pressing_losses(before[None], after[None]) * normal**2).sum()
+            normal = self.flow.at(phases_after).normal_force @ self._known(np.array([t]), y[None])[0]
+            lost += (contacts.pressing_losses(phases_before[None], phases_after[None]) * normal**2).sum()
         return float(lost)
 
 
-def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
+def falls_through_zero(coefficient: Floats, *, after_rise: bool = False) -> float:
     """Where a polynomial first is below zero.
 
     Parameters
     ----------
     coefficient : (k,) of Chebyshev polynomials on [-1, 1].
-    waits : whether it counts only after it has been above zero, by more than the integrator's solution is known to.
+    after_rise : whether a root counts only after the polynomial has exceeded zero by more than the integrator's error.
 
     Returns
     -------
@@ -443,7 +439,7 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
     --------
     >>> falls_through_zero(np.array([0.5, -1.0]))  # 0.5 - x
     0.5
-    >>> falls_through_zero(np.array([1.0, -1.0])), falls_through_zero(np.array([-2.0, 0.0]), waits=True)
+    >>> falls_through_zero(np.array([1.0, -1.0])), falls_through_zero(np.array([-2.0, 0.0]), after_rise=True)
     (inf, inf)
     """
     from scipy.optimize import brentq
@@ -452,7 +448,7 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
     roots = chebyshev.chebroots(chebyshev.chebtrim(coefficient, float(np.finfo(float).eps) * size))
     cuts = np.sort(roots.real[(np.abs(roots.imag) < REAL_ROOT) & (np.abs(roots.real) < 1.0)])
     edges = np.concatenate([[-1.0], cuts, [1.0]])
-    before, above, risen = -1.0, not waits, AT_EVENT * size if waits else 0.0
+    before, above, risen = -1.0, not after_rise, AT_EVENT * size if after_rise else 0.0
     for x in np.append(0.5 * (edges[1:] + edges[:-1]), 1.0).tolist():
         value = float(chebyshev.chebval(x, coefficient))
         if value < 0.0 and above:
@@ -492,46 +488,41 @@ class StepExtremes:
         outputs : takes times (nt,) and states (nt, N + 2) and returns values (nt, K).
         """
         assert piece.sol is not None
-        for first in range(0, len(piece.sol.interpolants), STEPS_AT_ONCE):
-            ends = piece.t[first : first + STEPS_AT_ONCE + 1]
-            times = ends[:-1, None] + 0.5 * np.diff(ends)[:, None] * (1.0 + _POINTS)
-            steps = piece.sol.interpolants[first : first + STEPS_AT_ONCE]
-            y = np.concatenate([step(at).T for step, at in zip(steps, times, strict=True)])
-            values = outputs(times.ravel(), y).reshape(*times.shape, -1)
+        for step, start, end in zip(piece.sol.interpolants, piece.t[:-1], piece.t[1:], strict=True):
+            times = start + 0.5 * (end - start) * (1.0 + _POINTS)
+            values = outputs(times, step(times).T)
             if self.found is None:
-                found = (np.full(values.shape[2], x) for x in (np.inf, ends[0], -np.inf, ends[0]))
-                self.found = Extremes(*found)
+                count = values.shape[1]
+                self.found = Extremes(*(np.full(count, x) for x in (np.inf, start, -np.inf, start)))
             low, when_low, high, when_high = self.found
             _raise(-low, when_low, -values, times, low, -1.0)
             _raise(high, when_high, values, times, high, 1.0)
 
 
-def _raise(known: Floats, when: Floats, values: Floats, times: Floats, stored: Floats, sign: float) -> None:
-    """Take the largest values of some steps into those known.
+def _raise(
+    largest: Floats, largest_times: Floats, values: Floats, times: Floats, values_of_sign: Floats, sign: float
+) -> None:
+    """Take the largest values of a step into those known.
 
     Parameters
     ----------
-    known : (K,) largest values so far.
-    when : (K,) s, their times; written.
-    values, times : (steps, DEGREE + 1, K) at the Chebyshev points, and (steps, DEGREE + 1) s.
-    stored, sign : (K,) written with the sign.
+    largest : (K,) largest values so far.
+    largest_times : (K,) s, their times; written.
+    values, times : (DEGREE + 1, K) at the Chebyshev points, and (DEGREE + 1,) s.
+    values_of_sign, sign : (K,) written with the sign.
     """
-    samples = values.reshape(-1, values.shape[2])
-    best = samples.argmax(axis=0)
-    top = np.take_along_axis(samples, best[None], axis=0)[0]
+    best = values.argmax(axis=0)
+    top = np.take_along_axis(values, best[None], axis=0)[0]
     coefficient = _COEFFICIENTS @ values
-    bound = coefficient[:, 0] + np.abs(coefficient[:, 1:]).sum(axis=1)
-    higher = np.flatnonzero(top > known)
-    known[higher], when[higher] = top[higher], times.ravel()[best[higher]]
-    for step, k in np.argwhere(bound > known + PEAKS * np.abs(known)).tolist():
-        if bound[step, k] <= known[k] + PEAKS * abs(known[k]):  # another step has a higher value
-            continue
-        slope = chebyshev.chebder(coefficient[step, :, k])
+    bound = coefficient[0] + np.abs(coefficient[1:]).sum(axis=0)
+    higher = np.flatnonzero(top > largest)
+    largest[higher], largest_times[higher] = top[higher], times[best[higher]]
+    for k in np.flatnonzero(bound > largest + PEAKS * np.abs(largest)).tolist():
+        slope = chebyshev.chebder(coefficient[:, k])
         roots = chebyshev.chebroots(chebyshev.chebtrim(slope, float(np.finfo(float).eps) * np.abs(slope).max()))
         inside = roots.real[np.abs(roots.real) < 1.0]
-        tops = chebyshev.chebval(inside, coefficient[step, :, k])
-        if tops.size and tops.max() > known[k]:
-            known[k] = tops.max()
-            begin, end = times[step, [0, -1]]
-            when[k] = begin + 0.5 * (end - begin) * (1.0 + inside[tops.argmax()])
-    stored[:] = sign * known
+        tops = chebyshev.chebval(inside, coefficient[:, k])
+        if tops.size and tops.max() > largest[k]:
+            largest[k] = tops.max()
+            largest_times[k] = times[0] + 0.5 * (times[-1] - times[0]) * (1.0 + inside[tops.argmax()])
+    values_of_sign[:] = sign * largest

@@ -20,7 +20,7 @@ class Factors(NamedTuple):
     """
 
     rates: Any  # (1 + P, K, N, V) the state's time derivative in K contact states
-    after: Any  # (1 + P, E, N + 1, V) state and guard of E sorts of events between segments; ends have no guard
+    event_map: Any  # (1 + P, E, N + 1, V) state and guard of E sorts of events between segments; ends have no guard
     state: Any  # (G,) of the segments, among those of `rates`
     event: Any  # (G + 1,) between them, among those of `after`
     amplitude: Any  # (P, pieces, F) changes of the inputs' amplitudes about the starts of their pieces
@@ -30,12 +30,12 @@ class Factors(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """What a motion and its inputs are at one time."""
+    """State and inputs of a motion at one time, with their derivatives."""
 
     v: Any  # (V,) the state, the inputs and their slopes
-    moving: Any  # (V,) their time derivatives
-    turning: Any  # (V,) those of these
-    moved: Any  # (P, 2 F) changes of the inputs and of their slopes by the parameters
+    rate: Any  # (V,) their time derivatives
+    second_rate: Any  # (V,) those of these
+    input_change: Any  # (P, 2 F) changes of the inputs and of their slopes by the parameters
 
 
 class Segment(NamedTuple):
@@ -51,78 +51,80 @@ class Segment(NamedTuple):
 
 
 class StoredDerivatives(NamedTuple):
-    """What is kept of the derivatives along a motion."""
+    """Derivatives stored along a motion."""
 
     dt: Any  # (G + 1, C) s, change of the time of each event
-    pace: Any  # (2, G + 1) rate of its guard before it, and the rate of that
+    guard_rate: Any  # (2, G + 1) rate of its guard before it, and the rate of that
     event: Any  # (M,) number of the event at each of some instants, in order
-    later: Any  # (M,) 1 after it, 0 before it, in order
+    after_event: Any  # (M,) 1 after it, 0 before it, in order
     instant: Any  # Instant of arrays with M rows, but for `turning`
     S: Any  # (M, N, C) change of the state at a fixed time
 
 
 @kernel
-def _fill_inputs(inputs, of, piece, t, work, now):
-    """Inputs with their slopes and changes into an Instant.
+def _fill_inputs(inputs, factors, piece, t, work, instant):
+    """Fill the inputs, their slopes and their changes into an Instant.
 
     Parameters
     ----------
-    inputs, of : Inputs, Factors.
+    inputs, factors : Inputs, Factors.
     piece : of the inputs.
     t : s.
     work : (2, F) room.
-    now : Instant, written but for the state.
+    instant : Instant, written but for the state.
     """
     F = inputs.exponent.size
-    N = now.v.size - 2 * F
+    N = instant.v.size - 2 * F
     value, change = work
     _shift(inputs, inputs.amplitude, piece, t, value)
     for f in range(F):
-        now.v[N + f] = (value[f] * of.order[0, f]).real
-        now.v[N + F + f] = now.moving[N + f] = (value[f] * of.order[1, f]).real
-        now.moving[N + F + f] = now.turning[N + f] = (value[f] * of.order[2, f]).real
-        now.turning[N + F + f] = (value[f] * of.order[3, f]).real
-    for p in range(of.exponent.shape[0]):
-        _shift(inputs, of.amplitude[p], piece, t, change)
+        instant.v[N + f] = (value[f] * factors.order[0, f]).real
+        instant.v[N + F + f] = instant.rate[N + f] = (value[f] * factors.order[1, f]).real
+        instant.rate[N + F + f] = instant.second_rate[N + f] = (value[f] * factors.order[2, f]).real
+        instant.second_rate[N + F + f] = (value[f] * factors.order[3, f]).real
+    for p in range(factors.exponent.shape[0]):
+        _shift(inputs, factors.amplitude[p], piece, t, change)
         for f in range(F):
-            rising = value[f] * of.exponent[p, f]
+            rising = value[f] * factors.exponent[p, f]
             steady = change[f] + rising * (t - inputs.start[piece])
-            now.moved[p, f] = (steady * of.order[0, f]).real
-            now.moved[p, F + f] = (steady * of.order[1, f]).real + (rising.real if inputs.power[f] == 0 else 0.0)
+            instant.input_change[p, f] = (steady * factors.order[0, f]).real
+            instant.input_change[p, F + f] = (steady * factors.order[1, f]).real + (
+                rising.real if inputs.power[f] == 0 else 0.0
+            )
 
 
 @summing
-def _differentiate(after, m, now, S, out):
-    """Changes of what follows from an Instant.
+def _differentiate(event_map, m, instant, S, out):
+    """Changes of outputs that are linear in the state and inputs of an Instant.
 
     Parameters
     ----------
-    after : (1 + P, E, k, V) factors, and what the parameters change of them.
+    event_map : (1 + P, E, k, V) factors, and what the parameters change of them.
     m : number of the sort of event.
-    now : Instant.
+    instant : Instant.
     S : (N, C) change of the state, in the last P columns by the parameters.
     out : (k, C); written.
     """
     N, columns = S.shape
-    first = columns - now.moved.shape[0]
+    first = columns - instant.input_change.shape[0]
     for i in range(out.shape[0]):
         for j in range(columns):
             out[i, j] = 0.0
         for k in range(N):
-            factor = after[0, m, i, k]
+            factor = event_map[0, m, i, k]
             if factor != 0.0:
                 for j in range(columns):
                     out[i, j] += factor * S[k, j]
         for p in range(columns - first):
-            for k in range(now.v.size):
-                out[i, first + p] += after[1 + p, m, i, k] * now.v[k]
-            for k in range(now.moved.shape[1]):
-                out[i, first + p] += after[0, m, i, N + k] * now.moved[p, k]
+            for k in range(instant.v.size):
+                out[i, first + p] += event_map[1 + p, m, i, k] * instant.v[k]
+            for k in range(instant.input_change.shape[1]):
+                out[i, first + p] += event_map[0, m, i, N + k] * instant.input_change[p, k]
 
 
 @kernel
 def _transit(tables, segment, first, S):
-    """Carry the change of a state over a segment, in place.
+    """Propagate the change of a state over a segment, in place.
 
     Parameters
     ----------
@@ -144,12 +146,12 @@ def _transit(tables, segment, first, S):
 
 
 @kernel
-def _fill_load(tables, inputs, of, segment, p, steady, load):
-    """The load that a parameter's change is over a segment.
+def _fill_load(tables, inputs, factors, segment, p, steady, load):
+    """The equivalent load on a segment of a parameter's change.
 
     Parameters
     ----------
-    tables, inputs, of, segment : Tables, Inputs, Factors, Segment.
+    tables, inputs, factors, segment : Tables, Inputs, Factors, Segment.
     p : number of the parameter.
     steady : (F,) room for work.
     load : (B + 2 F, N) factors of the basis functions, of the sources, and of these times the time since the segment
@@ -161,7 +163,7 @@ def _fill_load(tables, inputs, of, segment, p, steady, load):
         Whether there is any.
     """
     s, zeta, F, N = segment.state, segment.zeta, inputs.exponent.size, load.shape[1]
-    rates, own = of.rates[0, of.state[segment.number]], of.rates[1 + p, of.state[segment.number]]
+    rates, own = factors.rates[0, factors.state[segment.number]], factors.rates[1 + p, factors.state[segment.number]]
     B, some = load.shape[0] - 2 * F, False
     load[:] = 0.0
     for i in range(N):
@@ -175,10 +177,10 @@ def _fill_load(tables, inputs, of, segment, p, steady, load):
                 for k in range(N):
                     total += own[i, k] * tables.term_vector[s, q, k]
                 load[tables.term_basis[s, q], i] += total * zeta[tables.term_source[s, q]]
-    _shift(inputs, of.amplitude[p], segment.piece, segment.time, steady)
+    _shift(inputs, factors.amplitude[p], segment.piece, segment.time, steady)
     for f in range(F):
         nu, power = inputs.exponent[f], inputs.power[f]
-        rising = zeta[f] * of.exponent[p, f]
+        rising = zeta[f] * factors.exponent[p, f]
         change = steady[f] + rising * (segment.time - inputs.start[segment.piece])
         for i in range(N):
             direct, slope = rates[i, N + f] + nu * rates[i, N + F + f], rates[i, N + F + f]
@@ -259,39 +261,45 @@ def _respond(tables, inputs, segment, load, moments, S):
 
 
 @kernel
-def _fill_jump(of, m, now, then, out):
-    """Rate of the state after an event, if it came later, less that of the motion which goes on from it.
+def _fill_jump(factors, m, before, after, out):
+    """Jump of the state's rate at an event: derivative of the state after it by the event's time, less the rate after
+    it.
 
     Parameters
     ----------
-    of, now : Factors, and the Instant before the event.
+    factors, before : Factors, and the Instant before the event.
     m : number of the segment that begins with it.
-    then : Instant after it.
+    after : Instant after it.
     out : (N,) written.
     """
-    N, reset, before, rates = out.size, of.after[0, of.event[m]], of.rates[0, of.state[m - 1]], of.rates[0, of.state[m]]
+    N, reset, rates_before, rates = (
+        out.size,
+        factors.event_map[0, factors.event[m]],
+        factors.rates[0, factors.state[m - 1]],
+        factors.rates[0, factors.state[m]],
+    )
     for i in range(N):
         change, size = 0.0, 0.0
-        for k in range(now.v.size):
-            change += reset[i, k] * now.moving[k] - rates[i, k] * then.v[k]
+        for k in range(before.v.size):
+            change += reset[i, k] * before.rate[k] - rates[i, k] * after.v[k]
         for k in range(N):
-            size += abs(rates[i, k] * then.v[k])
+            size += abs(rates[i, k] * after.v[k])
             if reset[i, k] != 0.0:
                 for j in range(N):
-                    size += abs(reset[i, k] * before[k, j] * now.v[j])
+                    size += abs(reset[i, k] * rates_before[k, j] * before.v[j])
         out[i] = change if abs(change) > ROUND_OFF * size else 0.0
 
 
 @kernel
-def _keep(kept, row, m, later, now, S):
-    """Write an Instant and the changes then, if they are asked for.
+def _keep(stored, row, m, after_event, instant, S):
+    """Store an Instant and the changes of the state then, if requested.
 
     Parameters
     ----------
-    kept : Kept.
+    stored : StoredDerivatives.
     row : first that is not written yet.
-    m, later : number of the event, and whether it is after it.
-    now : the Instant.
+    m, after_event : number of the event, and whether it is after it.
+    instant : the Instant.
     S : (N, C).
 
     Returns
@@ -299,11 +307,11 @@ def _keep(kept, row, m, later, now, S):
     int
         The next row.
     """
-    while row < kept.event.size and kept.event[row] == m and kept.later[row] == later:
-        kept.instant.v[row] = now.v
-        kept.instant.moving[row] = now.moving
-        kept.instant.moved[row] = now.moved
-        kept.S[row] = S
+    while row < stored.event.size and stored.event[row] == m and stored.after_event[row] == after_event:
+        stored.instant.v[row] = instant.v
+        stored.instant.rate[row] = instant.rate
+        stored.instant.input_change[row] = instant.input_change
+        stored.S[row] = S
         row += 1
     return row
 
@@ -315,60 +323,66 @@ def _make_instant(V, P, F):
 
 
 @kernel
-def _cross(of, log, m, now, then, work, S, kept):
-    """Carry the changes of a state over the event between two segments, or over the start of a piece of the inputs.
+def _cross(factors, log, m, before, after, work, S, stored):
+    """Propagate the changes of a state over the event between two segments, or over the start of a piece of the inputs.
 
     Parameters
     ----------
-    of, log : Factors, and the motion's G segments.
+    factors, log : Factors, and the motion's G segments.
     m : number of the event, from 0 at the beginning to G at the end.
-    now, then : Instant before it, and after it.
+    before, after : Instant before it, and after it.
     work : (N + 1, C) and (N,) room.
     S : (N, C) changes at a fixed time; written.
-    kept : Kept, written.
+    stored : Kept, written.
     """
-    (N, columns), G, (change, jump), event, pace = S.shape, log.time.size, work, of.event[m], kept.pace[:, m]
-    _differentiate(of.after, event, now, S, change)
-    pace[:], guard, size, first = 0.0, 0.0, 0.0, columns - of.exponent.shape[0]
-    for k in range(now.v.size):
-        factor = of.after[0, event, N, k]
-        guard += factor * now.v[k]
-        size += abs(factor * now.v[k])
-        pace[0] += factor * now.moving[k]
-        pace[1] += factor * now.turning[k]
-    # what follows at the same instant, since a phase does not last, moves with the event before; where another guard
-    # just then crosses zero, it has its own time
+    (N, columns), G, (change, jump), event, pace = (
+        S.shape,
+        log.time.size,
+        work,
+        factors.event[m],
+        stored.guard_rate[:, m],
+    )
+    _differentiate(factors.event_map, event, before, S, change)
+    pace[:], guard, size, first = 0.0, 0.0, 0.0, columns - factors.exponent.shape[0]
+    for k in range(before.v.size):
+        factor = factors.event_map[0, event, N, k]
+        guard += factor * before.v[k]
+        size += abs(factor * before.v[k])
+        pace[0] += factor * before.rate[k]
+        pace[1] += factor * before.second_rate[k]
+    # an event after a zero-length phase has the same time derivative as the event before;
+    # if another guard crosses zero at that time, it has its own
     alone = m < 2 or m == G or log.length[m - 1] > 0.0 or (pace[0] < 0.0 and abs(guard) <= AT_ZERO * size)
-    begins, dt, moves = 0 < m < G and log.piece[m] != log.piece[m - 1] and pace[0] == 0.0, kept.dt[m], False
+    begins, dt, moves = 0 < m < G and log.piece[m] != log.piece[m - 1] and pace[0] == 0.0, stored.dt[m], False
     for j in range(columns):
-        dt[j] = kept.dt[max(m - 1, 0), j]
+        dt[j] = stored.dt[max(m - 1, 0), j]
         if alone:
             dt[j] = -change[N, j] / pace[0] if pace[0] != 0.0 else 0.0  # zero of a contact that begins at rest
         if begins and j >= first:
-            dt[j] = of.begin[j - first, log.piece[m]]
+            dt[j] = factors.begin[j - first, log.piece[m]]
         moves = moves or dt[j] != 0.0
     if moves:
-        _fill_jump(of, m, now, then, jump)
+        _fill_jump(factors, m, before, after, jump)
     for i in range(N):
         for j in range(columns):
             S[i, j] = change[i, j] + jump[i] * dt[j] if moves else change[i, j]
 
 
 @kernel
-def differentiate(tables, inputs, log, of, S, end, kept):
+def differentiate(tables, inputs, log, factors, S, end, stored):
     """The derivatives along a motion.
 
     Parameters
     ----------
     tables, inputs : Tables of the contact states, Inputs.
     log : the motion's G segments (see `beamsim.flow.transient.Log`).
-    of : Factors.
+    factors : Factors.
     S : (N, C) changes of its start; the last P of them those by the parameters. Written: those of its end.
     end : (2, N) the last state and its time derivative; written.
-    kept : Kept; written.
+    stored : Kept; written.
     """
     (N, columns), F, G, B = S.shape, inputs.exponent.size, log.time.size, tables.exponent.shape[1]
-    P, V, Z = of.exponent.shape[0], N + 2 * F, tables.projector.shape[1]
+    P, V, Z = factors.exponent.shape[0], N + 2 * F, tables.projector.shape[1]
     # each is written before it is read; zeros would take longer to compile
     now, then = _make_instant(V, P, F), _make_instant(V, P, F)
     zeta, basis, rest = np.empty(F + Z, np.complex128), np.empty(B, np.complex128), np.empty(N)
@@ -389,18 +403,18 @@ def differentiate(tables, inputs, log, of, S, end, kept):
             _transit(tables, segment, F, S)
             some = False
             for p in range(P):
-                some = _fill_load(tables, inputs, of, segment, p, inner[0], load[p]) or some
+                some = _fill_load(tables, inputs, factors, segment, p, inner[0], load[p]) or some
             if some:
                 _respond(tables, inputs, segment, load, moments, S[:, columns - P :])
             t = segment.time + segment.length
-        _fill_inputs(inputs, of, log.piece[before], t, inner, now)
-        now.moving[:N] = np.dot(of.rates[0, of.state[before]], now.v)
-        now.turning[:N] = np.dot(of.rates[0, of.state[before]], now.moving)
-        row = _keep(kept, row, m, 0, now, S)
-        _fill_inputs(inputs, of, log.piece[after], t, inner, then)
-        then.v[:N] = np.dot(of.after[0, of.event[m]], now.v)[:N]
-        then.moving[:N] = np.dot(of.rates[0, of.state[after]], then.v)
-        _cross(of, log, m, now, then, work, S, kept)
-        row = _keep(kept, row, m, 1, then, S)
+        _fill_inputs(inputs, factors, log.piece[before], t, inner, now)
+        now.rate[:N] = np.dot(factors.rates[0, factors.state[before]], now.v)
+        now.second_rate[:N] = np.dot(factors.rates[0, factors.state[before]], now.rate)
+        row = _keep(stored, row, m, 0, now, S)
+        _fill_inputs(inputs, factors, log.piece[after], t, inner, then)
+        then.v[:N] = np.dot(factors.event_map[0, factors.event[m]], now.v)[:N]
+        then.rate[:N] = np.dot(factors.rates[0, factors.state[after]], then.v)
+        _cross(factors, log, m, now, then, work, S, stored)
+        row = _keep(stored, row, m, 1, then, S)
     end[0] = then.v[:N]
-    end[1] = np.dot(of.after[0, of.event[G]], now.moving)[:N]
+    end[1] = np.dot(factors.event_map[0, factors.event[G]], now.rate)[:N]

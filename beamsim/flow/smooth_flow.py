@@ -95,7 +95,7 @@ class SmoothFlow(PeriodicFlow):
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
-        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.exact.certain_signs`.
+        """(m,) whether each contact is closed at the start of a motion; see `beamsim.flow.exact.certain_signs`.
 
         While penetration and rate are zero a contact has no force, so that the derivatives that decide do not depend on
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.
@@ -147,7 +147,7 @@ class SmoothFlow(PeriodicFlow):
     ) -> FlowMap:
         """A motion with its derivatives by parameters, and those by the start times a matrix (N, any)."""
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), STEPS_OF_LOG
-        self._followed[0] += 1
+        self._march_count[0] += 1
         arrays = self._arrays(parameters)
         columns = np.hstack([start[:, None], np.zeros((N, P)), by_start])  # the motion, and its derivatives
         motion = SmoothMotion(columns, self._closed_at(arrays, start, t), np.zeros(N))

@@ -69,14 +69,14 @@ class SweptChunk:
     motion: Trajectory
     windows: SweepWindows
     first: int  # cycle
-    edge: Floats  # (C + 1,) s, where the C cycles begin, and the end
+    edges: Floats  # (C + 1,) s, where the C cycles begin, and the end
 
     @property
     def cycle_count(self) -> int:
         """Number of whole cycles that were computed."""
         if self.motion.outcome.complete:
-            return self.edge.size - 1
-        return max(int(np.searchsorted(self.edge, self.motion.end, side="right")) - 1, 0)
+            return self.edges.size - 1
+        return max(int(np.searchsorted(self.edges, self.motion.end, side="right")) - 1, 0)
 
 
 @dataclass
@@ -101,7 +101,7 @@ class SweptMotion(March):
     end: float = field(init=False, default=0.0)  # s, reached
 
     def chunks(self) -> Iterator[SweptChunk]:
-        """March, chunk by chunk, until the end of the sweep or of the work that is allowed."""
+        """March, chunk by chunk, until the end of the sweep or until the allowed work is spent."""
         carrier, report = carriers(self.windows.frequency_hz), self.progress
         flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
         visited: set[bytes] = set()
@@ -122,7 +122,7 @@ class SweptMotion(March):
             log = Log.join([begun, self.on(flow, motion, windows.duration)])
             trajectory = motion_of(flow, motion, log, self)
             self.outcome = _shift_outcome(trajectory.outcome, since)
-            visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
+            visited.update(flow.visited_phases[state].tobytes() for state in np.unique(trajectory.state))
             self.states = len(visited)
             self.end = since + trajectory.end
             self.processor_time_s += processor_time() - begin
@@ -130,10 +130,10 @@ class SweptMotion(March):
             if not self.outcome.complete:
                 return
 
-    def _report(self, report: Callable[[float], None], since: float, last: int, time: float) -> None:
-        """Tell the share of the cycles that is done, at most that of the last one of the chunk."""
-        reached = float(np.searchsorted(self.windows.edge, since + time))
-        report(min(reached, last) / self.windows.cycles)
+    def _report(self, report: Callable[[float], None], begin: float, last_cycle: int, time: float) -> None:
+        """Report the completed share of the cycles, at most up to the last cycle of the chunk."""
+        reached = float(np.searchsorted(self.windows.edge, begin + time))
+        report(min(reached, last_cycle) / self.windows.cycles)
 
     def _parts(self, carrier: Floats) -> Iterator[tuple[int, int]]:
         """First and last (left out) cycle of the chunks, with one carrier each."""
@@ -183,7 +183,7 @@ class LevelControl:
     leg : the sweep, up or down.
     specification : amplitude without notches, continuous and positive.
     phase : of the sine at the start, rad.
-    of_base : whether the sine moves the base.
+    moves_base : whether the sine moves the base.
     state : (N,) at the start.
     stop, progress : as in `beamsim.flow.transient.simulate`.
     """
@@ -195,14 +195,14 @@ class LevelControl:
     leg: Leg
     specification: Profile
     phase: float
-    of_base: bool
+    moves_base: bool
     state: Floats
     stop: Callable[[], bool] = never
     progress: Callable[[float], None] | None = None
     trials: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, of_base=self.of_base)
+        windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, of_base=self.moves_base)
         forcing, observers = self.loads(windows, self._carrier(0, 1))
         self._latest = ExactFlow(self.system, forcing, windows.duration, observers)  # whose contact states are kept
         self._there = _MotionAtEnd(start(self._latest, self.state)[0], self._latest)
@@ -250,29 +250,29 @@ class LevelControl:
             gain -= excess
         return gain
 
-    def _unlimited(self, at: int, horizon: int) -> int:
+    def _unlimited(self, cycle: int, horizon: int) -> int:
         """Cycle up to which the specification may be followed: no limit is exceeded up to a horizon beyond it."""
         length = max(CYCLES_BELOW_LIMITS, 2 * horizon)
         while length >= 2 * horizon:
-            end = min(at + length, self._total)
+            end = min(cycle + length, self._total)
             to = end if end == self._total else end - horizon
-            excess, there = self._ahead(at, np.unique([to, end]), np.zeros(3), 0)
+            excess, there = self._ahead(cycle, np.unique([to, end]), np.zeros(3), 0)
             if excess <= 0.0:
                 self._there = there
                 return to
             length //= 2
-        return at
+        return cycle
 
-    def _slope(self, at: int, ahead: Ints, gain: float, guess: float) -> float:
+    def _slope(self, cycle: int, cycles_ahead: Ints, gain: float, guess: float) -> float:
         """Change of the gain in the next step, the largest at which the limits are met ahead; the motion goes on."""
         low, high = -STEEPEST, min(-gain, STEEPEST)
-        log_frequency = np.log(self.leg.frequency(np.append(at, ahead).astype(float)))
+        log_frequency = np.log(self.leg.frequency(np.append(cycle, cycles_ahead).astype(float)))
         steps = (log_frequency - log_frequency[0]) / (log_frequency[1] - log_frequency[0])  # nearly 0, 1, 2, ...
         tried: list[tuple[float, float, _MotionAtEnd]] = []  # slope, excess, motion after the step
         slope = min(max(guess, low), high)
         while True:
             path = np.minimum(gain + slope * steps, 0.0)
-            tried.append((slope, *self._ahead(at, ahead, path, ahead.size // 2)))
+            tried.append((slope, *self._ahead(cycle, cycles_ahead, path, cycles_ahead.size // 2)))
             excess = tried[-1][1]
             over = min((t for t in tried if t[1] > 0.0), key=lambda t: t[0], default=None)
             under = max((t for t in tried if t[1] <= 0.0), key=lambda t: t[0], default=None)
@@ -280,7 +280,7 @@ class LevelControl:
             if abs(excess) <= CLOSE or at_end or len(tried) == TRIALS:
                 break
             # half the change of the level in half of the corrections: a first guess of what it does to the response
-            change = max(LEAST_CHANGE, abs(excess) / max(0.3 * ahead.size, 1.0))
+            change = max(LEAST_CHANGE, abs(excess) / max(0.3 * cycles_ahead.size, 1.0))
             if over is None:
                 slope = min(high, slope + change)
             elif under is None:
@@ -292,26 +292,31 @@ class LevelControl:
         slope, _, self._there = max(met, key=lambda t: t[0]) if met else min(tried, key=lambda t: t[1])
         return slope
 
-    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, _MotionAtEnd]:
-        """Largest logarithm of a value over its limit in the cycles from ``ahead[skipped - 1]`` on, and the motion at
-        ``ahead[0]``, under the gains (A + 1,) at the cycles ``at`` and ``ahead`` (A,)."""
+    def _ahead(self, cycle: int, cycles_ahead: Ints, gain: Floats, skipped: int) -> tuple[float, _MotionAtEnd]:
+        """Largest logarithm of value over limit in the cycles ahead, and the motion at the first of them.
+
+        The gains (A + 1,) are those at ``cycle`` and ``cycles_ahead`` (A,). Cycles before ``cycles_ahead[skipped - 1]``
+        do not count.
+        """
         self.trials += 1
         # the level turns where it returns to the specification, and is straight before and after that
         turn = int(np.count_nonzero(gain < 0.0))
-        kept = np.unique(np.clip([0, turn - 1, turn, ahead.size], 0, ahead.size))
-        frequency = self.leg.frequency(np.append(at, ahead)[kept].astype(float))
+        kept = np.unique(np.clip([0, turn - 1, turn, cycles_ahead.size], 0, cycles_ahead.size))
+        frequency = self.leg.frequency(np.append(cycle, cycles_ahead)[kept].astype(float))
         profile = self._profile(frequency, gain[kept])
-        windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
-        flow = with_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
+        windows = windows_of_cycles(
+            self.leg, profile, cycle, int(cycles_ahead[-1]), phase=self.phase, of_base=self.moves_base
+        )
+        flow = with_windows(self._latest, self.loads, windows, self._carrier(cycle, int(cycles_ahead[-1])))
         begun, self._latest = self._there.motion.copy(), flow
         begun.enter(flow, self._there.flow)
         march = March(max_evaluations=100_000_000, stop=self.stop)
-        parts = [march.on(flow, begun, float(windows.edge[ahead[0] - at]))]
+        parts = [march.on(flow, begun, float(windows.edge[cycles_ahead[0] - cycle]))]
         there = _MotionAtEnd(begun.copy(), flow)
         parts.append(march.on(flow, begun, windows.duration))
         motion = motion_of(flow, begun, Log.join(parts), march)
         found = motion.extrema(self.outputs(flow), windows.edge)
-        counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
+        counted = slice(int(cycles_ahead[skipped - 1]) - cycle if skipped else 0, None)
         share = float(np.max(np.maximum(found.high, -found.low)[counted] / self.limits))
         return float(np.log(max(share, TINY))), there
 
@@ -325,8 +330,10 @@ class LevelControl:
         corners = self._corners[(self._corners > f[0]) & (self._corners < f[-1])]
         return Profile.from_points(*self._points(np.union1d(f, corners), f, g))
 
-    def _points(self, frequency: Floats, given: Floats, gain: Floats) -> tuple[Floats, Floats]:
-        return frequency, self.specification(frequency) * np.exp(np.interp(np.log(frequency), np.log(given), gain))
+    def _points(self, frequency: Floats, gain_frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
+        return frequency, self.specification(frequency) * np.exp(
+            np.interp(np.log(frequency), np.log(gain_frequency), gain)
+        )
 
     def _table(self, cycle: Ints, gain: Floats) -> tuple[Floats, Floats]:
         """The level at the cycles, and at the corners of the specification, thinned."""

@@ -40,7 +40,7 @@ class SmoothSystem(NamedTuple):
 
     omega2: Any  # (n,)
     damping: Any  # (D,) entries of the damping matrix that are not zero
-    damped: Any  # (2, D) their rows and columns
+    damping_entries: Any  # (2, D) their rows and columns
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (1 + P, nc) N/m^3
@@ -53,9 +53,9 @@ class SmoothSystem(NamedTuple):
     ground: Any  # (m,) base influence
     frequency: Any  # (H,) rad/s
     force: Any  # (1 + P, H, n) complex
-    rising: Any  # (1 + P, H, n)
+    force_slope: Any  # (1 + P, H, n)
     base: Any  # (1 + P, H) complex, displacement of the base
-    base_rising: Any  # (1 + P, H)
+    base_slope: Any  # (1 + P, H)
     longest: Any  # s, of a step
 
 
@@ -121,7 +121,7 @@ def _fill_base(s, t, d):
         term, before = _turned(s.frequency[h] * t), complex(0.0, 0.0)
         for k in range(ORDER + 1):
             for p in range(min(s.base.shape[0], d.shape[1])):
-                d[k, p] += (s.base[p, h] * term + s.base_rising[p, h] * (t * term + before)).real
+                d[k, p] += (s.base[p, h] * term + s.base_slope[p, h] * (t * term + before)).real
             before = term
             term *= complex(0.0, s.frequency[h] / (k + 1))
 
@@ -234,10 +234,10 @@ def series_at(s, closed, t, y, series):
                 v[1, i, 0] += s.load[i]
             for h in range(H):
                 for p in range(min(s.force.shape[0], C)):
-                    timed = s.rising[p, h, i] * (t * phase[h] + before[h])
+                    timed = s.force_slope[p, h, i] * (t * phase[h] + before[h])
                     v[k + 1, i, p] += (s.force[p, h, i] * phase[h] + timed).real
         for e in range(s.damping.size):
-            i, j = s.damped[:, e]
+            i, j = s.damping_entries[:, e]
             for p in range(C):
                 v[k + 1, i, p] -= s.damping[e] * v[k, j, p]
         _add_cubic(s, series, k)
@@ -349,21 +349,21 @@ def _cross(s, motion, series, h, j):
 
 
 @kernel
-def carry_smooth(s, t, t_end, begins, motion, log):
+def carry_smooth(s, t, t_end, start_contact, motion, log):
     """Carry a motion from t to t_end and log its steps and events.
 
     Parameters
     ----------
     s : SmoothSystem.
     t, t_end : s.
-    begins : the contact whose event lies at t, or `ONWARDS`, or `BEGINNING` of the motion.
+    start_contact : the contact whose event lies at t, or `ONWARDS`, or `BEGINNING` of the motion.
     motion : SmoothMotion, updated in place.
     log : Steps, filled from the start.
 
     Returns
     -------
     status : DONE; FULL when the log is full: called again it goes on; STUCK when events follow without time.
-    t, begins : where it came.
+    t, start_contact : where it came.
     steps, events : how many are logged.
     """
     m, y, closed, series = s.sign.size, motion.y, motion.closed, make_series(s, motion.y.shape[1])
@@ -374,34 +374,34 @@ def carry_smooth(s, t, t_end, begins, motion, log):
     steps, events, stalled = 0, 0, 0
     while t < t_end:
         if steps == log.time.size or events == log.event_time.size:
-            return FULL, t, begins, steps, events
+            return FULL, t, start_contact, steps, events
         series_at(s, closed, t, y, series)
         h = min(_length(s, series), s.longest, t_end - t)
         ends, hit = h == t_end - t, -1
         if m > 0:
             _fill_guards(s, closed, series, h, guards)
             longest = h
-            h, hit, _ = _first_event(guards, search, longest, begins, MOST_LOOKS)
+            h, hit, _ = _first_event(guards, search, longest, start_contact, MOST_LOOKS)
             ends = ends and h == longest
             if hit == NO_STEP:
-                return STUCK, t, begins, steps, events
+                return STUCK, t, start_contact, steps, events
         log.time[steps], log.length[steps] = t, h
         log.y[steps], log.closed[steps] = y[:, 0], closed
         steps += 1
         _add_up(series, h, y, motion.slope)
-        begins = hit
+        start_contact = hit
         if hit < 0:
             t = t_end if ends else t + h
             continue
         t += h
         stalled = stalled + 1 if h == 0.0 else 0
         if stalled > MOST_STALLED:
-            return STUCK, t, begins, steps, events
+            return STUCK, t, start_contact, steps, events
         log.event_time[events], log.event_contact[events], log.event_closing[events] = t, hit, not closed[hit]
         events += 1
         _cross(s, motion, series, h, hit)
         closed[hit] = not closed[hit]
-    return DONE, t, begins, steps, events
+    return DONE, t, start_contact, steps, events
 
 
 @kernel

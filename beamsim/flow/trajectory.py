@@ -164,7 +164,7 @@ class Trajectory:
     @cached_property
     def phases(self) -> Ints:
         """(S, m) phases of the contacts on the segments."""
-        return np.array(self.flow.visited, dtype=np.int64).reshape(len(self.flow.visited), -1)[self.state]
+        return np.array(self.flow.visited_phases, dtype=np.int64).reshape(len(self.flow.visited_phases), -1)[self.state]
 
     def event_losses(self) -> Floats:
         """(S, m) energy that a contact loses at once where each segment begins, J; none where the first does."""
@@ -267,11 +267,11 @@ class Trajectory:
         self, output_of: RowsOf, edges: Floats | None = None, squares: Ints | None = None,
         competitors: Ints | None = None,
     ) -> Extrema:  # fmt: skip
-        """Smallest and largest values of K outputs over the continuous motion, with their times.
+        """Smallest and largest values of K outputs over the continuous motion, and their times.
 
-        They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
-        Segments that do not last are left out where contacts may hold: a face would have to stick with more than it
-        can there, it lets go at the same instant, and that force is not reached.
+        The values are reached (one-sided limits at the ends of segments included) and certified to 1e-10 of their size.
+        Segments of zero length are left out if contacts may stick: the face would exceed its friction there and lets go
+        at the same instant, so that its force is not reached.
 
         Parameters
         ----------
@@ -300,7 +300,7 @@ class Trajectory:
     def sums(
         self,
         output_of: RowsOf,
-        which: Bools,
+        searched: Bools,
         edges: Floats | None = None,
         scale: float = 1.0,
         gain: Callable[[ContactState], Complexes] | None = None,
@@ -310,7 +310,7 @@ class Trajectory:
         Parameters
         ----------
         output_of : K outputs, by the phases of the contacts.
-        which : (S,) whether each segment is looked at.
+        searched : (S,) whether each segment is looked at.
         edges : (W + 1,) s, between which they are cut, see `cut`.
         scale : that the outputs are divided by.
         gain : (T,) factors of the terms in the outputs; 1 by default.
@@ -319,11 +319,11 @@ class Trajectory:
         ------
         The segment of each of some parts (n,), no more than `PARTS_AT_ONCE`, and the outputs on them.
         """
-        segment, done = np.flatnonzero(which), 0
+        segment, done = np.flatnonzero(searched), 0
         begin, end, window = np.zeros(segment.size), np.ones(segment.size), np.zeros_like(segment)
         if edges is not None:
             segment, begin, end, window = self.cut(edges)
-            kept = which[segment]
+            kept = searched[segment]
             segment, begin, end, window = segment[kept], begin[kept], end[kept], window[kept]
         for state, parts in self.by_state(segment):
             table = state.coefficients(output_of(state.phases), self.flow.sources)
@@ -360,7 +360,7 @@ class Trajectory:
             scaled, every = in_shares(sums), np.arange(segment.size)
             turns, _ = search(scaled, np.full((2, segment.size, 1), np.inf), known, resolution)
             inside = turns[:, 0].astype(np.int64)
-            for place, rows, u in ((0, every, sums.place[0]), (1, inside, turns[:, 1]), (2, every, sums.place[1])):
+            for place, rows, u in ((0, every, sums.span[0]), (1, inside, turns[:, 1]), (2, every, sums.span[1])):
                 of = segment[rows]
                 time, value = self.time[of] + u * self.length[of], values_in_shares(scaled, rows, u)
                 found.append((of, np.full_like(of, place), time, value))

@@ -1,7 +1,7 @@
 """The exact transient, without time-stepping error: the march from contact to contact, as a whole or chunk by chunk.
 
-A chunk is marched once. What is wanted of a motion that does not fit into the memory has to be taken of each chunk when
-it is there.
+Each chunk is marched once. Values of a motion that does not fit into the memory have to be computed from each chunk
+while it is in memory.
 """
 
 from __future__ import annotations
@@ -56,29 +56,29 @@ class Log(NamedTuple):
         )  # fmt: skip
 
     @classmethod
-    def join(cls, parts: list[Log]) -> Log:
+    def join(cls, logs: list[Log]) -> Log:
         """Logs joined in order."""
-        return parts[0] if len(parts) == 1 else cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return logs[0] if len(logs) == 1 else cls(*(np.concatenate(column) for column in zip(*logs, strict=True)))
 
 
 @dataclass
 class Motion:
-    """A state that a march changes in place."""
+    """State of a march, changed in place."""
 
     y: Floats  # (N,)
     state: int  # contact state
     guard: int = ONWARDS  # whose event is here, or ONWARDS, or BEGINNING of the motion
     time: float = 0.0  # s
     piece: int = 0  # of the sources
-    waits: bool = False  # the state after that event is not built
+    awaits_state: bool = False  # the state after that event is not built
 
     def copy(self) -> Motion:
         """A copy that continues from here."""
         return replace(self, y=self.y.copy())
 
-    def enter(self, flow: ExactFlow, before: ExactFlow) -> None:
-        """Go on in a flow under other loads, from its own time 0."""
-        self.state = flow.state_index(before.states[self.state].phases)
+    def enter(self, flow: ExactFlow, previous: ExactFlow) -> None:
+        """Continue in a flow with other loads, starting at its t = 0."""
+        self.state = flow.state_index(previous.states[self.state].phases)
         self.time, self.piece = 0.0, 0
 
 
@@ -97,7 +97,7 @@ FEW_EVENTS = 20  # evaluations for each event; with more events than that contac
 
 @dataclass
 class March:
-    """The host loop around the compiled march: what it may take, and what it took.
+    """The host loop around the compiled march, with limits on its work and counts of it.
 
     Parameters
     ----------
@@ -105,14 +105,14 @@ class March:
         with an outcome that says so.
     progress : called with the time reached, now and then and where a motion ends.
     stop : says whether to end, several times a second.
-    foresees : whether to refuse a motion for which the evaluations are seen not to suffice by far.
+    refuses_hopeless : whether to refuse a motion that would need far more evaluations than are allowed.
     """
 
     max_events: int = field(default=1_000_000, kw_only=True)
     max_evaluations: int = field(default=2_000_000_000, kw_only=True)
     progress: Callable[[float], None] | None = field(default=None, kw_only=True)
     stop: Callable[[], bool] = field(default=never, kw_only=True)
-    foresees: bool = field(default=False, kw_only=True)
+    refuses_hopeless: bool = field(default=False, kw_only=True)
     segments: int = field(init=False, default=0)
     events: int = field(init=False, default=0)
     evaluations: int = field(init=False, default=0)
@@ -142,7 +142,7 @@ class March:
             check_stop()
             log = Log.sized(SEGMENTS_OF_REPORT, motion.y.size, max(self.max_events + 1 - self.events, 0))
             most = min(self.max_evaluations - self.evaluations, EVALUATIONS_AT_ONCE)
-            at = Position(motion.time, motion.piece, motion.state, motion.guard, motion.waits)
+            at = Position(motion.time, motion.piece, motion.state, motion.guard, motion.awaits_state)
             code, motion.time, motion.piece, motion.state, motion.guard, segments, events, evaluations = march(
                 flow.tables(), flow.inputs, at, end, motion.y, log, most
             )
@@ -150,8 +150,8 @@ class March:
             self.evaluations += evaluations
             part = Log._make(column[: segments if k < 5 else events] for k, column in enumerate(log))
             parts.append(part._replace(state=flow.visit_numbers(part.state)))
-            motion.waits = code == NEED_STATE
-            if motion.waits:
+            motion.awaits_state = code == NEED_STATE
+            if motion.awaits_state:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
                 self.outcome = too_many_evaluations(motion.time, self.evaluations)
@@ -161,23 +161,23 @@ class March:
                 self.outcome = interruption(at=Where(motion.time, "s"))
             else:
                 spent, passed = self.evaluations - before, self.events - events_before
-                if spent > SPENT and passed * FEW_EVENTS < spent and self.foresees:
+                if spent > SPENT and passed * FEW_EVENTS < spent and self.refuses_hopeless:
                     self._refuse_hopeless(spent, (motion.time - begin) / (end - begin), end)
                 if self.progress is not None:
                     self.progress(motion.time)
         return Log.join(parts)
 
-    def _refuse_hopeless(self, spent: int, share: float, end: float) -> None:
+    def _refuse_hopeless(self, evaluations: int, share: float, end: float) -> None:
         """Refuse a motion that would take many times as many evaluations as are allowed.
 
         Parameters
         ----------
-        spent : evaluations of the guards up to now.
+        evaluations : evaluations of the guards up to now.
         share : of the motion, that they sufficed for.
         end : of the motion, s.
         """
-        if share * self.max_evaluations * HOPELESS < spent:
-            needed = f"about {spent / share:.0e}" if share > 0.0 else "countless"
+        if share * self.max_evaluations * HOPELESS < evaluations:
+            needed = f"about {evaluations / share:.0e}" if share > 0.0 else "countless"
             raise MethodError(
                 "duration",
                 f"= {end:g} s would take {needed} evaluations of the contact gaps, of which {self.max_evaluations:.0e} "
@@ -221,20 +221,20 @@ def simulate(
 
 
 def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
-    """A motion at t = 0, and the events of the contacts that are made at this very time."""
+    """A motion at t = 0, and the events of contacts that close at t = 0."""
     y = np.asarray(initial_state, dtype=float)
     y = np.pad(y, (0, flow.size - y.size))
     begin = flow.begin(y)
-    first = np.flatnonzero(begin.made)
+    first = np.flatnonzero(begin.contact_made)
     begun = Log.sized(0, y.size)._replace(
-        event_time=np.zeros(first.size), event_contact=first, event_before=begin.before[first],
+        event_time=np.zeros(first.size), event_contact=first, event_before=begin.phases_before[first],
         event_phase=begin.phases[first],
     )  # fmt: skip
     return Motion(begin.state, flow.state_index(begin.phases), BEGINNING), begun
 
 
 def _log_of_start(flow: ExactFlow, motion: Motion, log: Log) -> Log:
-    """An empty log with one segment of no length, where the motion stands."""
+    """A log with one segment of zero length at the present state."""
     one = np.zeros(1, dtype=np.int64)
     return log._replace(
         time=np.array([motion.time]), length=np.zeros(1), state=flow.visit_numbers(one + motion.state), piece=one,
@@ -255,7 +255,7 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
     -------
     The motion up to its end, or up to where it leaves the range of floating-point numbers.
     """
-    if not log.time.size:  # out of budget within the first segment: at least the start is known
+    if not log.time.size:  # the work ended within the first segment: only the start is known
         log = _log_of_start(flow, motion, log)
     trajectory = Trajectory(flow, motion.time, *log, motion.y.copy(), march.evaluations, march.outcome)
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
@@ -277,7 +277,7 @@ class MotionInChunks(March):
     flow: ExactFlow
     initial_state: Floats
     pieces_at_once: int | None = None
-    foresees: bool = field(default=True, kw_only=True)
+    refuses_hopeless: bool = field(default=True, kw_only=True)
     one_chunk: bool = field(init=False)
     chunk_s: float = field(init=False)  # s, length of a chunk
     end: float = field(init=False, default=0.0)  # s, reached
@@ -326,8 +326,8 @@ class MotionInChunks(March):
         self.contact_share = np.array(length) @ np.array(share) / max(sum(length), np.finfo(float).tiny)
         self.event_time, self.event_contact, before, self.event_phase = map(np.concatenate, events)
         self.touch_changes = flow.system.contacts.touch_changes(self.event_contact, before, self.event_phase)
-        self.states = len(flow.visited)
+        self.states = len(flow.visited_phases)
 
     def end_with(self, part: Trajectory) -> None:
-        """Forget what was marched after the first part of the latest chunk, since the evaluation ended there."""
+        """Discard the motion after the first part of the latest chunk, since the evaluation ended there."""
         self.outcome, self.end, self._latest = interruption(at=Where(part.end, "s")), part.end, part

@@ -1,4 +1,5 @@
-r"""The exact flow of a structure under periodic loads, with its derivatives: what shooting and continuation ask of it.
+r"""The exact flow of a structure under periodic loads, with its derivatives: the interface for shooting and
+continuation.
 
 :meth:`VariationalFlow.flow_map` maps a state over a time and returns the exact derivatives by the initial state, the
 duration and any parameters. The motion is that of
@@ -42,7 +43,7 @@ from beamsim.flow.periodic_flow import (
     PeriodicFlow,
     WorkExceeded,
     check_finite,
-    moved_system,
+    shift_system,
 )
 from beamsim.flow.sensitivity_kernels import Factors, Instant, StoredDerivatives, differentiate
 from beamsim.flow.trajectory import Trajectory
@@ -59,55 +60,63 @@ EventKey = tuple[Ints, int, int] | None  # (m,) phases before it, the contact, a
 class FlowOutputs:
     """Factors (k, V) of the state (N), the inputs (F) and their slopes (F) in a flow's linear outputs.
 
-    They are the same under all loads that differ in their signals alone. Each is made once. Where the state changes at
-    once, its factors (N) are above those of the event's guard.
+    They do not depend on the loads' signals, and each is computed once. At an event the N rows of the changed state
+    come first, then the row of the guard.
 
     Parameters
     ----------
     flow : under its loads.
-    turn : (n, n) orthogonal; other coordinates for a unit of each of the flow's, in which the outputs are. By default
-        those of the flow.
-    own : the flow of these coordinates. They turn on with the phases, so that what holds does not move in the same
-        coordinates as there, and no derivative moves it.
+    rotation : (n, n) orthogonal matrix from the flow's coordinates to those of the outputs; the identity by default.
+    target : the flow whose coordinates these are. The coordinates are rotated with each phase so that the stuck
+        directions
+        coincide with those of the target: then no derivative moves a stuck contact.
     """
 
-    def __init__(self, flow: ExactFlow, turn: Floats | None = None, own: ExactFlow | None = None) -> None:
-        self.flow, self.turn, self.own = flow, turn, own
+    def __init__(self, flow: ExactFlow, rotation: Floats | None = None, target: ExactFlow | None = None) -> None:
+        self.flow, self.rotation, self.target = flow, rotation, target
         self._made: dict[tuple[object, ...], Floats] = {}
         self._turns: dict[bytes, Floats] = {}
 
-    def _once(self, key: tuple[object, ...], make: Callable[[], Floats], *phases: Ints | None) -> Floats:
+    def _once(self, key: tuple[object, ...], compute: Callable[[], Floats], *phases: Ints | None) -> Floats:
         if key not in self._made:
-            self._made[key] = self._rotate(make(), *phases)
+            self._made[key] = self._rotate(compute(), *phases)
         return self._made[key]
 
     def _turn_in(self, phases: Ints) -> Floats:
-        """(n, n) the turn in given phases: with the smallest one more that takes what holds there to the same."""
-        assert self.turn is not None
-        held, own = (each.at(phases).stuck_directions for each in (self.flow, self.own or self.flow))
+        """(n, n) rotation in given phases, including the smallest rotation that makes the stuck directions coincide."""
+        assert self.rotation is not None
+        held, own = (each.at(phases).stuck_directions for each in (self.flow, self.target or self.flow))
         if not held.shape[1] or not own.shape[1]:
-            return self.turn
+            return self.rotation
         if (key := phases.tobytes()) not in self._turns:
-            moved, one = self.turn @ held, np.eye(self.turn.shape[0])
+            moved, one = self.rotation @ held, np.eye(self.rotation.shape[0])
             here, there = moved @ moved.T, own @ own.T
             left, _, right = np.linalg.svd(there @ here + (one - there) @ (one - here))
-            self._turns[key] = left @ right @ self.turn
+            self._turns[key] = left @ right @ self.rotation
         return self._turns[key]
 
     def _rotate(
-        self, factors: Floats, of: Ints | None = None, to: Ints | None = None, *, states: bool = True
+        self,
+        factors: Floats,
+        state_phases: Ints | None = None,
+        result_phases: Ints | None = None,
+        *,
+        states: bool = True,
     ) -> Floats:
-        """Factors (k, V) in the other coordinates; of outputs that begin with states, these in them as well.
+        """Factors (k, V) in the rotated coordinates; if the outputs begin with states, these are rotated as well.
 
         Parameters
         ----------
         factors : in the coordinates of the flow.
-        of, to : phases in which the state they take is turned, and the states they give; None: where nothing holds.
+        state_phases, result_phases : phases that rotate the state the factors act on, and the state they give; None if
+            no contact sticks.
         states : whether the outputs begin with states.
         """
-        if self.turn is not None:
-            n = self.turn.shape[0]
-            turn, then = (self.turn if phases is None else self._turn_in(phases) for phases in (of, to))
+        if self.rotation is not None:
+            n = self.rotation.shape[0]
+            turn, then = (
+                self.rotation if phases is None else self._turn_in(phases) for phases in (state_phases, result_phases)
+            )
             for part in (slice(0, n), slice(n, 2 * n)):
                 factors[:, part] = factors[:, part] @ turn.T
                 if states:
@@ -128,7 +137,7 @@ class FlowOutputs:
         return self._once(("rates", phases.tobytes()), lambda: self.flow.at(phases).rates.copy(), phases, phases)
 
     def event(self, key: EventKey) -> Floats:
-        """(N + 1, V) what happens at an event."""
+        """(N + 1, V) the state after an event, and the guard."""
         if key is None:
             return self._once((), lambda: _change_factors(self.flow.equations.state))
         before, contact, after = key
@@ -139,19 +148,19 @@ class FlowOutputs:
     def state_at_start(self, phases: Ints) -> Floats:
         """(N + 1, V) the state with which a motion in given phases starts, from one near it.
 
-        What is held rests, and internal states that are penetrations are these.
+        Stuck directions are at rest, and internal states that equal penetrations take their values.
         """
         return self._once(
             ("begun", phases.tobytes()), lambda: _change_factors(self._state_at_start(phases)), None, phases
         )
 
     def state_at_end(self, phases: Ints) -> Floats:
-        """(N + 1, V) the state from which `ExactFlow.begin` finds the phases again in which a motion ends."""
+        """(N + 1, V) the state at the end of a motion, from which `ExactFlow.begin` recovers the final phases."""
         return self._once(("kept", phases.tobytes()), lambda: _change_factors(self._state_at_end(phases)), phases)
 
-    def _event(self, before: Ints, contact: int, after: int) -> Floats:
-        at = self.flow.at(before)
-        event = at.events.of_change(contact, after)
+    def _event(self, phases: Ints, contact: int, phase: int) -> Floats:
+        at = self.flow.at(phases)
+        event = at.events.of_change(contact, phase)
         return _change_factors(at.state_after(event), at.events.guards[event])
 
     def _state_at_start(self, phases: Ints) -> Floats:
@@ -179,7 +188,7 @@ def _change_factors(state: Floats, guard: Floats | None = None) -> Floats:
 
 
 class ParameterChange(ABC):
-    """What a parameter changes: the derivatives of a flow's linear outputs, each made once, and of its inputs."""
+    """Derivatives by one parameter of a flow's linear outputs, each computed once, and of its inputs."""
 
     amplitude: Complexes  # (pieces, F) of the inputs about the starts of their pieces
     exponent: Complexes  # (F,) 1/s
@@ -215,7 +224,7 @@ class ParameterChange(ABC):
 
 
 class SourceRates(ParameterChange):
-    """What a parameter of the inputs changes: derivatives of their amplitudes (F,) about t = 0, and exponents (F,)."""
+    """Derivatives by a parameter of the inputs: of their amplitudes (F,) about t = 0 and exponents (F,)."""
 
     def __init__(self, outputs: FlowOutputs, amplitude: Complexes, exponent: Complexes) -> None:
         super().__init__()
@@ -230,13 +239,13 @@ class SourceRates(ParameterChange):
 
 
 class Differences(ParameterChange):
-    """What a parameter changes, by differences of flows for other values of it.
+    """Derivatives by a parameter as finite differences of flows at neighbouring values.
 
     Parameters
     ----------
-    flow : at the value itself.
-    sides : outputs of flows with as many contacts, phases, sources and pieces of these.
-    weight : of each in the derivative.
+    flow : at the parameter's value.
+    sides : outputs of flows at neighbouring values, with as many contacts, phases, sources and pieces.
+    weight : weights of the sides in the derivative.
     """
 
     def __init__(self, flow: ExactFlow, sides: Sequence[FlowOutputs], weight: Sequence[float]) -> None:
@@ -254,10 +263,10 @@ class Differences(ParameterChange):
 
 
 def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences:
-    """What changes with the numbers of a system along a direction.
+    """Derivatives of a flow along a direction in which the numbers of its contacts change.
 
-    A contact that moves holds other motions than before: the coordinates turn with them, as a velocity along what is
-    held has no part in the motion. Where nothing holds they are those of the flow.
+    If the shape of a sticking contact changes, its stuck directions change too; the coordinates are rotated with
+    them, since there is no motion along stuck directions. Without sticking contacts they are those of the flow.
     """
     contacts = flow.system.contacts
     turn = np.eye(flow.system.size) if contacts.any_sticks_rigidly and np.any(direction.shape) else None
@@ -265,24 +274,24 @@ def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences
         (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
         (direction.gap, contacts.gap), (direction.shape, contacts.shape),
         (direction.base_participation, contacts.base_participations),
-        (np.array([direction.along is not None], dtype=float), np.ones(1)),
+        (np.array([direction.added_contacts is not None], dtype=float), np.ones(1)),
     )  # fmt: skip
     sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
     relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
     step = STEP / relative
     sides = [
-        FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)), turn, flow)
+        FlowOutputs(replace(flow, system=shift_system(flow.system, direction, amount)), turn, flow)
         for amount in (step, -step)
     ]
     return Differences(flow, sides, (0.5 / step, -0.5 / step))
 
 
 class MotionDerivative(NamedTuple):
-    """The derivatives along a motion by the C changes of its start, of which the last P are those by the parameters."""
+    """Derivatives of a motion by C changes of its start; the last P of these belong to the parameters."""
 
     end: Floats  # (2, N) the last state, and its time derivative
-    by: Floats  # (N, C) of the end, at a fixed time
-    kept: StoredDerivatives  # what was asked for on the way
+    derivative: Floats  # (N, C) of the end, at a fixed time
+    stored: StoredDerivatives  # what was asked for on the way
 
 
 def sensitivity(
@@ -293,21 +302,21 @@ def sensitivity(
     start: Floats,
     instants: Sequence[tuple[int, int]] = (),
 ) -> MotionDerivative:
-    """The derivatives along a motion by its start and by P parameters.
+    """Derivatives of a motion by its start and by P parameters.
 
     Parameters
     ----------
-    flow : under the loads of the motion, all its contact states kept.
+    flow : under the loads of the motion; all its contact states are in memory.
     outputs : of this flow.
     log : the motion's G segments, and its events; those at its beginning and at its end are left out.
     changes : (P,) what each parameter changes.
     start : (N, C) changes of the start; the last P columns belong to the parameters.
-    instants : (M,) that are kept, in order: number of the segment that begins then, or G, and 1 after the event with
-        which it begins, 0 before it.
+    instants : (M,) times at which derivatives are stored, in order: number of the segment that begins then, or G, and 1
+        after or 0 before the event with which it begins.
 
     Returns
     -------
-    The derivatives of the end and those that are kept.
+    The derivatives at the end, and the stored ones.
     """
     N, F, G, M, P = flow.size, flow.sources.power.size, log.time.size, len(instants), len(changes)
     visited, state = np.unique(log.state, return_inverse=True)
@@ -349,34 +358,42 @@ def sensitivity(
 
 @dataclass
 class VariationalFlow(PeriodicFlow):
-    """The flow in closed form; flows that come from it share the contact states' modes."""
+    """The exact flow under periodic loads; flows derived from it share the modes of the contact states."""
 
-    _exact: ExactFlow = field(init=False, repr=False)  # under the loads of this flow, or of one that it comes from
-    _under: tuple[float, float] = field(init=False, repr=False)  # frequency and level of these
-    _along: tuple[ContactDirection, Differences] | None = field(default=None, init=False, repr=False)  # the last one
+    _flow_of_loads: ExactFlow = field(
+        init=False, repr=False
+    )  # under the loads of this flow, or of one that it comes from
+    _loads_key: tuple[float, float] = field(init=False, repr=False)  # frequency and level
+    _last_direction: tuple[ContactDirection, Differences] | None = field(
+        default=None, init=False, repr=False
+    )  # the last one
 
     def _prepare(self) -> None:
         window = LONGEST_WINDOW_RADIANS / self.omega  # for structures without a stiffness: others have their own
         longest = np.inf if self.system.stiffness.any() else window
-        self._exact = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
-        self._under = self.omega, self.level
-        self._outputs = FlowOutputs(self._exact)
+        self._flow_of_loads = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
+        self._loads_key = self.omega, self.level
+        self._outputs = FlowOutputs(self._flow_of_loads)
 
     @property
     def exact(self) -> ExactFlow:
-        """The flow itself; what follows from other loads is computed when it is first asked for."""
-        if self._under != (self.omega, self.level):
-            self._exact = self._exact.with_loads(self.loads.signals(self.omega, self.level))
-            self._under = self.omega, self.level
-        return self._exact
+        """The exact flow under the present loads, updated when it is first used."""
+        if self._loads_key != (self.omega, self.level):
+            self._flow_of_loads = self._flow_of_loads.with_loads(self.loads.signals(self.omega, self.level))
+            self._loads_key = self.omega, self.level
+        return self._flow_of_loads
 
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
         flow = copy(self)
-        flow.system, flow._exact, flow._under = system, self.exact.with_system(system), (self.omega, self.level)
-        flow._outputs = FlowOutputs(flow._exact)
-        if self._along is not None and not self._along[0].scales_forces:
-            flow._along = None
+        flow.system, flow._flow_of_loads, flow._loads_key = (
+            system,
+            self.exact.with_system(system),
+            (self.omega, self.level),
+        )
+        flow._outputs = FlowOutputs(flow._flow_of_loads)
+        if self._last_direction is not None and not self._last_direction[0].scales_forces:
+            flow._last_direction = None
         return flow
 
     def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
@@ -405,7 +422,7 @@ class VariationalFlow(PeriodicFlow):
         found = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
         return FlowMap(
-            start, found.end[0], found.by[:, :N], found.by[:, N:], found.end[1], duration, log.time,
+            start, found.end[0], found.derivative[:, :N], found.derivative[:, N:], found.end[1], duration, log.time,
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
             log.event_before, log.event_phase,
         )  # fmt: skip
@@ -419,7 +436,7 @@ class VariationalFlow(PeriodicFlow):
 
     def _march(self, start: Floats, duration: float, t: float) -> tuple[Motion, Log]:
         """The motion from a state (N,) at time t, s, at its end, and its segments and events."""
-        self._followed[0] += 1
+        self._march_count[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases
         begun = self._outputs.state_at_start(phases)[: self.size] @ np.append(
@@ -437,9 +454,9 @@ class VariationalFlow(PeriodicFlow):
     def _change(self, parameter: Parameter) -> ParameterChange:
         """What a parameter changes."""
         if isinstance(parameter, ContactDirection):
-            if self._along is None or self._along[0] is not parameter:
-                self._along = parameter, direction_rates(self.exact, parameter)
-            return self._along[1]
+            if self._last_direction is None or self._last_direction[0] is not parameter:
+                self._last_direction = parameter, direction_rates(self.exact, parameter)
+            return self._last_direction[1]
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")
         amplitude, exponent = self.loads.rates_of_signals(self.omega, self.level, parameter)

@@ -178,12 +178,12 @@ def _select_times(signals: list[MeasuredSignal], excitation: SampledInput) -> Me
     signal = _values(signals, time, excitation)
     if excitation.sample_rate is not None:
         even = np.arange(signal.y.size) / excitation.sample_rate
-        signal = replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
+        signal = replace(signal, x=even, is_over_frequency=False, axis="time", axis_unit="s")
     elif time is not None:
         if time.y.size != signal.y.size:
             raise InputFileError(f"has {time.y.size} times for {signal.y.size} values", "name another column")
         signal = replace(
-            signal, x=np.asarray(time.y, dtype=float), of_frequency=False, axis=time.name, axis_unit=time.unit
+            signal, x=np.asarray(time.y, dtype=float), is_over_frequency=False, axis=time.name, axis_unit=time.unit
         )
     if not signal.axis:
         remedy = "give excitation.sample_rate, or name the column of times in excitation.time_column"
@@ -206,7 +206,7 @@ def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitati
     if excitation.sample_rate is not None or time is not None:  # a first column that is no time can be meant too
         signals = [replace(signal, axis="") if signal is not time else signal for signal in signals]
     return only_column(
-        signals, LEVEL_DIMENSIONS[excitation.quantity], key="excitation.column", apart_from=time,
+        signals, LEVEL_DIMENSIONS[excitation.quantity], key="excitation.column", axis=time,
         by_unit=excitation.file.lower().endswith(TEXT),
     )  # fmt: skip
 

@@ -38,7 +38,7 @@ class _Array:
 
     values: Any  # (n,) float or complex
     unit: str = ""
-    words: str = ""  # what the file calls it besides its name
+    description: str = ""  # what the file calls it besides its name
     scale: str = ""  # path of its dimension scale
     scaling: tuple[str, ...] = ()
     fault: tuple[str, str] | None = None
@@ -93,7 +93,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     return [_signal(name, called[name], arrays, path) for name in arrays]
 
 
-def _list_attribute(item: h5py.Dataset, name: str, of: type) -> list[Any]:
+def _list_attribute(item: h5py.Dataset, name: str, item_type: type) -> list[Any]:
     """What an attribute lists about the rows of an array of a result file, see docs/result_files.md; nothing elsewhere.
 
     Raises
@@ -108,7 +108,7 @@ def _list_attribute(item: h5py.Dataset, name: str, of: type) -> list[Any]:
         listed = json.loads(text)
     except ValueError:
         listed = None
-    if not isinstance(listed, list) or any(type(each) is not of for each in listed):
+    if not isinstance(listed, list) or any(type(each) is not item_type for each in listed):
         raise InputFileError(f"is damaged ({name} of {item.name})", "export it again")
     return listed
 
@@ -247,20 +247,24 @@ def _channel_axis(item: h5py.Dataset) -> int:
     return 0 if item.shape[0] == item.size else int(np.argmax(item.shape))
 
 
-def _missing(raw: Any, given: Mapping[str, Any]) -> Any:
+def _missing(raw: Any, attributes: Mapping[str, Any]) -> Any:
     """(n,) whether a stored value is one that stands for a missing one."""
     missing = np.zeros(raw.shape, dtype=bool)
     for key in ("_FillValue", "missing_value"):
-        marks = np.asarray(given.get(key, ())).ravel()
+        marks = np.asarray(attributes.get(key, ())).ravel()
         if marks.dtype.kind in "iufc":
             marks = marks.astype(raw.dtype) if raw.dtype.kind == "f" else marks[np.isfinite(marks)]
             missing |= np.isin(raw, marks)
     return missing | (raw == raw.dtype.type(_NETCDF_FILL)) if raw.dtype in (np.float32, np.float64) else missing
 
 
-def _outside(raw: Any, values: Any, given: Mapping[str, Any]) -> Any:
+def _outside(raw: Any, values: Any, attributes: Mapping[str, Any]) -> Any:
     """(n,) whether a value is outside the valid range: stored integers are compared with integers."""
-    bounds = {key: np.asarray(given[key]).ravel() for key in ("valid_min", "valid_max", "valid_range") if key in given}
+    bounds = {
+        key: np.asarray(attributes[key]).ravel()
+        for key in ("valid_min", "valid_max", "valid_range")
+        if key in attributes
+    }
     least, most = bounds.get("valid_min"), bounds.get("valid_max")
     if "valid_range" in bounds and bounds["valid_range"].size == 2:
         least, most = bounds["valid_range"][:1], bounds["valid_range"][1:]
@@ -284,7 +288,7 @@ def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> 
     elif axes:
         what = f"has several axes of as many values as {name}: {', '.join(sorted(axes))}"
         fault = fault or (what, "attach the right one as its dimension scale, or remove the others")
-    function = function_over_frequency(f"{label} {array.words}", array.unit) if of_frequency else None
+    function = function_over_frequency(f"{label} {array.description}", array.unit) if of_frequency else None
     return MeasuredSignal(
         label, x, array.values, of_frequency, array.unit, str(path), axis or "", axis_unit,
         stated_function=None if function is FunctionType.SPECTRUM else function, scaling=array.scaling, fault=fault,

@@ -55,7 +55,7 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
             name = test.channel or test.probe or default
             channels = read_signals(path, test.axis_unit, test.decimal)
             required = test.channel is not None
-            signal = channel_named(channels, name, test.quantity, path, required=required, at=f"{at}.channel")
+            signal = channel_named(channels, name, test.quantity, path, required=required, key=f"{at}.channel")
             signal = _usable_in(test, signal, scenario, f"{at}.level")
             _check_quantity(test, signal, at)
             signal = in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit")
@@ -76,7 +76,7 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
 NEAR = 0.05  # of the frequency: lines further away are other vibrations, and no noise of this one
 
 
-def _check_quantity(test: SteadyTest | TransientTest, signal: MeasuredSignal, at: str) -> None:
+def _check_quantity(test: SteadyTest | TransientTest, signal: MeasuredSignal, path: str) -> None:
     """Refuse a record of another quantity than the test states: another unit would make it that in name alone.
 
     Raises
@@ -88,7 +88,7 @@ def _check_quantity(test: SteadyTest | TransientTest, signal: MeasuredSignal, at
         fits = [each for each in _MEASURED if is_unit_of(unit, motion_dimension(each))]
         if fits and motion_dimension(fits[0]) != own:
             message = f"= {test.quantity} does not fit {split_heading(signal.name)[0]}, which is in {unit}"
-            raise ScenarioError.at(f"{at}.quantity", message, f"write quantity: {fits[0]}")
+            raise ScenarioError.at(f"{path}.quantity", message, f"write quantity: {fits[0]}")
 
 
 _MEASURED = ("absolute_acceleration", "displacement", "velocity")
@@ -169,7 +169,7 @@ def channel_named(
     path: Path,
     *,
     required: bool = False,
-    at: str = "",
+    key: str = "",
 ) -> MeasuredSignal:
     """The channel of that name, which may leave out the unit; else that of probe and quantity, or the only one.
 
@@ -180,7 +180,7 @@ def channel_named(
     quantity : that is measured.
     path : of the file, for messages.
     required : whether the name is that of a channel, so that no other will do.
-    at : key of the scenario that names it, for messages.
+    key : key of the scenario that names it, for messages.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def channel_named(
     if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
         loose = [s for s in named if _is_of(s.name, "acceleration")]
     loose = exact or loose or ([] if required else named)
-    histories = [s for s in loose if not s.of_frequency] or loose
+    histories = [s for s in loose if not s.is_over_frequency] or loose
     chosen = histories or ([] if required or len(signals) > 1 else list(signals))
     if len(chosen) > 1 and all(_same(chosen[0], other) for other in chosen[1:]):
         chosen = chosen[:1]
@@ -208,7 +208,7 @@ def channel_named(
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close}?" if close and not chosen else f"name one: {listed}"
-        raise ScenarioError.at(at, f"{path} {verdict} {name} {words}", remedy)
+        raise ScenarioError.at(key, f"{path} {verdict} {name} {words}", remedy)
     return _refuse_unusable_samples(chosen[0], path)
 
 
@@ -255,19 +255,19 @@ def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
     return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
 
 
-def contains_word(name: str, part: str) -> bool:
+def contains_word(name: str, word: str) -> bool:
     """Whether a channel's name holds a word."""
     return bool(
         re.search(
-            rf"(?<![a-z0-9]){re.escape(part.lower().replace('_', ' '))}(?![a-z0-9])", name.lower().replace("_", " ")
+            rf"(?<![a-z0-9]){re.escape(word.lower().replace('_', ' '))}(?![a-z0-9])", name.lower().replace("_", " ")
         )
     )
 
 
-def _is_of(name: str, words: str) -> bool:
+def _is_of(name: str, quantity: str) -> bool:
     text = name.lower().replace("_", " ")
-    other = {"displacement": "absolute displacement", "acceleration": "relative acceleration"}.get(words)
-    return words in text and (other is None or other not in text)
+    other = {"displacement": "absolute displacement", "acceleration": "relative acceleration"}.get(quantity)
+    return quantity in text and (other is None or other not in text)
 
 
 def demand_amplitudes(signals: Iterable[MeasuredSignal], purpose: str) -> None:

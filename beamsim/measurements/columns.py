@@ -51,7 +51,7 @@ def only_column(
     signals: Sequence[MeasuredSignal],
     *dimensions: units.Dimension,
     key: str,
-    apart_from: MeasuredSignal | None = None,
+    axis: MeasuredSignal | None = None,
     by_unit: bool = True,
 ) -> MeasuredSignal:
     """The only column that can be meant where the user names none: no time, frequency or count of samples, none empty.
@@ -61,7 +61,7 @@ def only_column(
     signals : all columns of the file.
     dimensions : that what is looked for can have; any without one.
     key : with which the user names a column, for the remedy.
-    apart_from : a column that is used as the axis.
+    axis : a column that is used as the axis.
     by_unit : whether the one column in a unit of the dimension is meant among columns in other units.
 
     Returns
@@ -77,7 +77,7 @@ def only_column(
     possible = [
         signal
         for signal in signals
-        if signal is not apart_from
+        if signal is not axis
         and label_of(signal.name) not in axes
         and not axis_kind(signal.name)
         and not counts_samples(signal.name, signal.y)
@@ -99,7 +99,7 @@ def only_column(
 
 
 def by_dimension(
-    signals: Sequence[MeasuredSignal], dimensions: Mapping[str, units.Dimension], chosen: Sequence[str] = ()
+    signals: Sequence[MeasuredSignal], dimensions: Mapping[str, units.Dimension], names: Sequence[str] = ()
 ) -> dict[str, Floats]:
     """The column with a unit of each dimension; those without a unit are passed over.
 
@@ -107,7 +107,7 @@ def by_dimension(
     ----------
     signals : columns of a table.
     dimensions : by the word for what has them.
-    chosen : names of columns to be used, where several have the same dimension.
+    names : names of columns to be used, where several have the same dimension.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def by_dimension(
     InputFileError
         If a column has a unit of none of the dimensions, or several have the same one and none of them is chosen.
     """
-    wanted = [column_named(signals, name) for name in chosen]
+    wanted = [column_named(signals, name) for name in names]
     found: dict[str, list[MeasuredSignal]] = {}
     factors: dict[str, float] = {}
     for number, signal in enumerate(signals, 1):
@@ -156,9 +156,11 @@ def _has_axis(signal: MeasuredSignal) -> bool:
     return bool(signal.axis and (named or axis_kind(signal.axis)))
 
 
-def _columns_along_axes(others: Sequence[MeasuredSignal], columns: list[MeasuredSignal]) -> list[MeasuredSignal]:
+def _columns_along_axes(
+    columns_with_axes: Sequence[MeasuredSignal], columns: list[MeasuredSignal]
+) -> list[MeasuredSignal]:
     """Of several columns those along the axes of other ones, or these axes, where there are any."""
-    axes = {signal.axis for signal in others if _has_axis(signal)}
+    axes = {signal.axis for signal in columns_with_axes if _has_axis(signal)}
     return [each for each in columns if each.name in axes or each.axis in axes] or columns
 
 

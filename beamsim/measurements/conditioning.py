@@ -67,7 +67,7 @@ def with_even_times(signal: MeasuredSignal) -> MeasuredSignal:
         The signal itself where its stamps are even, or are not explained by one sampling rate.
     """
     x = np.asarray(signal.x, dtype=float)
-    if signal.of_frequency or not signal.axis or x.size < 8 or not np.abs(x).max() <= LARGEST_VALUE:
+    if signal.is_over_frequency or not signal.axis or x.size < 8 or not np.abs(x).max() <= LARGEST_VALUE:
         return signal
     steps = np.diff(x)
     mean = float(x[-1] - x[0]) / steps.size
@@ -143,7 +143,7 @@ def _fitting_steps(x: Floats, mean: float, digits: Floats) -> tuple[float, float
     return mean + ends[0] * reach, mean + best * reach, mean + ends[1] * reach
 
 
-def _sampling_rate(highest: float, best: float, lowest: float) -> float:
+def _sampling_rate(highest: float, fitted: float, lowest: float) -> float:
     """The sampling rate between two bounds, Hz, that a data acquisition system would have; else the best one."""
     regular = [
         float(2**a * 3**b * 5**c)
@@ -152,8 +152,8 @@ def _sampling_rate(highest: float, best: float, lowest: float) -> float:
         for a in range(25)
         if lowest <= 2**a * 3**b * 5**c <= highest
     ]
-    whole = [float(np.round(best))] if lowest <= np.round(best) <= highest else []
-    return min(regular or whole or [best], key=lambda rate: abs(rate - best))
+    whole = [float(np.round(fitted))] if lowest <= np.round(fitted) <= highest else []
+    return min(regular or whole or [fitted], key=lambda rate: abs(rate - fitted))
 
 
 def is_even(time: Floats) -> bool:
@@ -162,13 +162,13 @@ def is_even(time: Floats) -> bool:
     return bool(np.ptp(steps) <= EVEN * float(np.mean(steps)) + 8 * np.spacing(np.abs(time).max()))
 
 
-def condition(signal: MeasuredSignal, how: RecordPreparation, resample: float | None = None) -> MeasuredSignal:
+def condition(signal: MeasuredSignal, preparation: RecordPreparation, resample: float | None = None) -> MeasuredSignal:
     """A record with its factor, without mean or trend, at another sampling rate and high-pass filtered, in this order.
 
     Parameters
     ----------
     signal : in SI units.
-    how : from the scenario.
+    preparation : from the scenario.
     resample : sampling rate, Hz, to which it is filtered and resampled; by default it keeps its own.
 
     Returns
@@ -180,18 +180,22 @@ def condition(signal: MeasuredSignal, how: RecordPreparation, resample: float | 
     InputFileError
         If it is no time history, not even, or too short for a filter.
     """
-    if how.factor != 1.0:
-        signal = replace(signal, y=how.factor * signal.y, scaling=(*signal.scaling, f"times {how.factor:g}"))
-    if (how.remove or how.high_pass or resample) and (signal.of_frequency or np.iscomplexobj(signal.y)):
+    if preparation.factor != 1.0:
+        signal = replace(
+            signal, y=preparation.factor * signal.y, scaling=(*signal.scaling, f"times {preparation.factor:g}")
+        )
+    if (preparation.remove or preparation.high_pass or resample) and (
+        signal.is_over_frequency or np.iscomplexobj(signal.y)
+    ):
         raise InputFileError("is no time history, which could be filtered", "leave out remove and high_pass")
     given = signal
-    if how.remove is not None:
-        signal = _remove_trend(signal, how.remove)
+    if preparation.remove is not None:
+        signal = _remove_trend(signal, preparation.remove)
     if resample is not None:
         signal = resample_signal(signal, resample)
-    if how.high_pass is not None:
-        signal = high_pass(signal, how.high_pass)
-    if signal.unit != units.ACCELERATION.unit or (how.remove is None and how.high_pass is None):
+    if preparation.high_pass is not None:
+        signal = high_pass(signal, preparation.high_pass)
+    if signal.unit != units.ACCELERATION.unit or (preparation.remove is None and preparation.high_pass is None):
         return signal
     (speed, way), (left, short) = _ends_of_motion(given), _ends_of_motion(signal)
     text = f"from rest it ends at {left:.3g} m/s and {short:.3g} m, without this at {speed:.3g} m/s and {way:.3g} m"
@@ -205,13 +209,13 @@ def _ends_of_motion(acceleration: MeasuredSignal) -> tuple[float, float]:
     return float(velocity[-1]), float(np.sum(steps * (velocity[:-1] + steps * (2.0 * y[:-1] + y[1:]) / 6.0)))
 
 
-def _remove_trend(signal: MeasuredSignal, what: str) -> MeasuredSignal:
+def _remove_trend(signal: MeasuredSignal, component: str) -> MeasuredSignal:
     """A time history without its mean or trend."""
-    degree = 1 if what == "trend" else 0
+    degree = 1 if component == "trend" else 0
     line = np.polynomial.Polynomial.fit(signal.x, signal.y, degree)
     removed = line(signal.x)
     size = f"{removed[0]:.4g}" if degree == 0 else f"{removed[0]:.4g} to {removed[-1]:.4g}"
-    text = f"{what} of {size} {signal.unit} removed"
+    text = f"{component} of {size} {signal.unit} removed"
     return replace(signal, y=signal.y - removed, scaling=(*signal.scaling, text))
 
 
@@ -267,13 +271,13 @@ def _even_times(time: Floats, rate: float) -> Floats:
     return np.asarray(time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate * (1 + 1e-12))) + 1) / rate)
 
 
-def _decimate(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) -> MeasuredSignal:
+def _decimate(signal: MeasuredSignal, present_rate: float, ratio: Fraction, rate: float) -> MeasuredSignal:
     """An evenly sampled history, low-pass filtered and at a lower sampling rate.
 
     Parameters
     ----------
     signal : over times in s.
-    old : its sampling rate, Hz.
+    present_rate : its sampling rate, Hz.
     ratio : of the new rate to this one.
     rate : Hz, that was asked for.
 
@@ -283,7 +287,7 @@ def _decimate(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) 
         If few samples are left.
     """
     time, values = signal.x, np.asarray(signal.y, dtype=float)
-    new = old * float(ratio)
+    new = present_rate * float(ratio)
     cutoff = 0.5 * (PASS + STOP) * new
     left_over = math.ceil(values.size * ratio)
     if left_over < 2 * MATCHED:
@@ -300,7 +304,7 @@ def _decimate(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) 
     share = max(1.0 - (left / size) ** 2, 0.0) if size > 0.0 else 0.0
     text = (
         f"low-pass filtered without phase (-6 dB at {cutoff:.4g} Hz, -{ATTENUATION_DB:g} dB from {STOP * new:.4g} Hz) "
-        f"and resampled from {old:.6g} to {new:.6g} Hz, {100.0 * share:.3g} % of the mean square removed"
+        f"and resampled from {present_rate:.6g} to {new:.6g} Hz, {100.0 * share:.3g} % of the mean square removed"
     )
     warning = (
         f"the low-pass filter of resample takes away {100.0 * share:.3g} % of the mean square of {signal.source}, "
@@ -335,12 +339,12 @@ def _low_pass(values: Floats, ratio: Fraction) -> Floats:
     return np.array(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1], dtype=float)
 
 
-def _continuation_before(values: Floats, reach: int) -> Floats:
+def _continuation_before(values: Floats, size: int) -> Floats:
     """What is put before a record, (reach,) samples: its mirror image where that has the smoother join, else its point
     reflection. The one has a kink of the slope, the other of the curvature."""
     slopes, curvatures = np.diff(values), np.diff(values, 2)
     frequency = np.sqrt(np.mean(curvatures**2) / max(float(np.mean(slopes**2)), TINY))  # of most of it, per sample
-    image = values[reach:0:-1]
+    image = values[size:0:-1]
     mirrored = abs(float(slopes[0])) * frequency < 1.1 * abs(float(curvatures[0]))
     return np.asarray(image if mirrored else 2.0 * values[0] - image, dtype=float)
 
@@ -463,7 +467,7 @@ def clipping_warnings(signal: MeasuredSignal) -> list[str]:
     (['tip stays at exactly 0.8 g 6 times, for up to 7 samples: the sensor or amplifier was at the end of its range, and
     the true values are beyond'], [])
     """
-    if signal.of_frequency or np.iscomplexobj(signal.y):
+    if signal.is_over_frequency or np.iscomplexobj(signal.y):
         return []
     y, warnings = np.asarray(signal.y, dtype=float), []
     for level in (float(y.max()), float(y.min())):
@@ -501,33 +505,33 @@ def resolution(values: Floats) -> float:
     return float(np.sqrt(np.mean(10.0 ** (2 * (np.floor(np.log10(np.abs(given))) + 1 - digits)))))
 
 
-def rounding_warnings(raw: MeasuredSignal, used: MeasuredSignal, size: float, integrals: int) -> list[str]:
+def rounding_warnings(raw: MeasuredSignal, signal: MeasuredSignal, size: float, integrals: int) -> list[str]:
     """A warning where an acceleration that is derived from a record consists of the rounding of its values.
 
     Parameters
     ----------
     raw : as read, in the unit of the file, over times in that of the file.
-    used : as it is used, in SI units: filters take away part of the rounding.
-    size : of a unit of the file, in those of ``used``.
+    signal : as it is used, in SI units: filters take away part of the rounding.
+    size : of a unit of the file, in those of ``signal``.
     integrals : how often the acceleration is integrated to the record: 1 of a velocity, 2 of a displacement.
     """
     from scipy.interpolate import CubicSpline
 
     step = size * resolution(np.asarray(raw.y, dtype=float)) if integrals else 0.0
-    if step == 0.0 or used.x.size < 4:
+    if step == 0.0 or signal.x.size < 4:
         return []
-    length = float(used.x[-1] - used.x[0])
-    steps = length / (used.x.size - 1), length / (raw.x.size - 1)
+    length = float(signal.x[-1] - signal.x[0])
+    steps = length / (signal.x.size - 1), length / (raw.x.size - 1)
     omega = np.linspace(0.0, np.pi, 1001)
     gain = (6.0 * (1.0 - np.cos(omega)) if integrals == 2 else 3.0 * np.sin(omega)) / (2.0 + np.cos(omega))
     noise = step / np.sqrt(12.0) * np.sqrt(np.mean(gain**2)) / steps[0] ** integrals
     noise *= np.sqrt(min(steps[1] / steps[0], 1.0))
-    derived = float(np.sqrt(np.mean(CubicSpline(used.x, used.y)(used.x, integrals) ** 2)))
+    derived = float(np.sqrt(np.mean(CubicSpline(signal.x, signal.y)(signal.x, integrals) ** 2)))
     if noise <= WARNED_ROUNDING * derived:
         return []
     kind = "displacement" if integrals == 2 else "velocity"
     return [
-        f"the acceleration is derived from the {kind} in {raw.source}, whose last digit is {step:.3g} {used.unit}: its "
-        f"rounding alone makes {noise:.3g} m/s^2 rms of the {derived:.3g} m/s^2 rms derived; give the acceleration or "
-        "more digits, or filter it by resample"
+        f"the acceleration is derived from the {kind} in {raw.source}, whose last digit is {step:.3g} {signal.unit}; "
+        f"its rounding alone gives {noise:.3g} m/s^2 rms of the {derived:.3g} m/s^2 rms derived: give the acceleration "
+        "or more digits, or filter it by resample"
     ]

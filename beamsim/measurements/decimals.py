@@ -144,9 +144,9 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
     return NumberFormat()
 
 
-def _check_stated(decimal: DecimalMark, proof: dict[str, tuple[int, str]]) -> None:
+def _check_stated(decimal: DecimalMark, evidence: dict[str, tuple[int, str]]) -> None:
     """Refuse a stated decimal mark that a number contradicts."""
-    if (other := proof.get(_OTHER[decimal])) is not None:
+    if (other := evidence.get(_OTHER[decimal])) is not None:
         raise InputFileError(
             f"has {other[1]} in line {other[0]}, which is no number with a decimal {_NAMES[decimal]} (decimal: "
             f'"{decimal}")',

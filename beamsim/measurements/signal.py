@@ -119,7 +119,7 @@ class MeasuredSignal:
     name: str  # with its unit, where the file has it there
     x: Floats  # (n,) s or Hz, increasing; as read from a file, in `axis_unit`, and sample numbers where `axis` is empty
     y: Floats | Complexes  # (n,) in `unit`; of a complex spectrum amplitude e^{i phase} of A cos(2 pi f t + phase)
-    of_frequency: bool = False  # whether the axis is one of frequencies
+    is_over_frequency: bool = False  # whether the axis is one of frequencies
     unit: str = ""  # as given in the file, or empty; of a ratio that of its numerator
     source: str = ""  # file
     axis: str = ""  # heading of the axis
@@ -139,7 +139,7 @@ class MeasuredSignal:
         """Function type: that of the file, else what name, unit and axis say."""
         if self.stated_function is not None:
             return self.stated_function
-        if not self.of_frequency:
+        if not self.is_over_frequency:
             return FunctionType.TIME_HISTORY if self.reference is None else FunctionType.IMPULSE_RESPONSE
         if self.reference is not None:
             return FunctionType.FREQUENCY_RESPONSE
@@ -238,11 +238,11 @@ class MeasuredSignal:
     @property
     def has_phase(self) -> bool:
         """Whether phases between harmonics are known."""
-        return not self.of_frequency or bool(np.iscomplexobj(self.y))
+        return not self.is_over_frequency or bool(np.iscomplexobj(self.y))
 
     def last(self, duration: float | None) -> MeasuredSignal:
         """The last part of a time history, s; the signal itself without a duration, and a spectrum."""
-        if duration is None or self.of_frequency:
+        if duration is None or self.is_over_frequency:
             return self
         kept = self.x >= self.x[-1] - duration
         return replace(self, x=self.x[kept], y=self.y[kept])
@@ -266,13 +266,13 @@ class MeasuredSignal:
         """
         if self.fault is not None:  # which `check` states
             return self
-        kind, example = ("frequency", "frequency (Hz)") if self.of_frequency else ("time", "time (ms)")
+        kind, example = ("frequency", "frequency (Hz)") if self.is_over_frequency else ("time", "time (ms)")
         named = unit or self.axis_unit
         remedy = f"name its unit in the heading, for example {example}, or give {key}"
         if not named:
-            plural = "frequencies" if self.of_frequency else "times"
+            plural = "frequencies" if self.is_over_frequency else "times"
             raise InputFileError(f"states no unit of its {plural} (axis {self.axis})", remedy)
-        dimension = units.FREQUENCY if self.of_frequency else units.TIME
+        dimension = units.FREQUENCY if self.is_over_frequency else units.TIME
         try:
             factor = units.read_quantity(f"1 {named}", dimension)
         except units.UnitError as error:
@@ -304,7 +304,7 @@ class MeasuredSignal:
             )
         back = np.flatnonzero(np.diff(self.x) <= 0)
         if back.size:
-            kind, unit = ("frequency", "Hz") if self.of_frequency else ("time", "s")
+            kind, unit = ("frequency", "Hz") if self.is_over_frequency else ("time", "s")
             raise InputFileError(
                 f"has a {kind} axis that does not increase at sample {back[0] + 2} "
                 f"({self.x[back[0]]:g} {unit}, then {self.x[back[0] + 1]:g} {unit})",
@@ -313,7 +313,7 @@ class MeasuredSignal:
         return self
 
 
-def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, at: str) -> MeasuredSignal:
+def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, key: str) -> MeasuredSignal:
     """The signal converted to SI from the given unit, else from that of the file.
 
     Parameters
@@ -321,7 +321,7 @@ def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, 
     signal : as read.
     unit : of the values; by default the one that the file states.
     dimension : of what is measured.
-    at : key of the scenario, or option, with which a user gives the unit.
+    key : key of the scenario, or option, with which a user gives the unit.
 
     Returns
     -------
@@ -336,11 +336,11 @@ def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, 
     example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
     remedy = f"give the unit of the {dimension.name}, for example {example}"
     if not named:
-        raise ScenarioError.at(at, f"is missing, and {source} states no unit of {signal.name}", remedy)
+        raise ScenarioError.at(key, f"is missing, and {source} states no unit of {signal.name}", remedy)
     try:
         factor = units.read_quantity(f"1 {named}", dimension)
     except units.UnitError as error:
         given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
-        raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
+        raise ScenarioError.at(key, f"{given} {error.message}", remedy) from None
     with np.errstate(over="ignore"):  # which `check` finds
         return replace(signal, y=signal.y * factor, unit=dimension.unit)

@@ -331,17 +331,17 @@ def _headings(text: TextRows, first: int, width: int) -> list[str]:
         headings = headings[:-1]
     if len(headings) != width:
         remedy = "give each column one heading"
-        raise _misfit(text, f"{len(headings)} headings for {width} columns", remedy, split=width > len(headings))
+        raise _misfit(text, f"{len(headings)} headings for {width} columns", remedy, may_be_split=width > len(headings))
     several = Counter(headings)
     return [f"{heading} ({k + 1})" if several[heading] > 1 else heading for k, heading in enumerate(headings)]
 
 
-def _misfit(text: TextRows, message: str, remedy: str, split: bool = True) -> InputFileError:
+def _misfit(text: TextRows, message: str, remedy: str, may_be_split: bool = True) -> InputFileError:
     """A row that is not as long as another one, and what may have split it."""
-    if text.unquoted_commas and split:
+    if text.unquoted_commas and may_be_split:
         message += ", or decimal commas (or commas between thousands) between commas"
         remedy = "export it with semicolons or tabs between the columns, or with decimal points"
-    elif text.separator == " " and split:
+    elif text.separator == " " and may_be_split:
         remedy += "; where blanks separate thousands, export it with semicolons or tabs between the columns"
     return InputFileError(f"has {message}", remedy)
 
@@ -393,7 +393,7 @@ def _signals(headings: Sequence[str], values: Floats, source: str) -> Iterator[M
             x, y = (x if axis is None else values[:, axis])[:end], y[:end]
         named = "" if axis is None else headings[axis]
         yield MeasuredSignal(
-            name=heading, x=x, y=y, of_frequency=_kind(named) == "frequency", unit=split_heading(heading)[1],
+            name=heading, x=x, y=y, is_over_frequency=_kind(named) == "frequency", unit=split_heading(heading)[1],
             source=source, axis=named, axis_unit=split_heading(named)[1],
         )  # fmt: skip
 
@@ -433,15 +433,19 @@ def _axes(headings: Sequence[str], values: Floats) -> list[int | None]:
     return found
 
 
-def _numbered_axes(headings: Sequence[str], others: Sequence[int]) -> list[int]:
+def _numbered_axes(headings: Sequence[str], channel_columns: Sequence[int]) -> list[int]:
     """Axes called X_1, X_2 ... or t1, t2 ..., from the first column on, each before a column of another name."""
     names = [split_heading(heading) for heading in headings]
     axes = [
         j
-        for j in others
+        for j in channel_columns
         if (match := _NUMBERED_AXIS.fullmatch(names[j][0]))
         and match[2]
         and (not names[j][1] or is_unit_of(names[j][1], si.TIME, si.FREQUENCY))
     ]
-    alternate = bool(axes) and axes[0] == others[0] and all(j + 1 in others and j + 1 not in axes for j in axes)
+    alternate = (
+        bool(axes)
+        and axes[0] == channel_columns[0]
+        and all(j + 1 in channel_columns and j + 1 not in axes for j in axes)
+    )
     return axes if alternate else []

@@ -288,17 +288,17 @@ def _units_of_values(data_set: DataSet) -> tuple[str, Reference | None]:
     return unit, Reference(below, int(record.get("ref_node", 0)), _direction(record, "ref_dir"))
 
 
-def _label(record: Mapping[str, Any], part: str) -> str:
-    return label_unit(str(record.get(f"{part}_axis_units_lab", "")))
+def _label(record: Mapping[str, Any], prefix: str) -> str:
+    return label_unit(str(record.get(f"{prefix}_axis_units_lab", "")))
 
 
-def _unit(data_set: DataSet, part: str, direction: str) -> str:
+def _unit(data_set: DataSet, prefix: str, direction: str) -> str:
     """Unit of an ordinate or of its denominator; empty if it is unknown."""
     record, units = data_set.fields, data_set.units
-    if label := _label(record, part):
+    if label := _label(record, prefix):
         return label
-    kind = int(record.get(f"{part}_spec_data_type", 0))
-    given = tuple(int(record.get(f"{part}_{what}_unit_exp", 0)) for what in ("len", "force"))
+    kind = int(record.get(f"{prefix}_spec_data_type", 0))
+    given = tuple(int(record.get(f"{prefix}_{what}_unit_exp", 0)) for what in ("len", "force"))
     length, force = given if kind == 1 else _EXPONENTS.get(kind, ((0, 0), (0, 0)))["R" in direction]
     per_time = {11: "/s", 12: "/s^2"}.get(kind, "")
     if (length and not units.length) or (force and not units.force) or not (length or force or per_time or kind == 8):

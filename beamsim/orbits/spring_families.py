@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.periodic_flow import ContactDirection, Parameter, PeriodicFlow, moved_system
+from beamsim.flow.periodic_flow import ContactDirection, Parameter, PeriodicFlow, shift_system
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -38,7 +38,7 @@ class SpringFamily:
     def __post_init__(self) -> None:
         contacts = self.system.contacts
         self.springs = contacts.one_sided_springs()
-        self._along = ContactDirection.of(contacts, along=contacts)
+        self._along = ContactDirection.of(contacts, added_contacts=contacts)
         self._direction: Parameter = self._along
         if self.cubic is not None:
             springs = self.springs
@@ -66,7 +66,7 @@ class SpringFamily:
         if self._current is None or self._current[0] != factor:
             if factor < 0 and self.springs.count:
                 raise ArithmeticError("the stiffness factor became negative")
-            system, earlier = moved_system(self.system, self._along, factor - 1.0), self.passages
+            system, earlier = shift_system(self.system, self._along, factor - 1.0), self.passages
             rest = np.zeros(system.size) if self.equilibrium is None else self.equilibrium(system)
             flow: PeriodicFlow
             if self.cubic is not None:

@@ -110,10 +110,12 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     low, high = (float(pick([pick(of) for of in drawn_at])) for pick in (np.min, np.max))
     margin = 0.09 * (float(right - left) or 1.0)
     limits = float(left) - margin, float(right) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
-    if frames.missed > NOTABLE:
-        title += f"; up to {100.0 * frames.missed:.2g} % of the largest deflection is too fast for these frames"
+    if frames.difference_between > NOTABLE:
+        title += (
+            f"; up to {100.0 * frames.difference_between:.2g} % of the largest deflection is too fast for these frames"
+        )
     return Scene(
-        title, limits, tuple(lines), heights, tuple(drawn), frames.time, frames.slow,
+        title, limits, tuple(lines), heights, tuple(drawn), frames.time, frames.in_slow_motion,
         tuple((name, float(line.x[0]), line.row) for name, line in firsts.items()), bar * factor, amount(bar, "m"),
         supports, sketch.count,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Branches of forced motions: what is measured along them, their labelled datasets, and the largest values of all."""
+"""Branches of forced motions: measured values along them, their labelled datasets and largest values."""
 
 from __future__ import annotations
 
@@ -44,63 +44,63 @@ from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 @dataclass(frozen=True)
 class MeasuredBranch:
-    """A branch of np forced motions with what is measured of them."""
+    """A branch of np forced motions with their measured values."""
 
-    traced: OrbitBranch
+    branch: OrbitBranch
     motions: Sequence[MeasuredMotion]
     level: float  # NaN if it is the parameter
     period_multiple: int
     multipliers: Complexes  # (np, m)
     stable: Bools  # (np,)
-    neglected: Floats | None = None  # (np,) size of the neglected harmonics, of harmonic balance
+    truncation: Floats | None = None  # (np,) size of the neglected harmonics, of harmonic balance
     without_limit: tuple[WithoutLimit, ...] = ()  # of the largest accelerations of stable motions
 
 
-def response(model: ResponseModel, traced: OrbitBranch, level: float) -> MeasuredBranch:
+def response(model: ResponseModel, branch: OrbitBranch, level: float) -> MeasuredBranch:
     """Peaks, harmonics, forces and stability along a branch.
 
     Parameters
     ----------
     model : whose motions they are.
-    traced : the branch.
+    branch : the branch.
     level : of the excitation.
 
     Returns
     -------
     MeasuredBranch
-        With points at the maxima that are reported.
+        With points at the reported maxima.
     """
-    f, system, problem = model.followed, model.system, traced.problem
+    f, system, problem = model.followed, model.system, branch.problem
     settings, limits = model.settings, model.scenario.limits
     channels = measured_channels(system, () if limits is None else limits.model_fields_set)
-    moved = None if f.moved is None else f.system
+    moved = None if f.moved_snubber is None else f.system
     measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
-    traced, motions = with_maxima(
-        traced, lambda points: measurement.of(problem, points), _reported_maxima(model, channels)
+    branch, motions = with_maxima(
+        branch, lambda points: measurement.of(problem, points), _reported_maxima(model, channels)
     )
-    spectra = [problem.multipliers(point) for point in traced.points]
+    spectra = [problem.multipliers(point) for point in branch.points]
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
     stable = np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE
     by_balance = isinstance(settings.method, HarmonicBalance)
     return MeasuredBranch(
-        traced,
+        branch,
         motions,
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         multipliers=multipliers,
         stable=stable,
-        neglected=np.array([truncation(problem, point) for point in traced.points]) if by_balance else None,
-        without_limit=tuple(_without_limit(measurement, traced, motions, stable)) if system.jumping_forces else (),
+        truncation=np.array([truncation(problem, point) for point in branch.points]) if by_balance else None,
+        without_limit=tuple(_without_limit(measurement, branch, motions, stable)) if system.jumping_forces else (),
     )
 
 
 def _without_limit(
-    measurement: Measurement, traced: OrbitBranch, motions: Sequence[MeasuredMotion], stable: Bools
+    measurement: Measurement, branch: OrbitBranch, motions: Sequence[MeasuredMotion], stable: Bools
 ) -> Iterator[WithoutLimit]:
-    """The largest accelerations of stable motions that have no limit as the modes grow: forces jump in these motions.
+    """Largest accelerations of stable motions that grow with the number of modes, since forces jump.
 
-    None where motions are known by harmonics or in time steps alone.
+    Empty for motions that are known by harmonics or in time steps alone.
     """
     numbers, found = np.flatnonzero(stable), dict[int, dict[tuple[str, str], float]]()
     for channel, column in measurement.channels.first_columns if numbers.size else ():
@@ -109,14 +109,14 @@ def _without_limit(
             largest = int(np.argmax(peaks))
             found.setdefault(int(numbers[largest]), {})[channel.section, channel.name] = float(peaks[largest])
     for number, peaks_of in found.items():
-        if (motion := measurement.trajectory(traced, number)) is None:
+        if (motion := measurement.trajectory(branch, number)) is None:
             return
         system, trajectory = motion
         yield from without_limit(system, [*jumps_of_motion(system, trajectory)], peaks_of)
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
-    """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
+    """Quantities whose maxima get a point: peak displacements of probes, and limited values of stable motions."""
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
         none, of = np.zeros(columns.size), not_none(value.of)
@@ -142,28 +142,28 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
     """
     f, system = model.followed, model.system
     followed = f.kind == "frequency"
-    parameters = [np.asarray(f.from_unknown(branch.traced.values), dtype=float) for branch in branches]
+    parameters = [np.asarray(f.from_unknown(branch.branch.values), dtype=float) for branch in branches]
     parameter, motions = np.concatenate(parameters), [motion for branch in branches for motion in branch.motions]
     special = [
         [
             special_row(each, at, at if followed else model.frequency_hz, system.contact_names)
-            for each in branch.traced.special
+            for each in branch.branch.special
             for at in [float(f.from_unknown(each.parameter))]
         ]
         for branch in branches
     ]
-    states = np.array([orbit.state for branch in branches for orbit in branch.traced.orbits])
+    states = np.array([orbit.state for branch in branches for orbit in branch.branch.orbits])
     harmonics = np.array([motion.harmonics for motion in motions]).swapaxes(0, 1)
     limits = model.scenario.limits
     channels = measured_channels(system, () if limits is None else limits.model_fields_set)
-    by_balance = any(branch.neglected is not None for branch in branches)
+    by_balance = any(branch.truncation is not None for branch in branches)
     values = {
         **numbered_points([len(branch.motions) for branch in branches]),
         **of_states(states, system.dynamics.size),
         **of_multipliers([branch.multipliers for branch in branches]),
         "frequency_hz": parameter.copy() if followed else np.full(parameter.size, model.frequency_hz),
         "parameter": parameter,
-        "residual": [point.residual for branch in branches for point in branch.traced.points],
+        "residual": [point.residual for branch in branches for point in branch.branch.points],
         "stable": np.concatenate([branch.stable for branch in branches]),
         "energy_error": [motion.energy_error for motion in motions],
         "probe": [probe.name for probe in system.probes],
@@ -172,7 +172,7 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
         "harmonic": np.arange(harmonics.shape[2]),
         "harmonic_displacement_real": harmonics.real,
         "harmonic_displacement_imag": harmonics.imag,
-        "neglected_harmonics": np.concatenate([not_none(b.neglected) for b in branches]) if by_balance else None,
+        "neglected_harmonics": np.concatenate([not_none(b.truncation) for b in branches]) if by_balance else None,
         **_extremes(model, channels, np.array([(motion.high, motion.low) for motion in motions])),
     }
     outputs = [each for each in channels.channels if each.section == "outputs"]
@@ -182,7 +182,7 @@ def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) 
     }
     return {
         "branches": _branches(model, branches),
-        "points": POINTS.dataset(values, of_members, unit=f.unit, parameter=f"what is followed: {f.label}"),
+        "points": POINTS.dataset(values, of_members, unit=f.unit, parameter=f"parameter of the branch: {f.label}"),
         "special_points": special_points_table(special, f.unit),
     }
 
@@ -197,7 +197,7 @@ def _branches(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> Datas
         "period_multiple": [branch.period_multiple for branch in branches],
         "followed": f.kind,
         "followed_snubber": f.snubber,
-        **endings(f.in_user_unit(branch.traced.outcome) for branch in branches),
+        **endings(f.in_user_unit(branch.branch.outcome) for branch in branches),
     }
     return BRANCHES.dataset(values, level_unit=model.scenario.level_unit or "1")
 
@@ -235,7 +235,7 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
 
 
 def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
-    """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
+    """Largest values of all stable motions by name, and margins, for the summary."""
     entries: dict[str, Any] = {}
     found = list(largest_in([points], "parameter", "stable"))
     for value, name, largest, parameter in found:
@@ -251,7 +251,7 @@ def largest_values(model: ResponseModel, points: Dataset) -> dict[str, Any]:
 
 
 def growing_with_modes(branches: Sequence[MeasuredBranch]) -> list[str] | None:
-    """``entry.place`` of the largest values that have no limit as the number of modes grows; None without any.
+    """``entry.place`` of the largest values that grow with the number of modes; None without any.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 From segment to segment the three are computed from each other's independent expressions, so that their difference
 measures the error of the motion. Histories are the work and the stored energy, and their difference is the loss.
-Relative frame; what the motion of a ground-mounted snubber does to the structure counts as work in.
+All energies are in the relative frame; the work of a moving ground-mounted snubber on the structure counts as input.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from beamsim.system.equations import PiecewiseLinearSystem, RowsOf
 from beamsim.typing import Floats, Ints, not_none
 
 PowerFactors = tuple[RowsOf, RowsOf, Floats]  # left and right factors of powers, and weights of their products
-LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
+LEAST_SEGMENTS = 8  # smallest number of segments for a balance from segment to segment
 FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so that they do not fall on equal phases
-LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
+LARGEST_ERROR = 1e-6  # relative error of the balance above which a motion is not reliable
 
 
 @dataclass(frozen=True)
 class EnergyHistory:
     """Energies at some times, J, in the relative frame; work_in = dissipated + stored - stored[0]."""
 
-    work_in: Floats
+    input_work: Floats
     dissipated: Floats
     stored: Floats
 
@@ -56,56 +56,58 @@ def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats,
 
 @dataclass
 class EnergyBalance:
-    """How far energies are from balance, of a motion that is given chunk by chunk."""
+    """Error of the energy balance of a motion, accumulated chunk by chunk."""
 
     error: float = 0.0  # largest imbalance over the energy; 0 of a motionless structure
     energy: float = 0.0  # J, the larger one of the stored energy and the integral of |power in|
     _imbalance: float = 0.0  # J, at the end of the latest chunk
-    _exchanged: float = 0.0  # J
-    _stored: float = 0.0  # J, the most
-    _worst: list[tuple[float, float | None]] = field(default_factory=list)  # of each chunk, and when it is lost, s
+    _absolute_work: float = 0.0  # J
+    _largest_stored: float = 0.0  # J, the most
+    _chunk_errors: list[tuple[float, float | None]] = field(
+        default_factory=list
+    )  # of each chunk, and when it is lost, s
 
-    def add(self, times: Floats, history: EnergyHistory, exchanged: float) -> None:
+    def add(self, times: Floats, history: EnergyHistory, absolute_work: float) -> None:
         """Include the next chunk.
 
         Parameters
         ----------
         times : (nt,) s, from its start to its end.
         history : energies there; work and dissipation since its start.
-        exchanged : J, integral of the loads' power without its sign.
+        absolute_work : J, integral of the loads' power without its sign.
         """
         with np.errstate(invalid="ignore"):
-            imbalance = self._imbalance + history.work_in - history.dissipated - (history.stored - history.stored[0])
+            imbalance = self._imbalance + history.input_work - history.dissipated - (history.stored - history.stored[0])
         size = np.abs(imbalance)
         self._imbalance = float(imbalance[-1])
-        self._exchanged += exchanged
-        self._stored = float(np.maximum(self._stored, history.stored.max()))
-        self.energy = max(self._stored, self._exchanged)
+        self._absolute_work += absolute_work
+        self._largest_stored = float(np.maximum(self._largest_stored, history.stored.max()))
+        self.energy = max(self._largest_stored, self._absolute_work)
         lost = np.flatnonzero(~np.isfinite(size) | (np.isfinite(self.energy) & (size > LARGEST_ERROR * self.energy)))
-        self._worst.append((float(size.max()), float(times[lost[0]]) if lost.size else None))
-        self.error = float(np.max([size for size, _ in self._worst])) / self.energy if self.energy else 0.0
+        self._chunk_errors.append((float(size.max()), float(times[lost[0]]) if lost.size else None))
+        self.error = float(np.max([size for size, _ in self._chunk_errors])) / self.energy if self.energy else 0.0
 
     def check(self, outcome: Outcome, remedy: str = "") -> Outcome:
-        """The outcome of the motion, which is not to be trusted where the balance is lost."""
+        """The outcome of the motion: not reliable if the balance is lost."""
         allowed = min(LARGEST_ERROR * self.energy, np.finfo(float).max)
-        lost_at = next((when for size, when in self._worst if when is not None and not size <= allowed), None)
+        lost_at = next((when for size, when in self._chunk_errors if when is not None and not size <= allowed), None)
         kept = lost_at is None or self.energy == 0.0 or outcome.code == NOT_FINITE
         return outcome if kept else self._lost(outcome, remedy, not_none(lost_at))
 
-    def _lost(self, outcome: Outcome, remedy: str, lost_at: float) -> Outcome:
-        """The outcome of a motion whose balance is lost from a time, s, on."""
+    def _lost(self, outcome: Outcome, remedy: str, time: float) -> Outcome:
+        """The outcome of a motion whose balance is lost from ``time``, s, on."""
         if not np.isfinite(self.error):
-            return not_finite(lost_at)
+            return not_finite(time)
         return Outcome.of(
             OutcomeKind.UNTRUSTED, "energy_not_balanced",
-            f"the energy balance is wrong by {self.error:.2g} of the energy, from {lost_at:.6g} s on by more than "
+            f"the energy balance is wrong by {self.error:.2g} of the energy, from {time:.6g} s on by more than "
             f"{LARGEST_ERROR:g}",
-            *outcome.unless_complete, remedy=remedy, error=self.error, time=lost_at,
+            *outcome.unless_complete, remedy=remedy, error=self.error, time=time,
         )  # fmt: skip
 
 
 def sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
-    """Times, energies there, and what is exchanged, by a sum over the times, J."""
+    """Times, energies then, and the integral of the loads' absolute power, J, by a sum over the times."""
     left, right, weight = power_factors(trajectory.flow)
     integral = trajectory.product_integrals(times, left, right, weight, float(trajectory.time[0]))
     power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
@@ -125,7 +127,7 @@ def sampled_stored_energy(trajectory: Trajectory, times: Floats) -> Floats:
 
 
 def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
-    """Energies where the segments begin, and at the end; with the times, and what is exchanged, segment by segment.
+    """Times, energies at the ends of segments, and the integral of the loads' absolute power, J.
 
     Motions of few segments are evaluated at `FEW_TIMES`.
     """
@@ -173,7 +175,7 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
 
 
 def work_factors(flow: ExactFlow) -> PowerFactors:
-    """Factors of the power in: signals, and the velocities and forces on which they act."""
+    """Factors of the input power: signals, and the velocities and forces on which they act."""
     system, equations, loads, stands = flow.system, flow.equations, flow.forcing.load, flow.stands
     given = np.vstack([
         equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0])),

@@ -18,7 +18,7 @@ PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
 CYCLES_SHOWN = 3.0
 SLOWER = 6.0  # around contact
-MARGIN = 0.03  # of a period, before and after contact, that is slow too
+MARGIN = 0.03  # of a period, before and after contact, in slow motion as well
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class DrawnLine:
 
     @property
     def places(self) -> list[Place]:
-        """Its points."""
+        """Places of the points of the line."""
         if self.across is None:
             return [Place(self.body, float(x)) for x in self.x]
         return [Place(self.body, (float(x), float(y))) for x, y in zip(self.x, self.across, strict=True)]
@@ -45,12 +45,14 @@ class Frames:
 
     lines: tuple[DrawnLine, ...]
     time: Floats  # (nf,) s
-    slow: Bools  # (nf,) whether the instant is shown in slow motion
+    in_slow_motion: Bools  # (nf,)
     deflection: Floats  # (nf, points of all lines) m, relative to the base
     ends: Mapping[str, Floats]  # by stop (nf, 1 or 2) m, deflection of the places that it acts on
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
     opening: Mapping[str, Floats]  # by stop (nf,) m, distance to its face as it is then; 0 while it touches or is held
-    missed: float = 0.0  # largest difference between frames from a cubic through them, over the largest deflection
+    difference_between: float = (
+        0.0  # largest difference between frames from a cubic through them, over the largest deflection
+    )
 
 
 def between_frames(times: Floats) -> Floats:
@@ -60,18 +62,18 @@ def between_frames(times: Floats) -> Floats:
 
 def frames_at(
     system: StructuralSystem, instants: tuple[Floats, Bools], q: Floats, forces: Floats, openings: Floats,
-    between: Floats | None = None,
+    between_values: Floats | None = None,
 ) -> Frames:  # fmt: skip
     """Frames of known coordinates.
 
     Parameters
     ----------
-    system : that moves.
+    system : whose motion is shown.
     instants : (nf,) s, and whether each is slow.
     q : (nf, n) coordinates of the model.
     forces : (nf, snubbers) N.
     openings : (nf, snubbers) m, distances to the faces as they are at each instant.
-    between : (nf - 1, n) coordinates at `between_frames`, where they are known.
+    between_values : (nf - 1, n) coordinates at `between_frames`, where they are known.
 
     Returns
     -------
@@ -91,13 +93,13 @@ def frames_at(
     ]
     deflection = q @ np.vstack(of_lines).T + system.with_supports(places, times)
     missed = 0.0
-    if between is not None:
-        there = between @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
+    if between_values is not None:
+        there = between_values @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
         missed = _largest_difference(times, deflection, there)
     return Frames(lines, times, slow, deflection, values_by_stop(sites, q @ at_stops.T), force, opening, missed)
 
 
-def _largest_difference(times: Floats, deflection: Floats, between: Floats) -> float:
+def _largest_difference(times: Floats, deflection: Floats, between_values: Floats) -> float:
     """Largest difference of deflections between frames from cubics through the frames, over the largest deflection."""
     from scipy.interpolate import CubicSpline
 
@@ -105,7 +107,7 @@ def _largest_difference(times: Floats, deflection: Floats, between: Floats) -> f
     if np.count_nonzero(different) < 4 or not deflection.any():
         return 0.0
     expected = CubicSpline(times[different], deflection[different])(between_frames(times))
-    return float(np.abs(between - expected).max() / np.abs(deflection).max())
+    return float(np.abs(between_values - expected).max() / np.abs(deflection).max())
 
 
 def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
@@ -127,8 +129,8 @@ def values_by_stop(sites: Mapping[str, Site], values: Floats) -> dict[str, Float
     return dict(zip(sites, np.split(values, last[:-1], axis=1), strict=False))  # of no stop one empty part
 
 
-def _intervals(time: Floats, closed: Bools) -> Sequence[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(int)))
+def _intervals(time: Floats, in_contact: Bools) -> Sequence[tuple[float, float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], in_contact, [False]]).astype(int)))
     return [(float(time[a]), float(time[min(b, time.size - 1)])) for a, b in edges.reshape(-1, 2)]
 
 
@@ -168,7 +170,7 @@ def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list
 
 
 def lines_of_nodes(stations: Stations, part: StationPart) -> list[Ints]:
-    """Stations by line: all in their order; of nodes in space those of each edge of an element, and nodes alone."""
+    """Stations of each line: one line in order; for nodes in space one line per element edge, and single nodes."""
     numbers = np.arange(part.stations.start, part.stations.stop)
     if stations.points is None or not np.all(np.isfinite(stations.points[part.stations])):
         return [numbers]

@@ -1,4 +1,4 @@
-r"""Gapping: at which level of a sine contact begins or is lost, and which preload keeps it.
+r"""Gapping: the level of a sine at which contact is made or lost, and the preload that keeps contact.
 
 Until contact changes, the steady motion is the linear one about static equilibrium,
 
@@ -44,7 +44,7 @@ class ContactLevels(ContactUnits):
     loss: Floats  # nan where the snubber is open at equilibrium
     preload_needed: Floats  # N per unit of level: force at equilibrium that keeps contact, all snubbers closed
     preload_alone: Floats  # the same with the other snubbers as they are at equilibrium
-    before: Floats  # level at which another contact changes first; beyond it the motion is another one
+    level_of_other: Floats  # level at which another contact changes first, which ends the linear motion
 
     @property
     def closed_at_rest(self) -> bool:
@@ -58,8 +58,8 @@ class ContactLevels(ContactUnits):
 
     @property
     def predicted_levels(self) -> Floats:
-        """(F,) the same, nan where another contact changes before."""
-        return np.where(self.levels_of_change <= (1.0 + AT_ONCE) * self.before, self.levels_of_change, np.nan)
+        """(F,) level of change, nan if another contact changes first."""
+        return np.where(self.levels_of_change <= (1.0 + AT_ONCE) * self.level_of_other, self.levels_of_change, np.nan)
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
@@ -88,11 +88,10 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
     """Levels at which contact is made or lost, from the linear motion about static equilibrium.
 
-    There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
-    is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any in a system with
-    friction that sticks without a spring, or whose normal force comes from a snubber. A latch that is open at
-    equilibrium has an onset as other stops; one that is held is lost at no level, an infinite one, and needs no
-    preload.
+    Snubbers whose law is more than a stiffness and a dashpot have no levels: a table changes its stiffness under load,
+    and the forces of Maxwell branches depend on the frequency. Nor has a system with friction that sticks without a
+    spring, or whose normal force comes from a snubber. A latch that is open at equilibrium has an onset like other
+    stops; an engaged one is lost at no level (infinite) and needs no preload.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
     if system.static_equilibrium is None or count == 0 or contacts.any_sticks_rigidly or contacts.pressed_contacts.size:
@@ -122,7 +121,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
             continue
         # a contact that can pull is lost when the penetration vanishes, one without tension when the force does
         losing = np.abs(impedance[:, j]) if law.one_sided_springs is None else law.stiffness
-        if law.latches:  # is not lost without a preload either
+        if law.latches:  # keeps contact without a preload
             losing = np.zeros(omega.size)
         onset, loss = (unknown, first[j]) if closed[j] else (first[j], unknown)
         with np.errstate(invalid="ignore"):
@@ -154,7 +153,7 @@ def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
 def gapping(
     levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats, level: Floats
 ) -> dict[str, dict[str, Any]]:
-    """At which level a sine first changes contact, and the preload that keeps it, for the summary.
+    """The level at which a sine first changes each contact, and the preload that keeps contact, for the summary.
 
     Parameters
     ----------
@@ -166,8 +165,8 @@ def gapping(
     Returns
     -------
     By snubber whether it is closed at rest; the lowest level that changes its contact, SI, over the amplitude there
-    (nan where that is zero) and its frequency, Hz, where no other contact changes before (`in_order`); and the largest
-    preload that any frequency needs, N, with all snubbers closed and with the others as they are at rest.
+    (nan if that is zero) and its frequency, Hz, unless another contact changes first (`order_by_level`); and the
+    largest preload needed at any frequency, N, with all snubbers closed and with the others as they are at rest.
     """
     changes = first_changes(levels, frequency_hz, amplitude, level)
     for name, of in levels.items():
@@ -178,23 +177,23 @@ def gapping(
 
 
 def first_changes(
-    levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats, least_of: Floats
+    levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats, reference_amplitude: Floats
 ) -> dict[str, dict[str, Any]]:
-    """Where a sine first changes each contact: at the smallest level over that of another sine.
+    """The frequency at which a sine first changes each contact, where its level relative to another sine is smallest.
 
     Parameters
     ----------
     levels : by snubber, from `contact_levels`.
     frequency_hz : (F,) of the levels.
     amplitude : (F,) of the excitation there, SI.
-    least_of : (F,) amplitude over which the level is smallest at the first change, SI; zero where nothing changes.
+    reference_amplitude : (F,) amplitude of the other sine, SI; zero where nothing changes.
 
     Returns
     -------
     By snubber the entries of `gapping` without preloads.
     """
     changes, measures = {}, {}
-    loud, driven = (np.where(of > 0, of, np.nan) for of in (amplitude, least_of))
+    loud, driven = (np.where(of > 0, of, np.nan) for of in (amplitude, reference_amplitude))
     for name, of in levels.items():
         measure = of.levels_of_change / driven
         k = int(np.nanargmin(measure)) if np.isfinite(measure).any() else 0
@@ -205,12 +204,12 @@ def first_changes(
             "frequency_hz": float(frequency_hz[k]),
             "share_of_level": float(of.levels_of_change[k] / loud[k]),
         }
-    before = [of.before / driven for of in levels.values()]
+    before = [of.level_of_other / driven for of in levels.values()]
     return order_by_level(changes, measures, float(np.nanmin(before, initial=np.inf)))
 
 
 def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
-    """The level that changes contact at the frequency of a sine; of other inputs nothing."""
+    """The entries of `gapping` for a sine of one frequency; empty for other inputs."""
     if system.sine is None:
         return {}
     excitation = system.scenario.sine
@@ -221,44 +220,44 @@ def gapping_of_sine(system: StructuralSystem) -> dict[str, dict[str, Any]]:
 
 
 def gapping_ratios(snubbers: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
-    """Of a summary's ``gapping`` the level over that at which contact first changes, where that is predicted."""
+    """By snubber the level over the predicted level of the first change of contact, from a summary's ``gapping``."""
     shares = {name: of["share_of_level"] for name, of in snubbers.items() if not math.isnan(of["share_of_level"])}
     return {name: 1.0 / share if share > 0.0 else math.inf for name, share in shares.items()}
 
 
 def finite(ratios: Mapping[str, float]) -> dict[str, float]:
-    """Those that can be compared: without contacts that any level changes."""
+    """The finite ratios; contacts that change at any level have none."""
     return {name: ratio for name, ratio in ratios.items() if math.isfinite(ratio)}
 
 
 def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """The entries of a summary's ``gapping`` with those of hinges under the names of angles and moments."""
+    """The entries of a summary's ``gapping``, with angles and moments in the names of those of hinges."""
     turned = {name: {hinge_key(key): x for key, x in of.items()} for name, of in snubbers.items()}
     return {name: turned[name] if units[name] == "rad" else of for name, of in snubbers.items()}
 
 
 def order_by_level(
-    snubbers: dict[str, dict[str, Any]], measures: Mapping[str, float], before: float
+    snubbers: dict[str, dict[str, Any]], measures: Mapping[str, float], smallest: float
 ) -> dict[str, dict[str, Any]]:
-    """The entries of a summary's ``gapping``, of which only that of the first change of contact keeps its level.
+    """The entries of a summary's ``gapping``; only the contact that changes first keeps its level.
 
-    Once it has happened the motion is another one, and the linear one says nothing of the other contacts.
+    After that change the linear motion no longer predicts the other contacts.
 
     Parameters
     ----------
-    snubbers : by name, with what the linear motion says of each.
-    measures : by name what orders them.
-    before : the least of it of any contact, also of those that have no entry.
+    snubbers : by name, the prediction from the linear motion.
+    measures : by name the quantity that orders them.
+    smallest : smallest measure of all contacts, including those without an entry.
 
     Returns
     -------
-    By name; those of later changes have ``not_predicted``, a text that says what happens first, and nan for a level.
+    By name; contacts that change later have nan as level, and ``not_predicted`` names the first change.
     """
     least, cause = float(np.fmin.reduce(list(measures.values()), initial=np.inf)), ""
-    if not np.isfinite(min(least, before)):
+    if not np.isfinite(min(least, smallest)):
         return snubbers
-    if before * (1.0 + AT_ONCE) < least:
-        least, cause = before, "a table, branch, spring or friction changes first"
+    if smallest * (1.0 + AT_ONCE) < least:
+        least, cause = smallest, "a table, branch, spring or friction changes first"
     first = {name for name in snubbers if measures[name] <= least * (1.0 + AT_ONCE)}
     if not cause:
         name = next(name for name in snubbers if name in first)
@@ -271,7 +270,7 @@ def order_by_level(
 
 
 def _receptances(system: StructuralSystem, omega: Floats, phases: Ints, snubbers: Bools) -> Complexes:
-    """(F, m) displacement at chosen snubbers for a unit force there, nan at others; contacts stay in phases."""
+    """(F, m) receptance at the chosen snubbers, with contacts in fixed phases; nan at others."""
     shape = system.dynamics.contacts.shape[: snubbers.size][snubbers]
     out = np.full((omega.size, snubbers.size), np.nan, dtype=complex)
     push = np.broadcast_to(shape.T.astype(complex), (omega.size, *shape.T.shape))

@@ -1,11 +1,11 @@
-r"""A motion at the output times: how it is sampled while it is marched, and what its samples leave out.
+r"""A motion at the output times: sampling during the march, and an estimate of the aliased content.
 
-What lies above half the rate of samples is at lower frequencies in a spectrum of them. The acceleration of a motion
-with impacts jumps, so that no rate is high enough. What lies above half the rate shows between the samples. A share
-:math:`s` of a step after a sample, content below half the rate is a weighted sum of the samples around; content that
-:math:`m` times the rate has to be added to is turned by :math:`2 \pi m s`. Its difference from the sum is
-:math:`2 |\sin \pi m s|` times its size, which the golden ratio as :math:`s` keeps away from zero. It is divided by the
-value of :math:`m = 1`, since most of the content lies there.
+In a spectrum of samples, content above half the sampling rate is aliased to lower frequencies. The acceleration of a
+motion with impacts jumps, so that no rate is high enough. The aliased content is visible between the samples: at a
+share :math:`s` of a step after a sample, content below half the rate equals a weighted sum of the samples around, while
+content that is shifted by :math:`m` times the rate is rotated by :math:`2 \pi m s`. The difference from the sum is
+:math:`2 |\sin \pi m s|` times its size; with the golden ratio as :math:`s` it is never near zero. It is divided by the
+value for :math:`m = 1`, where most of the content lies.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from beamsim.signals.filters import FilteredMotion, LinearFilter, butterworth
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Bools, Floats, Ints
 
-VALUES_AT_ONCE = 2**20  # outputs and states at the times that are computed together, less than a second
-FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
+VALUES_AT_ONCE = 2**20  # outputs and states computed at once, in less than a second
+FEWEST_SAMPLES = 1000  # evaluated before a time limit counts
 ROUND_OFF = 1e-12  # relative, of the last output time
-NOTABLE = 1e-3  # share of the root mean square that is named: 60 dB, below which no line is listed
-_NEIGHBOURS = 20  # samples on either side that the sum takes
+NOTABLE = 1e-3  # aliased share of the root mean square above which a warning is given: -60 dB, as for listed lines
+_NEIGHBOURS = 20  # samples on either side in the sum
 _SHARPNESS = 7.0  # of its Kaiser window: -70 dB, and a transition of a tenth of the rate about half of it
 BETWEEN = 0.5 * (3.0 - 5.0**0.5)  # place between two samples at which the motion is compared, of a step
-_BLOCKS, _BLOCK = 16, 4096  # parts of a long record that are looked at, evenly spread, and samples in each
+_BLOCKS, _BLOCK = 16, 4096  # evaluated blocks of a long record, evenly spread, and samples in each
 
 
 def samples_until(end: float, rate: float) -> int:
@@ -54,7 +54,7 @@ class Histories:
     time: Floats  # (nt,) s
     channels: ChannelSet
     values: Floats  # (nt, C) of the channels
-    touching: Bools  # (nt, m) whether each contact touches
+    in_contact: Bools  # (nt, m) whether each contact touches
     energy: EnergyHistory
 
     def of(self, key: Key) -> Floats:
@@ -81,10 +81,10 @@ class HistoryRecorder:
     histories: Histories  # at the output times up to which the motion was evaluated
 
     def __init__(
-        self, flow: ExactFlow, channels: ChannelSet, times: Floats, overdue: Stop, progress: Progress = None
+        self, flow: ExactFlow, channels: ChannelSet, times: Floats, stop: Stop, progress: Progress = None
     ) -> None:
         self._channels, self._contacts, self._times = channels, flow.system.contacts, times
-        self._overdue, self._progress, self._ended, self._filled = overdue, progress, False, 0
+        self._overdue, self._progress, self._ended, self._filled = stop, progress, False, 0
         self._values = np.empty((channels.order.size, times.size)).T  # each column in one piece
         self._touching = np.empty((flow.system.contacts.count, times.size), dtype=bool).T
         self._energy, self._work = np.empty((3, times.size)), 0.0
@@ -92,7 +92,7 @@ class HistoryRecorder:
         self._at_once = max(VALUES_AT_ONCE // (channels.order.size + flow.size), 1)
 
     def add(self, chunk: Trajectory) -> None:
-        """Sample the next chunk, unless an earlier one was left out."""
+        """Sample the next chunk, unless sampling has stopped."""
         if not self._ended:
             last = times_reached(chunk.end, self._times).size
             try:
@@ -108,21 +108,21 @@ class HistoryRecorder:
             EnergyHistory(*self._energy[:, part]),
         )  # fmt: skip
 
-    def record(self, chunk: Trajectory, last: int) -> None:
-        """Values at the next output times, up to a number of all, and the work until the end of the chunk."""
+    def record(self, chunk: Trajectory, count: int) -> None:
+        """Store values up to output time number ``count``, and the work until the end of the chunk."""
         begin, first, flow, channels = float(chunk.time[0]), self._filled, chunk.flow, self._channels
         output_of, states = outputs_of(flow, channels.rows), [flow.equations.state, flow.equations.penetration]
-        for number in range(first, max(last, first + 1), self._at_once):
-            check_stop((number - first) / max(last - first, 1))
-            part = slice(number, min(number + self._at_once, last))
+        for number in range(first, max(count, first + 1), self._at_once):
+            check_stop((number - first) / max(count - first, 1))
+            part = slice(number, min(number + self._at_once, count))
             at = np.minimum(self._times[part], chunk.end)
             phases = chunk.phases[chunk.segments_at(at)]
-            # the terms of the motion at these times are evaluated once for all that is linear in them
+            # the terms of the motion are evaluated once at these times, for all linear outputs
             sampled = chunk.sample(at, lambda of: np.vstack([output_of(of), *states]))
             values, y, penetration = np.split(sampled, np.cumsum([channels.rows.shape[0], flow.size]), axis=1)
             self._values[part] = channels.values(values)
             self._touching[part] = self._contacts.closed(phases)
-            end = at[-1:] if part.stop < last else [chunk.end]
+            end = at[-1:] if part.stop < count else [chunk.end]
             work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
             self._energy[0, part] = work[:-1]
             self._energy[2, part] = stored_energy(flow.system, y, penetration, phases)
@@ -132,7 +132,7 @@ class HistoryRecorder:
 
 
 class LowPassed:
-    """Accelerations behind the low-pass filter at all output times, led through it part by part.
+    """Low-pass filtered accelerations at all output times, computed part by part.
 
     Parameters
     ----------
@@ -144,62 +144,63 @@ class LowPassed:
     def __init__(self, frequency_hz: float, times: Floats, probes: int) -> None:
         self.frequency_hz, self.filter = frequency_hz, LinearFilter(*butterworth(frequency_hz), probes)
         self._times, self._begin, self._reached = times, 0.0, 0
-        self.values = np.zeros((times.size, probes))  # zero where it did not come
+        self.values = np.zeros((times.size, probes))  # zero after the end of the motion
         self.extremes: Floats | None = None  # (4, probes) lowest, its time, highest, its time
 
     def copy(self) -> LowPassed:
-        """A copy that goes on by itself; both write the values that follow to the same array."""
+        """A copy with a filter state of its own; both write into the same array of values."""
         copy = copied(self)
         copy.filter = deepcopy(self.filter)
         return copy
 
-    def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
-        """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""
+    def add(self, end: float, filtered_at: Callable[[Floats], FilteredMotion]) -> None:
+        """Continue to the end of the next part; ``filtered_at`` returns the filtered motion of it at output times
+        (nt,)."""
         upto = max(times_reached(end, self._times).size, self._reached)
         times = np.minimum(self._times[self._reached : upto], end)
-        motion = behind(times)
+        motion = filtered_at(times)
         self.values[self._reached : upto] = motion.at(times)
         self.extremes = merge_extremes(self.extremes, np.array(motion.extremes(self._begin, end)))
         self._begin, self._reached = end, upto
 
 
 def between_samples(time: Floats) -> Floats:
-    """(2 n - 1,) s, times of samples (n,), s, with those in between at which `share_above_half_rate` compares."""
+    """(2 n - 1,) s, times of samples (n,), s, and times between them for `share_above_half_rate`."""
     both = np.repeat(time, 2)[:-1]
     both[1::2] += BETWEEN * np.diff(time)
     return both
 
 
-def share_above_half_rate(values: Floats, place: float = BETWEEN) -> Floats:
-    """Root mean square of what lies above half the rate of samples, over the standard deviation.
+def share_above_half_rate(values: Floats, position: float = BETWEEN) -> Floats:
+    """Root mean square of the content above half the sampling rate, over the standard deviation.
 
     Parameters
     ----------
     values : (2 n - 1, k) samples, and the values between each two of them.
-    place : of the latter, of a step.
+    position : of the values between samples, as a share of a step.
 
     Returns
     -------
     (k,)
-        Zero of what does not move, nan of fewer samples than the sum takes.
+        Zero for a constant signal, nan if there are fewer samples than the sum needs.
     """
     samples = values[::2]
     if samples.shape[0] <= 2 * _NEIGHBOURS:
         return np.full(values.shape[1], np.nan)
     variance = np.var(samples, axis=0)
-    ratio = np.divide(_content(values, place), variance, out=np.zeros_like(variance), where=variance > 0.0)
+    ratio = np.divide(_content(values, position), variance, out=np.zeros_like(variance), where=variance > 0.0)
     return np.asarray(np.sqrt(ratio))
 
 
-def share_of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[Floats], Floats]) -> Floats:
-    """Shares (k,) of signals that are known at any times, from blocks of their samples; no copy of all is made.
+def share_of_blocks(time: Floats, samples: Floats, columns: Ints, signals_at: Callable[[Floats], Floats]) -> Floats:
+    """Shares (k,) as `share_above_half_rate`, from blocks of samples of signals that can be evaluated at any time.
 
     Parameters
     ----------
     time : (n,) s, of the samples.
     samples : (n, c) with the signals in some columns (k,).
     columns : (k,).
-    at : (k,) signals at times.
+    signals_at : (k,) signals at times.
     """
     length = min(time.size, _BLOCK)
     if length <= 2 * _NEIGHBOURS:
@@ -209,21 +210,21 @@ def share_of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[
         values = np.empty((2 * length - 1, columns.size))
         values[::2] = samples[first : first + length, columns]
         at_samples = time[first : first + length]
-        values[1::2] = at(at_samples[:-1] + BETWEEN * np.diff(at_samples))
+        values[1::2] = signals_at(at_samples[:-1] + BETWEEN * np.diff(at_samples))
         content.append(_content(values, BETWEEN))
     variance = np.array([np.var(samples[:, column]) for column in columns])
     ratio = np.divide(np.mean(content, axis=0), variance, out=np.zeros_like(variance), where=variance > 0.0)
     return np.asarray(np.sqrt(ratio))
 
 
-def _content(values: Floats, place: float) -> Floats:
-    """(k,) mean square of what lies above half the rate, from values (2 n - 1, k), see `share_above_half_rate`."""
+def _content(values: Floats, position: float) -> Floats:
+    """(k,) mean square of the content above half the rate, from values (2 n - 1, k), see `share_above_half_rate`."""
     samples, between = values[::2], values[1::2]
-    distance = np.arange(-_NEIGHBOURS, _NEIGHBOURS) + place
+    distance = np.arange(-_NEIGHBOURS, _NEIGHBOURS) + position
     inside = np.sqrt(np.maximum(1.0 - (distance / _NEIGHBOURS) ** 2, 0.0))
     weight = np.sinc(distance) * np.i0(_SHARPNESS * inside)
     weight /= weight.sum()
     expected = np.array([np.convolve(x, weight, "valid") for x in samples.T]).T
     first = _NEIGHBOURS - 1
     difference = between[first : first + expected.shape[0]] - expected
-    return np.asarray(np.mean(difference**2, axis=0) / (2.0 * np.sin(np.pi * place)) ** 2)
+    return np.asarray(np.mean(difference**2, axis=0) / (2.0 * np.sin(np.pi * position)) ** 2)

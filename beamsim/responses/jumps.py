@@ -76,7 +76,7 @@ def contact_jumps(motion: Trajectory) -> tuple[Floats, Floats]:
 
 
 def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
-    """When a signal jumps before an end, s, from zero at the beginning too, and by how much; (k,) each."""
+    """When a signal jumps before an end, s, the jump from zero at t = 0 included, and by how much; (k,) each."""
     if isinstance(signal, StreamedSignal):  # a record, smooth between its samples
         return np.zeros(1), np.abs(signal(np.zeros(1)))
     pieces = np.arange(signal.start.size)
@@ -86,7 +86,7 @@ def signal_jumps(signal: Signal, end: float) -> tuple[Floats, Floats]:
 
 
 def jumps_of_motion(system: StructuralSystem, motion: Trajectory) -> Iterator[ForceJumps]:
-    """Those of the forces of a system that may jump."""
+    """Jumps of those forces of a system that can jump."""
     time, of_contacts = contact_jumps(motion)
     for force in system.forces_that_jump:
         if force.signal >= 0:
@@ -124,7 +124,7 @@ def peaks_after_jumps(
         before = of.time - JUST_BEFORE * motion.length[np.maximum(motion.segments_at(of.time) - 1, 0)]
         after = channel_values(motion, at, of.time)
         change = after - channel_values(motion, at, np.maximum(before, 0.0))
-        way = np.sign(np.where(of.time[:, None] > 0.0, change, after))  # everything rests before the beginning
+        way = np.sign(np.where(of.time[:, None] > 0.0, change, after))  # at rest before the beginning
         yield from zip(at.channels, np.abs(after + way * missing[:, None]).max(axis=0).tolist(), strict=True)
 
 
@@ -141,8 +141,8 @@ def without_limit(
     Parameters
     ----------
     system : whose forces jump.
-    jumps : of them; those at points with enough mass are not looked at.
-    peaks : largest magnitudes of accelerations by section and name, SI; others are not looked at.
+    jumps : of them; jumps at points with enough mass are skipped.
+    peaks : largest magnitudes of accelerations by section and name, SI; other channels are skipped.
     """
     waves, channels = Waves.of(system), [c for c in accelerations(system) if (c.section, c.name) in peaks]
     light = [of for of in jumps if of.force.light and channels]
@@ -162,21 +162,21 @@ def at_force(system: StructuralSystem, channel: Channel, force: JumpingForce) ->
 
 
 def keys_of(channel: Channel) -> list[tuple[str, str]]:
-    """Entry and place of the values of a summary that are without a limit where a channel is."""
+    """Entries and places of a summary whose values have no limit if the acceleration of this channel has none."""
     entries = OF_PROBES if channel.key == ACCELERATION else ("peak_output", "min_output", "max_output")
     return [(entry, channel.name) for entry in entries]
 
 
 @dataclass(frozen=True)
 class Waves:
-    """What the modes of a model make of a force that jumps, away from where it acts.
+    """Waves that a force jump excites in a model's modes, away from the point where it acts.
 
     Parameters
     ----------
     upper : upper half of the kept modes.
     ratio : smallest of their damping ratios.
     decay : 1/s, of the highest of them.
-    number : of modes that are in reach: `LIGHT_MASS_FACTOR` times those kept; 0 where damping ends the waves of fewer.
+    number : of modes that count: `LIGHT_MASS_FACTOR` times those kept; 0 if damping ends the waves of fewer modes.
     """
 
     upper: Ints
@@ -186,7 +186,7 @@ class Waves:
 
     @classmethod
     def of(cls, system: StructuralSystem) -> Self:
-        """Those of a system."""
+        """The waves of a system."""
         kept = system.kept_modes
         upper = np.argsort(system.dynamics.stiffness, kind="stable")[kept // 2 : kept]
         ratio = float(np.nanmin(system.modes["damping_ratios"].values[kept // 2 : kept], initial=np.inf))
@@ -194,7 +194,7 @@ class Waves:
         return cls(upper, ratio, 2 * np.pi * ratio * float(system.open_frequencies_hz[max(kept - 1, 0)]), number)
 
     def accelerations(self, system: StructuralSystem, channels: Sequence[Channel], jumps: ForceJumps) -> Floats:
-        """(C, k) m/s^2 that jumps make of channels: of each at its force, and of all whose waves still travel.
+        """(C, k) m/s^2, jumps of the accelerations of channels at the force, and by travelling waves elsewhere.
 
         Waves are those of a model of `LIGHT_MASS_FACTOR` times the modes, and add as those of random phases.
         """

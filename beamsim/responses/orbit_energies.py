@@ -1,7 +1,7 @@
 """The energy balance of periodic motions: work in = dissipated + change of the stored energy, over a period.
 
-A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are
-integrated in closed form; of cubic springs by Gauss-Legendre rules on panels that are short against the fastest motion.
+A free conservative motion keeps its energy from event to event. For other motions work and dissipation are integrated
+in closed form; with cubic springs by Gauss-Legendre rules on panels short compared with the fastest motion.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ SAMPLES_A_HARMONIC = 8  # of the stored energy
 
 
 @dataclass(frozen=True)
-class _Known:
-    """A motion between events."""
+class _PiecewiseMotion:
+    """States of a motion between its events."""
 
     edges: Floats  # (G + 1,) s
     phases: Ints  # (G, m) of the contacts
@@ -51,13 +51,13 @@ def energy_error(flow: PeriodicFlow, flow_map: FlowMap) -> float:
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
-    known = _Known(edges, phases, lambda times: flow.states_at(flow_map, times))
+    known = _PiecewiseMotion(edges, phases, lambda times: flow.states_at(flow_map, times))
     work, lost = _by_quadrature(flow, known, flow.fastest)
     return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
 
 
 def energy_errors(motions: HarmonicMotions) -> Floats:
-    """(M,) the same of motions in closed form under loads, whose work and losses are integrals in closed form."""
+    """(M,) relative errors of the energy balance of motions in closed form, by integrals in closed form."""
     flow, of, last = motions.flow, motions.motion, np.append(motions.first[1:], motions.motion.size) - 1
     end = motions.time[motions.first] + motions.duration
     time, y = np.append(motions.time, end), np.vstack([motions.y, [each.end for each in motions.maps]])
@@ -74,7 +74,7 @@ def energy_errors(motions: HarmonicMotions) -> Floats:
 
 
 def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
-    """The same of a motion found by harmonic balance.
+    """Relative error of the energy balance of a motion found by harmonic balance.
 
     Galerkin's method makes the residual of the equations of motion orthogonal to every harmonic up to the highest, and
     so to the velocity, which has no others: the work of all forces over a period is zero whatever the number of
@@ -83,7 +83,7 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
     :func:`beamsim.orbits.harmonic_balance.truncation`.
     """
     motion: HarmonicMotion = point.data
-    flow, known = problem.flow_at(point.parameter), _Known(motion.edges, motion.phases, motion.states)
+    flow, known = problem.flow_at(point.parameter), _PiecewiseMotion(motion.edges, motion.phases, motion.states)
     work, lost = _by_quadrature(flow, known, 2.0 * (motion.highest + 1) * motion.fundamental)
     times = np.linspace(0.0, motion.period, SAMPLES_A_HARMONIC * (motion.highest + 1), endpoint=False)
     stored = _stored_energy(flow, times, known.states(times), known.phases[known.segments(times)])
@@ -91,7 +91,7 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
 
 
 def check_balance(outcome: Outcome, points: Dataset) -> Outcome:
-    """The outcome of branches, whose points are not to be trusted where the balance is lost.
+    """The outcome of branches: not reliable if the energy balance of a point is lost.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def check_balance(outcome: Outcome, points: Dataset) -> Outcome:
     Returns
     -------
     Outcome
-        The given one where no balance is lost; else one that tells the largest error, with the given one as a part
+        The given one if no balance is lost; else one that states the largest error, with the given one as a sub-outcome
         unless that is complete.
     """
     error, parameter = points["energy_error"].values, points["parameter"]
@@ -147,7 +147,7 @@ def _stored_energy(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -
     return np.asarray(energy)
 
 
-def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[float, float]:
+def _by_quadrature(flow: PeriodicFlow, motion: _PiecewiseMotion, fastest: float) -> tuple[float, float]:
     """Work in and dissipated energy over a motion, J.
 
     They come from Gauss-Legendre rules on panels of each segment that are short against a motion of ``fastest`` rad/s.

@@ -34,7 +34,7 @@ from beamsim.typing import not_none, of_kind
 
 @dataclass(frozen=True)
 class FollowedParameter:
-    """A parameter, its range, and the unknown of the continuation that stands for it.
+    """A parameter, its range, and the unknown of the continuation that represents it.
 
     The continuation's unknown is the angular frequency, the level, or for a snubber's number a coordinate that runs
     from 1 to 2, so that steps relative to it fit whatever the number is (a gap of zero included).
@@ -46,7 +46,7 @@ class FollowedParameter:
     unit: str
     points_at: tuple[float, ...] = ()  # SI, values at which every branch gets a point
     snubber: str = ""
-    moved: MovedSnubber | None = None
+    moved_snubber: VariedSnubber | None = None
 
     def to_unknown(self, value: float) -> float:
         """The continuation's unknown at a value."""
@@ -64,9 +64,9 @@ class FollowedParameter:
         """An outcome with its parameter in the user's unit."""
         return outcome.in_unit(self.from_unknown, self.unit)
 
-    def system(self, unmoved: StructuralSystem, unknown: float) -> StructuralSystem:
-        """The system whose motion a point of the continuation is; frequency and level leave it as it is."""
-        return unmoved if self.moved is None else self.moved.system(self.from_unknown(unknown))
+    def system(self, reference: StructuralSystem, unknown: float) -> StructuralSystem:
+        """The system at a value of the continuation's unknown; frequency and level do not change it."""
+        return reference if self.moved_snubber is None else self.moved_snubber.system(self.from_unknown(unknown))
 
     @property
     def label(self) -> str:
@@ -75,10 +75,10 @@ class FollowedParameter:
         return f"{what} {self.snubber}".strip()
 
     def path(self, flow: PeriodicFlow) -> Callable[[float], tuple[PeriodicFlow, ContactDirection]]:
-        """The systems by the unknown, of which a flow is one, and their derivatives by it."""
+        """A function that gives the flow at a value of the unknown, and the derivatives of its contacts."""
 
         def at(unknown: float) -> tuple[PeriodicFlow, ContactDirection]:
-            contacts, rates = not_none(self.moved)(self.from_unknown(unknown))
+            contacts, rates = not_none(self.moved_snubber)(self.from_unknown(unknown))
             step = self.last - self.first
             by_unknown = ContactDirection(
                 step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape,
@@ -91,23 +91,23 @@ class FollowedParameter:
 
 @dataclass(frozen=True)
 class ResponseModel:
-    """A scenario ready to be followed."""
+    """Model of a scenario's continuation: system, loads and parameter."""
 
     scenario: Scenario
     system: StructuralSystem
     loads: PeriodicForcing
     followed: FollowedParameter
-    second: FollowedParameter | None  # what folds are followed in
-    frequency_hz: float  # of the excitation, where it is held
+    second: FollowedParameter | None  # second parameter of curves of folds
+    frequency_hz: float  # of the excitation, if it is constant
     levels: tuple[float, ...]
 
     @property
     def settings(self) -> Continuation:
-        """The section."""
+        """The section ``sweep`` of the scenario."""
         return of_kind(Continuation, self.scenario.sweep)
 
     def problem(self, level: float) -> ForcedOrbits | ForcedBalance:
-        """Motions along the parameter, by the method that is asked for.
+        """The continuation problem of one level, by the method of the scenario.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class ResponseModel:
             raise ScenarioError.at(
                 "chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance"
             ) from error
-        return ForcedOrbits(flow, parameter if f.moved is None else f.path(flow))
+        return ForcedOrbits(flow, parameter if f.moved_snubber is None else f.path(flow))
 
 
 def response_model(scenario: Scenario) -> ResponseModel:
@@ -210,17 +210,17 @@ def _parameter_of(scenario: Scenario, family: SystemFamily, at: str, path: Any) 
             )
         )
     place = snubber.place_paths[0] if kind == "position" else ()
-    moved = MovedSnubber(family, (*located.path, *place, kind), tuple(contacts), kind, ratio)
+    moved = VariedSnubber(family, (*located.path, *place, kind), tuple(contacts), kind, ratio)
     return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
 
 
 @dataclass(frozen=True)
-class MovedSnubber:
+class VariedSnubber:
     """A snubber, or a pair of stops, with another gap, stiffness or position.
 
     Parameters
     ----------
-    family : the systems, in coordinates that serve all values.
+    family : the systems, in coordinates common to all values.
     path : of the number in the scenario.
     contacts : numbers of its contacts: one, or the two of a pair.
     quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
@@ -234,7 +234,7 @@ class MovedSnubber:
     damping_ratio: float | None = None
 
     def system(self, value: float) -> StructuralSystem:
-        """What the scenario with this value gives, probes, outputs and stresses included."""
+        """The system of the scenario with this value, probes, outputs and stresses included."""
         return self.family.at(self.path, value)
 
     def __call__(self, value: float) -> tuple[Contacts, ContactDirection]:

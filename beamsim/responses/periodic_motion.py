@@ -1,7 +1,7 @@
-"""What is measured of a periodic motion: extremes of channels, harmonics of the probes, shares of contact.
+"""Measured values of periodic motions: extremes of channels, harmonics of the probes, shares of contact.
 
-Of motions in closed form the extremes are certified; power series and sums of harmonics are polynomials on pieces of
-the period, which the same search takes.
+Extremes of motions in closed form are certified; power series and sums of harmonics are polynomials on pieces of
+the period and are searched in the same way.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ class MeasuredMotion:
         return np.maximum(np.abs(self.high), np.abs(self.low))
 
 
-def measured_channels(system: StructuralSystem, limited: Collection[str] = ()) -> ChannelSet:
-    """The channels that are measured: what response curves show, what limits ask for, and the outputs.
+def measured_channels(system: StructuralSystem, limits: Collection[str] = ()) -> ChannelSet:
+    """The measured channels: those of response curves, of limits and of outputs.
 
     Parameters
     ----------
     system : of the channels.
-    limited : names of the limits.
+    limits : names of the limits.
     """
-    keys = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in limited}
+    keys = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in limits}
     return system.channels.select(lambda channel: channel.key in keys or channel.section == "outputs")
 
 
@@ -78,20 +78,20 @@ class Measurement:
     excitation : whose frequency and level are those of each motion; None of free motions.
     channels : C columns of values.
     harmonics : H, number of the highest one.
-    moved : the system whose motion a point is, from the unmoved one and the point's parameter; by default that system.
+    system_at : gives the system at a parameter of the branch from the reference system; by default the same system.
     """
 
     system: StructuralSystem
     excitation: Sine | None
     channels: ChannelSet
     harmonics: int = 5
-    moved: Callable[[StructuralSystem, float], StructuralSystem] | None = None
-    _exact: ExactFlow | None = field(default=None, init=False)  # under the loads of a motion before
+    system_at: Callable[[StructuralSystem, float], StructuralSystem] | None = None
+    _last_flow: ExactFlow | None = field(default=None, init=False)  # under the loads of a motion before
 
     def of(self, problem: Any, points: Sequence[BranchPoint]) -> list[MeasuredMotion]:
         """The motions of points of a branch, by shooting or by harmonic balance, with their energy balances."""
-        if self.moved is not None:
-            moved = self.moved
+        if self.system_at is not None:
+            moved = self.system_at
             return [self._of_moved(moved(self.system, point.parameter), problem, point) for point in points]
         if isinstance(problem, ForcedBalance):
             return [self._by_balance(problem, point) for point in points]
@@ -117,22 +117,22 @@ class Measurement:
         known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
         return replace(known, energy_error=balance_error(problem, point))
 
-    def trajectory(self, traced: OrbitBranch, number: int) -> tuple[StructuralSystem, Trajectory] | None:
+    def trajectory(self, branch: OrbitBranch, number: int) -> tuple[StructuralSystem, Trajectory] | None:
         """The motion of a point of a branch over its period, with its system; None where it has no closed form."""
-        problem, point = traced.problem, traced.points[number]
+        problem, point = branch.problem, branch.points[number]
         if isinstance(problem, ForcedBalance) or not isinstance((cycle := problem.cycle(point))[0], VariationalFlow):
             return None
         flow, flow_map = cycle
-        system = self.system if self.moved is None else self.moved(self.system, point.parameter)
+        system = self.system if self.system_at is None else self.system_at(self.system, point.parameter)
         forcing, observers = self._loads(flow.omega, flow.level)
         exact = ExactFlow(flow.system, forcing, flow_map.duration, observers)
-        return system, simulate(exact, traced.orbits[number].state)
+        return system, simulate(exact, branch.orbits[number].state)
 
     def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
-        """The motion of a system whose channels are those of this one in other places, in the columns of these.
+        """Measure the motion of a system with a varied snubber, in the columns of this system's channels.
 
-        Where a channel has other columns there, as the stress with stations where contacts act, all have the extremes
-        of the whole channel.
+        If a channel has other columns there, as a stress with stations at contacts, all columns have the extremes of
+        the whole channel.
         """
         names = {(*each.key, each.name) for each in self.channels.channels}
         there = system.channels.select(lambda each: (*each.key, each.name) in names)
@@ -154,18 +154,18 @@ class Measurement:
         return self._on_pieces(flow, edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
 
     def _loads(self, omega: float, level: float) -> tuple[Forcing, tuple[Signal, ...]]:
-        """The loads, and what else channels ask for, at a frequency, rad/s, and level."""
+        """Loads, and further signals that channels need, at a frequency, rad/s, and level."""
         sine = 0.0 if self.excitation is None else sine_of(self.excitation, omega, level)
         return harmonic_loads(self.system, omega, sine)
 
     def _motions(self, cycles: Sequence[tuple[VariationalFlow, FlowMap]]) -> HarmonicMotions:
         """Motions of one system, each under the loads of its flow."""
         loads, first = [self._loads(flow.omega, flow.level) for flow, _ in cycles], cycles[0][0]
-        if self._exact is None or self._exact.system is not first.system:
+        if self._last_flow is None or self._last_flow.system is not first.system:
             forcing, observers = loads[0]
-            self._exact = ExactFlow(first.system, forcing, first.exact.duration, observers)
-        sources = [self._exact.sources_under(*each) for each in loads]
-        return HarmonicMotions(self._exact, [each for _, each in cycles], sources)
+            self._last_flow = ExactFlow(first.system, forcing, first.exact.duration, observers)
+        sources = [self._last_flow.sources_under(*each) for each in loads]
+        return HarmonicMotions(self._last_flow, [each for _, each in cycles], sources)
 
     def _in_closed_form(self, motions: HarmonicMotions) -> list[MeasuredMotion]:
         exact, channels = motions.flow, self.channels

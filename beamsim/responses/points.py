@@ -1,5 +1,4 @@
-"""Points of a branch that continuation by itself does not place: at the ends of the range, at values that were asked
-for, and at the maxima of the continuous curve."""
+"""Additional points of a branch: at the ends of the range, at requested values and at maxima of the curve."""
 
 from __future__ import annotations
 
@@ -14,9 +13,9 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.outcomes import stop_requested
 
-ROUND_OFF = 1e-12  # relative: a point so near to a value has it
+ROUND_OFF = 1e-12  # relative distance within which a point has a value
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
-INSIDE = 0.375  # of the step at an end of a branch, where the search for a maximum begins
+INSIDE = 0.375  # share of the step at an end of a branch at which the search for a maximum begins
 
 SETTINGS = Settings()
 Motion = TypeVar("Motion")  # what is measured of a point
@@ -32,17 +31,17 @@ class ReportedMaximum(Generic[Motion]):
 
 @dataclass(frozen=True)
 class TargetPoint:
-    """A value at which a point of a branch is asked for."""
+    """A requested value of a quantity at which a branch gets a point."""
 
     quantity: str
-    value: float  # as it was asked for
+    value: float  # as requested
     of: Callable[[BranchPoint], float]
-    parameter: float | None = None  # that of the branch there, where the quantity is what is followed
+    parameter: float | None = None  # of the branch at the value, if the quantity is its parameter
 
     def on(self, step: BranchStep[Any]) -> BranchPoint | None:
-        """The motion on a step of a branch that has the value: exactly where it is followed, else to round-off.
+        """The motion on a step of a branch that has the value; None if none is found.
 
-        None where none is found.
+        A value of the branch's parameter is met exactly, others to round-off.
         """
         if self.parameter is not None:
             return step.at_parameter(self.parameter)
@@ -86,21 +85,21 @@ def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
 
 
 def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> list[BranchPoint]:
-    """The point on the end of the range between two neighbours; nothing where the inner one is it."""
+    """The point at the end of the range between two neighbours; empty if the inner one lies there."""
     point = None if inner.parameter == edge else BranchStep(problem, inner, outer, SETTINGS).at_parameter(edge)
     return [] if point is None else [point]
 
 
 def with_points_at(
-    branch: OrbitBranch, wanted: Sequence[TargetPoint], gaps: Collection[float] = ()
+    branch: OrbitBranch, targets: Sequence[TargetPoint], gaps: Collection[float] = ()
 ) -> tuple[OrbitBranch, list[tuple[TargetPoint, BranchPoint]]]:
-    """The branch with a point wherever it passes a value that is wanted, and these points.
+    """The branch with a point wherever it passes a target, and these points.
 
     Parameters
     ----------
     branch : of shooting or balance.
-    wanted : values.
-    gaps : parameters of points that a jump follows; nothing is interpolated across it.
+    targets : requested values.
+    gaps : parameters of points before a jump, across which nothing is interpolated.
 
     Returns
     -------
@@ -113,7 +112,7 @@ def with_points_at(
         points.append(a)
         step = BranchStep(branch.problem, a, b, Settings(iterations=15))
         between: list[tuple[TargetPoint, BranchPoint]] = []
-        for each in wanted:
+        for each in targets:
             if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
                 passed.append((each, a))
             elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
@@ -160,7 +159,7 @@ def with_maxima(
 def _insert_maximum(
     problem: Any,
     points: list[BranchPoint],
-    measured: list[Motion],
+    motions: list[Motion],
     k: int,
     measure: Callable[[Sequence[BranchPoint]], list[Motion]],
     q: ReportedMaximum[Motion],
@@ -168,13 +167,13 @@ def _insert_maximum(
     """Locate the maximum within the two steps about point k by Brent's method, and add the point if it is higher."""
     from scipy.optimize import minimize_scalar
 
-    floor = q.of(measured[k])
+    floor = q.of(motions[k])
     best: tuple[float, float, BranchPoint, Motion] | None = None
     heights = {0.0: floor}  # by share of the step before point k (negative) or after it
     for share, other in ((-1.0, k - 1), (1.0, k + 1)):
         if 0 <= other < len(points):
             stands = not q.stable_only or problem.orbit(points[other]).stable
-            heights[share] = q.of(measured[other]) if stands else 0.5 * floor
+            heights[share] = q.of(motions[other]) if stands else 0.5 * floor
 
     def height_at(share: float) -> float:
         nonlocal best
@@ -203,4 +202,4 @@ def _insert_maximum(
         _, share, point, motion = best
         where = k if share < 0 else k + 1
         points.insert(where, point)
-        measured.insert(where, motion)
+        motions.insert(where, motion)

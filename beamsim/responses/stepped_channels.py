@@ -1,4 +1,4 @@
-"""Channels of motions whose states are known at some times, as time stepping and harmonic balance give them."""
+"""Channels of motions whose states are known at discrete times, from time stepping or harmonic balance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from beamsim.typing import Floats, Ints
 
 
 class SteppedChannels:
-    """Channels where the states are known, cubic springs included.
+    """Channels evaluated from states, cubic springs included.
 
     Parameters
     ----------
@@ -25,25 +25,25 @@ class SteppedChannels:
         self.channels, self._system, self._flow = channels, system, flow
         self._output_of = outputs_of(flow, channels.rows)
 
-    def of_states(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> Floats:
-        """Values where the states are known.
+    def of_states(self, times: Floats, y: Floats, phases: Ints, piece_time: float | None = None) -> Floats:
+        """Values of the channels at times with known states.
 
         Parameters
         ----------
         times : (nt,) s.
         y : (nt, N) states then.
         phases : (nt, m) of the contacts.
-        since : s, time whose piece of the inputs counts; by default those at the times themselves.
+        piece_time : s, time that selects the piece of the inputs; by default each of ``times``.
 
         Returns
         -------
         (nt, C).
         """
-        known = self._flow.outputs_of_states(times, y, phases, self._output_of, since)
+        known = self._flow.outputs_of_states(times, y, phases, self._output_of, piece_time)
         return self.channels.values(known + self._additional_values(self.channels.rows, times, y))
 
     def _additional_values(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
-        """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
+        """(nt, k) contributions that the flow leaves out: cubic springs, and a base motion that affects no contact."""
         system, flow, of = self._system, self._flow, self.channels.sizes.part
         base = 0.0 if system.base_displacement is None else system.base_displacement(times)
         additional = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))

@@ -101,12 +101,12 @@ class SpecialRow(NamedTuple):
     time_s: float = np.nan
 
 
-def special_row(special: SpecialPoint, value: float, frequency_hz: float, contact_names: Sequence[str]) -> SpecialRow:
+def special_row(point: SpecialPoint, value: float, frequency_hz: float, contact_names: Sequence[str]) -> SpecialRow:
     """A special point in SI units.
 
     Parameters
     ----------
-    special : as it was located.
+    point : as it was located.
     value : of the parameter, as people read it.
     frequency_hz : of the motion, Hz.
     contact_names : (m,) of the system's contacts.
@@ -116,8 +116,8 @@ def special_row(special: SpecialPoint, value: float, frequency_hz: float, contac
     SpecialRow
         With the name of the contact that grazes, empty where none does.
     """
-    name = contact_names[special.contact] if special.contact >= 0 else ""
-    return SpecialRow(special.kind, value, frequency_hz, name, special.time)
+    name = contact_names[point.contact] if point.contact >= 0 else ""
+    return SpecialRow(point.kind, value, frequency_hz, name, point.time)
 
 
 def special_points_table(rows: Sequence[Sequence[SpecialRow]], unit: str) -> Dataset:

@@ -23,19 +23,22 @@ class Competition(NamedTuple):
     """How the largest of several extremes changes with a number."""
 
     derivative: float  # of the one that is the largest
-    below: float  # derivative for smaller numbers, of the extreme that decides at the lower end of the tolerance
-    above: float  # for larger ones
+    derivative_below: (
+        float  # derivative for smaller numbers, of the extreme that decides at the lower end of the tolerance
+    )
+    derivative_above: float  # for larger ones
     change_below: float  # of the largest, at the lower end of the tolerance
-    change: float  # at the upper end
-    takes_over: float  # change of the number with which another extreme becomes the largest, the nearest; else infinite
+    change_above: float  # at the upper end
+    takeover: float  # change of the number with which another extreme becomes the largest, the nearest; else infinite
     rival: int  # that extreme, -1 without one
-    noted: bool  # whether one takes over within the tolerance, or is nearly as large
+    is_close: bool  # whether one takes over within the tolerance, or is nearly as large
 
     def times(self, sign: float) -> Competition:
         """The same of values of the other sign, whose smallest one decides, where ``sign`` is -1."""
         return self._replace(
-            derivative=sign * self.derivative, below=sign * self.below, above=sign * self.above,
-            change_below=sign * self.change_below, change=sign * self.change,
+            derivative=sign * self.derivative,
+            derivative_below=sign * self.derivative_below, derivative_above=sign * self.derivative_above,
+            change_below=sign * self.change_below, change_above=sign * self.change_above,
         )  # fmt: skip
 
 

@@ -69,8 +69,8 @@ CONTACT_CHANGE = record(
 )  # fmt: skip
 FINER_MODEL = record(
     {"reason": Text},
-    dict.fromkeys(("modes", "first_modes", "compared_s", "sequences_part_s", "disturbance_parts_s",
-                   "round_off_parts_s"), Number),
+    dict.fromkeys(("modes", "first_modes", "compared_s", "contact_divergence_s", "disturbance_divergence_s",
+                   "round_off_divergence_s"), Number),
 )  # fmt: skip
 MARGINS = Entry(
     "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its error, from a "
@@ -117,8 +117,8 @@ CONVERGENCE = (
              "elements",
              form=dict[str, Number | ByName]),
     Entry("doubtful", "", "values with an error of more than 2 %: value.place", form=list[str]),
-    Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
-             "many: value.place; their errors are those of means where the excitation goes on", form=list[str]),
+    Entry("after_divergence", "", "values that depend on the motion after its contact sequences diverge, which is one "
+             "of many: value.place; if the excitation goes on, their errors are those of means", form=list[str]),
     Entry("without_limit", "", "values that have no limit as the number of modes grows, since a force jumps at a point "
              "with little mass: value.place", form=list[str]),
     Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
@@ -202,7 +202,7 @@ class Result:
         """The printed table."""
         return str(resolve_name("beamsim.cli.tables:text_table")(self.KIND, self))
 
-    def with_summary(self, **computed: Any) -> Self:
+    def with_summary(self, **values: Any) -> Self:
         """The result with its summary: the values given, the status, and those that repeat variables.
 
         Raises
@@ -211,7 +211,7 @@ class Result:
             If the summary does not declare a value.
         """
         status = {"status": self.status} if STATUS in self.SUMMARY else {}
-        result = replace(self, summary=summary_of(self, **status | computed)).with_outcome(self.outcome)
+        result = replace(self, summary=summary_of(self, **status | values)).with_outcome(self.outcome)
         if not result.summary.get("margins"):
             return result
         return replace(result, warnings=tuple(dict.fromkeys((*self.warnings, *_far_limits(result)))))
@@ -222,9 +222,9 @@ class Result:
         summary = self.summary | {name: value for name, value in repeated.items() if name in self.summary}
         return replace(self, outcome=outcome, summary=summary)
 
-    def interrupted(self, during: str) -> Self:
+    def interrupted(self, activity: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
-        return self.with_outcome(interruption(f"during {during}", *self.outcome.unless_complete))
+        return self.with_outcome(interruption(f"during {activity}", *self.outcome.unless_complete))
 
     @property
     def status(self) -> str:

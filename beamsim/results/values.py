@@ -96,12 +96,12 @@ def by_magnitude(channels: Sequence[Channel], extreme: Extreme) -> Extreme:
     return np.array([low, when_low, np.where(pulls, -low, high), np.where(pulls, when_low, when_high)])
 
 
-def merge_extremes(before: Extreme | None, new: Extreme) -> Extreme:
+def merge_extremes(first: Extreme | None, second: Extreme) -> Extreme:
     """The lowest and the highest of two extremes, with their times."""
-    if before is None:
-        return new
-    return np.vstack([np.where(new[0] < before[0], new[:2], before[:2]),
-                      np.where(new[2] > before[2], new[2:], before[2:])])  # fmt: skip
+    if first is None:
+        return second
+    return np.vstack([np.where(second[0] < first[0], second[:2], first[:2]),
+                      np.where(second[2] > first[2], second[2:], first[2:])])  # fmt: skip
 
 
 class Value(NamedTuple):
@@ -154,11 +154,11 @@ class Value(NamedTuple):
         """Whether sweeps follow it in any case: what has a limit and a row in the table, at probes and snubbers."""
         return bool(self.limit and self.label) and self.section in ALWAYS_THERE
 
-    def summary_entry(self, before: str = "", *, by_curve: bool = False) -> Entry:
+    def summary_entry(self, prefix: str = "", *, by_curve: bool = False) -> Entry:
         """Its entry in the summary, with words before its meaning; of a sweep by curve."""
         unit = "g" if self.entry.endswith("_g") else "" if self.section == "outputs" else self.unit
         form: Any = Number if self.single or not self.section else ByName
-        meaning = ("by curve, " if by_curve else before) + self.meaning
+        meaning = ("by curve, " if by_curve else prefix) + self.meaning
         return Entry(self.entry, unit, meaning, self.section, form=dict[str, form] if by_curve else form)
 
 
@@ -244,7 +244,7 @@ OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 
-READ_FIRST = frozenset(
+MAIN_ENTRIES = frozenset(
     value.entry
     for value in VALUES
     if value.of is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
@@ -253,7 +253,7 @@ READ_FIRST = frozenset(
 NATURAL_FREQUENCIES = ("open_frequencies_hz", "closed_frequencies_hz")
 
 
-def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
+def is_main_value(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     """Whether a value is one that a user reads first, so that a doubt about it is one about the result.
 
     Those are displacements, accelerations, forces, what has a limit, and the first natural frequency, open and closed,
@@ -266,7 +266,7 @@ def read_first(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     key : ``entry.place`` of a summary, as in ``doubtful``; frequencies have their number as place.
     """
     entry, _, place = key.partition(".")
-    if entry in READ_FIRST or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
+    if entry in MAIN_ENTRIES or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
         return True
     given = () if scenario.limits is None else scenario.limits.values_by_name
     return any(limits(name, entry, place) for name in given)
@@ -465,10 +465,10 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
     return with_verdicts(compared)
 
 
-def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float, str]]) -> Margins:
+def margins_along(limits: Limits | None, values: Iterable[tuple[Value, str, float, str]]) -> Margins:
     """The margins of values along curves or branches: each with whose it is, its size (SI), and where that is."""
     largest: dict[str, tuple[float, str]] = {}
-    for value, name, size, where in found:
+    for value, name, size, where in values:
         at = where if value is OUTPUT or not name else f"{name}, {where}"
         for limit in (value.limit, f"{value.limit}.{name}"):
             if size > largest.get(limit, (-1.0, ""))[0]:
@@ -476,12 +476,12 @@ def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float
     return margins_of(limits, largest)
 
 
-def with_verdicts(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
+def with_verdicts(margins: Margins, outcome: Outcome = COMPLETE) -> Margins:
     """Margins with the verdict on each limit.
 
     Parameters
     ----------
-    compared : with the range of each value, ``lowest`` to ``highest``, by its change; ``held_within`` is the share of
+    margins : with the range of each value, ``lowest`` to ``highest``, by its change; ``held_within`` is the share of
         the limit to which the level of a sweep is known that holds it there; ``interval_low`` and ``interval_high``
         are the interval of a value of a random motion, where that decides.
     outcome : of the computation.
@@ -492,15 +492,15 @@ def with_verdicts(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     """
     verdicts = {
         name: on_limit(item["lowest"], item["highest"], item["limit"] * (1.0 + item.get("held_within", 0.0)), outcome)
-        for name, item in compared.items()
+        for name, item in margins.items()
     }
     for name, verdict in verdicts.items():
-        low, high = (compared[name].get(f"interval_{end}", math.nan) for end in ("low", "high"))
-        if verdict is Verdict.NOT_RELIABLE and outcome.trusted and low <= compared[name]["limit"] < high:
+        low, high = (margins[name].get(f"interval_{end}", math.nan) for end in ("low", "high"))
+        if verdict is Verdict.NOT_RELIABLE and outcome.trusted and low <= margins[name]["limit"] < high:
             verdicts[name] = Verdict.UNDECIDED
     return {
         name: item | {"exceeded": verdicts[name] is Verdict.EXCEEDED, "verdict": verdicts[name].value}
-        for name, item in compared.items()
+        for name, item in margins.items()
     }
 
 
@@ -511,10 +511,10 @@ def longer_run(duration: str) -> str:
     return "no longer run decides, since the largest values of tests themselves scatter so much"
 
 
-def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
+def limits_not_met(scenario: Scenario, margins: Margins) -> list[str]:
     """A message for every limit that is exceeded, and for every one that cannot be decided reliably."""
     texts = []
-    for name, item in compared.items():
+    for name, item in margins.items():
         if item["verdict"] == Verdict.MET:
             continue
         unit, changes = f" {limit_unit(scenario, name)}".removesuffix(" 1"), item["lowest"] < item["highest"]

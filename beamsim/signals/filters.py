@@ -63,13 +63,13 @@ class Panels:
     ----------
     ends : (P + 1,) s.
     length : (D,) s, the different lengths.
-    which : (P,) index into these.
+    length_index : (P,) index into these.
     values : (P, nodes, k) the signal at the nodes.
     """
 
     ends: Floats
     length: Floats
-    which: Ints
+    length_index: Ints
     values: Floats
 
 
@@ -206,8 +206,8 @@ class LinearFilter:
         begin, end = (direct * np.einsum("n,pnk->pk", at, values) for at in (_AT_BEGIN, _AT_END))
         for j, (pole, residue) in enumerate(zip(self.poles, self.residues, strict=True)):
             kernel = _WEIGHT * np.exp(pole * block.length[:, None] * (1 - _NODE)) * block.length[:, None]
-            added = np.matmul(kernel[block.which][:, None, :], values)[:, 0]
-            factor = np.exp(pole * block.length)[block.which, None]
+            added = np.matmul(kernel[block.length_index][:, None, :], values)[:, 0]
+            factor = np.exp(pole * block.length)[block.length_index, None]
             first = self.state[j]
             added[0] += factor[0] * first
             z = np.vstack([first[None], recurrence(factor, added)])
@@ -221,9 +221,9 @@ class LinearFilter:
         return output[1:], end
 
 
-def recurrence(factor: Complexes, added: Complexes) -> Complexes:
+def recurrence(factor: Complexes, input: Complexes) -> Complexes:
     """``z_i = factor_i z_(i-1) + added_i`` from zero, (P, k), by doubling."""
-    z, reach, step = added.copy(), factor.copy(), 1
+    z, reach, step = input.copy(), factor.copy(), 1
     while step < z.shape[0] and np.abs(reach).max() > NEGLIGIBLE:
         z[step:] += reach[step:] * z[:-step].copy()
         reach[step:] *= reach[:-step].copy()
@@ -245,7 +245,7 @@ def _cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> t
 
 
 def _higher(
-    ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats
+    ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, times: Floats
 ) -> tuple[Floats, Floats]:
     """The highest values (k,) so far and their times.
 
@@ -262,7 +262,7 @@ def _higher(
     top, at = np.vstack([tops, y[-1]]), np.vstack([ends[:-1, None] + s * h, np.full(y.shape[1], ends[-1])])
     best, column = top.argmax(axis=0), np.arange(y.shape[1])
     better = top[best, column] > highest
-    return np.where(better, top[best, column], highest), np.where(better, at[best, column], when)
+    return np.where(better, top[best, column], highest), np.where(better, at[best, column], times)
 
 
 def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
@@ -285,7 +285,7 @@ def filter_outputs(
     output_of: RowsOf,
     frequency_hz: float,
     times: Floats,
-    before: LinearFilter | None = None,
+    filter_state: LinearFilter | None = None,
 ) -> FilteredMotion:
     """Outputs of a motion behind the Butterworth low-pass of a frequency.
 
@@ -295,7 +295,7 @@ def filter_outputs(
     output_of : k outputs.
     frequency_hz : of the filter.
     times : (nt,) increasing, s, at which the values are to be right to 1e-9; elsewhere to 1e-5 at least.
-    before : the filter, led through the chunks before; only inputs with powers of time are taken in chunks.
+    filter_state : the filter, led through the chunks before; only inputs with powers of time are taken in chunks.
 
     Returns
     -------
@@ -313,7 +313,7 @@ def filter_outputs(
     edges, fastest = smooth_intervals(trajectory)
     known = np.unique(np.concatenate([trajectory.time[:1], edges, times[times <= trajectory.end]]))
     outputs = output_of(trajectory.flow.system.contacts.start).shape[0]
-    through = before or LinearFilter(*butterworth(frequency_hz), outputs)
+    through = filter_state or LinearFilter(*butterworth(frequency_hz), outputs)
     if fastest.size:
         fastest = fastest[np.clip(np.searchsorted(edges, known[:-1], side="right") - 1, 0, fastest.size - 1)]
     longest = longest_panel(fastest, PANELS_A_PERIOD * frequency_hz)
@@ -369,13 +369,13 @@ class FilteredSegments:
     ----------
     motion, output_of : the motion, and k outputs that the filter follows.
     poles : of the filter.
-    free : (S, 2, k) amplitudes of the filter's own motion where segments begin, the residues included.
+    free_amplitude : (S, 2, k) amplitudes of the filter's own motion where segments begin, the residues included.
     """
 
     motion: Trajectory
     output_of: RowsOf
     poles: Complexes
-    free: Complexes
+    free_amplitude: Complexes
 
     @classmethod
     def of(cls, motion: Trajectory, output_of: RowsOf, frequency_hz: float) -> FilteredSegments:
@@ -404,12 +404,12 @@ class FilteredSegments:
         """(nt, k) at increasing times."""
         segment = self.motion.segments_at(times)
         turned = np.exp(self.poles * (times - self.motion.time[segment])[:, None])
-        fading = np.einsum("nj,njk->nk", turned, self.free[segment]).real
+        fading = np.einsum("nj,njk->nk", turned, self.free_amplitude[segment]).real
         return np.asarray(self.motion.sample(times, self.output_of, self._gain) + fading)
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
-        found = search_extrema(self._sums(np.array([begin, end])), self.free.shape[2])
+        found = search_extrema(self._sums(np.array([begin, end])), self.free_amplitude.shape[2])
         low, when_low, high, when_high = (of_window[0] for of_window in found[:4])
         return low, when_low, high, when_high
 
@@ -420,12 +420,12 @@ class FilteredSegments:
 
     def _sums(self, edges: Floats) -> Iterator[Sums]:
         """The outputs between two times, s, for the search for extremes: the filter's own motions are more terms."""
-        poles, outputs = self.poles, self.free.shape[2]
+        poles, outputs = self.poles, self.free_amplitude.shape[2]
         own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
         pole = np.repeat(np.arange(poles.size), outputs)
         every = np.ones(self.motion.time.size, dtype=bool)
         for segment, sums in self.motion.sums(self.output_of, every, edges, gain=self._gain):
-            fading = self.free[segment].reshape(segment.size, -1)
+            fading = self.free_amplitude[segment].reshape(segment.size, -1)
             yield sums._replace(
                 rate=np.concatenate([sums.rate, poles]),
                 power=np.concatenate([sums.power, np.zeros_like(sums.power, shape=poles.size)]),
@@ -469,7 +469,7 @@ def _unknown(count: int) -> Extreme:
     return low, nothing, -low, nothing
 
 
-def _peaks(ends: Floats, value: Floats, slopes: tuple[Floats, Floats], known: Extreme) -> Extreme:
+def _peaks(ends: Floats, value: Floats, slopes: tuple[Floats, Floats], extremes: Extreme) -> Extreme:
     """Extremes of cubics, and of what is known before.
 
     Parameters
@@ -477,16 +477,16 @@ def _peaks(ends: Floats, value: Floats, slopes: tuple[Floats, Floats], known: Ex
     ends : (P + 1,) of panels, s.
     value : (P + 1, k) there.
     slopes : (P, k) at the beginning and at the end of each panel.
-    known : extremes so far.
+    extremes : extremes so far.
     """
-    low, low_time, high, high_time = known
+    low, low_time, high, high_time = extremes
     least, when = _higher(ends, -value, -slopes[0], -slopes[1], -low, low_time)
     return (-least, when, *_higher(ends, value, *slopes, high, high_time))
 
 
-def geomspaced(first: float, last: float, per_octave: int) -> Floats:
+def geomspaced(lowest: float, highest: float, per_octave: int) -> Floats:
     """(nf,) Hz, equally spaced in the logarithm from the lowest to the highest, which both belong to them."""
-    return np.geomspace(first, last, max(round(per_octave * np.log2(last / first)), 1) + 1)
+    return np.geomspace(lowest, highest, max(round(per_octave * np.log2(highest / lowest)), 1) + 1)
 
 
 def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Signal, fastest: float | Floats) -> Floats:

@@ -37,7 +37,7 @@ class Harmonics:
 MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
 
 
-def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: float | None = None) -> Harmonics:
+def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last_s: float | None = None) -> Harmonics:
     r"""The first `count` harmonics of a frequency, by least squares on the signal or from a spectrum's lines.
 
     All harmonics of a time history up to half the sample rate (60 at most) are fitted; the scatter of the residual,
@@ -48,7 +48,7 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     signal : a time history, or a spectrum.
     frequency_hz : of the first harmonic.
     count : number of harmonics.
-    last : use only this last part of a time history, s; by default all of it.
+    last_s : use only this last part of a time history, s; by default all of it.
 
     Returns
     -------
@@ -60,9 +60,9 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
         If the record is too short or its spectrum too coarse.
     """
     orders = np.arange(1, count + 1)
-    if signal.of_frequency:
+    if signal.is_over_frequency:
         return _of_spectrum(signal, frequency_hz, orders)
-    part = signal.last(last)
+    part = signal.last(last_s)
     t, x = part.x, np.asarray(part.y, dtype=float)
     if t.size < 4:
         raise _short(f"has {t.size} samples in the part used")
@@ -106,14 +106,16 @@ def period_multiple(signal: MeasuredSignal, frequency_hz: float) -> int:
     """
     parts = math.lcm(*range(1, LONGEST_MOTION + 1))
     fundamental = frequency_hz / parts
-    if signal.of_frequency:
+    if signal.is_over_frequency:
         tells = signal.x.size > 1 and 4 * float(np.median(np.diff(signal.x))) <= fundamental
     else:
         tells = (signal.x[-1] - signal.x[0]) * fundamental >= 1 - ROUNDED
     if not tells:
         return 1
     whole = (
-        None if signal.of_frequency else np.floor((signal.x[-1] - signal.x[0]) * fundamental + ROUNDED) / fundamental
+        None
+        if signal.is_over_frequency
+        else np.floor((signal.x[-1] - signal.x[0]) * fundamental + ROUNDED) / fundamental
     )
     try:
         size = np.abs(harmonics_of(signal, fundamental, 2 * parts, whole).value)

@@ -172,14 +172,14 @@ def _separate_pairs(record: SpectrumRecord, fit: LineFit, excitation_hz: float, 
 
 
 def _promising_pairs(
-    fit: LineFit, tried: set[float], duration: float
+    fit: LineFit, examined: set[float], duration: float
 ) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
     """Pairs of lines that explain much of what lies near a line, from where most is left.
 
     Parameters
     ----------
     fit : the lines.
-    tried : Hz, maxima that were looked at before, to which these are added.
+    examined : Hz, maxima that were looked at before, to which these are added.
     duration : s, of the record.
 
     Yields
@@ -192,28 +192,28 @@ def _promising_pairs(
     worth = [
         k
         for k in np.argsort(-remainder.size, kind="stable").tolist()
-        if remainder.size[k] > least and lines[k].peak_hz not in tried
+        if remainder.size[k] > least and lines[k].peak_hz not in examined
     ]
     if worth:
-        yield from _candidate_pairs(worth, fit, tried, place)
+        yield from _candidate_pairs(worth, fit, examined, place)
 
 
 def _candidate_pairs(
-    worth: list[int], fit: LineFit, tried: set[float], place: Floats
+    numbers: list[int], fit: LineFit, examined: set[float], bins: Floats
 ) -> Iterator[tuple[list[int], tuple[float, float]]]:  # fmt: skip
     """What a pair may replace at some lines, with the best pair of each, that explain much; see above."""
     lines, remainder = fit.lines, not_none(fit.remainder)
     choices: list[list[int]] = []
-    for k in worth:
-        distance = np.abs(place - place[k])
+    for k in numbers:
+        distance = np.abs(bins - bins[k])
         distance[k] = np.inf
         nearest = int(distance.argmin())
         both = distance[nearest] <= LOBE and (lines[k].order is None or lines[nearest].order is None)
         choices += [[k, nearest], [k]] if both else [[k]]
     orders = [next((k for k in replaced if lines[k].order is not None), None) for replaced in choices]
-    pairs, ratios = remainder.best_pairs(choices, [np.nan if k is None else float(place[k]) for k in orders])
+    pairs, ratios = remainder.best_pairs(choices, [np.nan if k is None else float(bins[k]) for k in orders])
     for replaced, pair, ratio in zip(choices, pairs.tolist(), ratios.tolist(), strict=True):
-        tried.add(lines[replaced[0]].peak_hz)
+        examined.add(lines[replaced[0]].peak_hz)
         if ratio <= _PROMISING:
             yield replaced, pair
 

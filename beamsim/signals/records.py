@@ -1,4 +1,4 @@
-r"""Records that a spectrum is made of, samples or a motion in closed form, and lines that share one maximum of it.
+r"""Records for spectra, of samples or of a motion in closed form, and pairs of lines that share one maximum.
 
 Both are projected on sinusoids of known frequencies by least squares, with a window as weight. Of samples the sums are
 taken as they are. Of a motion in closed form they are integrals: those of the sinusoids are transforms of the window,
@@ -133,7 +133,7 @@ RECTANGULAR = Window.of_name("rectangular")
 
 
 class Levels(NamedTuple):
-    """How large a record is."""
+    """Size of a record."""
 
     peak: float  # largest magnitude
     deviation: float  # largest one from the mean
@@ -141,7 +141,7 @@ class Levels(NamedTuple):
 
 
 class SpectrumRecord(ABC):
-    """What a spectrum is made of."""
+    """A record from which spectra are computed."""
 
     start: float  # s
     duration: float  # s; the curve of the spectrum is known at multiples of its inverse
@@ -165,7 +165,7 @@ class SpectrumRecord(ABC):
 
     @abstractmethod
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
-        """Those of a least-squares fit under a window of 1, sines (k,) and cosines (k,) since the start.
+        """Normal equations of a least-squares fit, under a window, of 1, sines (k,) and cosines (k,) since the start.
 
         Returns
         -------
@@ -175,7 +175,7 @@ class SpectrumRecord(ABC):
 
     @abstractmethod
     def residual(self, frequency_hz: Floats) -> float:
-        """Root mean square of what the projection on sinusoids (k,) leaves."""
+        """Root mean square of the residual of the projection on sinusoids (k,)."""
 
     @abstractmethod
     def halves(self) -> tuple[SpectrumRecord, SpectrumRecord]:
@@ -244,7 +244,7 @@ class SampledRecord(SpectrumRecord):
 
 
 class MotionRecord(SpectrumRecord):
-    """One output of a motion in closed form, of which all sums are integrals.
+    """One output of a motion in closed form; all sums are integrals.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ class MotionRecord(SpectrumRecord):
         return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
 
     def deviations_of_quarters(self) -> tuple[float, float]:
-        """Root mean squares of the first and the last quarter of the time, about the mean of all."""
+        """Standard deviations in the first and the last quarter of the time."""
         first, last = self.part.quarter_deviations
         return float(first[self.column]), float(last[self.column])
 
@@ -302,9 +302,9 @@ class MotionRecord(SpectrumRecord):
 
 
 def sampled_records(
-    time: Floats, samples: Floats, excitation_hz: float, last: float | None = None, periods: int | None = None
+    time: Floats, samples: Floats, excitation_hz: float, last_s: float | None = None, periods: int | None = None
 ) -> list[SampledRecord]:  # fmt: skip
-    """The last part of records of samples, of which there are spectra.
+    """Records of the last part of sampled signals, for spectra.
 
     Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
     "other".
@@ -314,7 +314,7 @@ def sampled_records(
     time : (n,) s, equally spaced.
     samples : (K, n) the signals, in their units.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    last, periods : which part, see `analysed_duration`.
+    last_s, periods : length of the part, see `analysed_duration`.
 
     Raises
     ------
@@ -325,35 +325,35 @@ def sampled_records(
     if samples.ndim != 2 or time.shape != samples.shape[1:] or not time.size:
         raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {samples.shape}")
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-    length = _samples_analysed(time.size, rate, excitation_hz, last, periods)
+    length = _samples_analysed(time.size, rate, excitation_hz, last_s, periods)
     return [SampledRecord(time[-length:], x[-length:], rate) for x in samples]
 
 
 def _samples_analysed(
-    available: int, rate: float, excitation_hz: float, last: float | None, periods: int | None
+    available: int, rate: float, excitation_hz: float, last_s: float | None, periods: int | None
 ) -> int:  # fmt: skip
-    duration = analysed_duration(available / rate, excitation_hz, last, periods)
+    duration = analysed_duration(available / rate, excitation_hz, last_s, periods)
     length = min(max(round(rate * duration), 1), available)
     forced = np.isfinite(excitation_hz) and excitation_hz > 0
-    if length < available or last is not None or not forced or available == 1:
+    if length < available or last_s is not None or not forced or available == 1:
         return length
     # A record sampled at both of its ends holds one sample more than its periods do.
     in_periods = excitation_hz / rate
     return min((available - 1, available), key=lambda n: abs(n * in_periods - round(n * in_periods)))
 
 
-def analysed_duration(available: float, excitation_hz: float, last: float | None, periods: int | None) -> float:
+def analysed_duration(available: float, excitation_hz: float, last_s: float | None, periods: int | None) -> float:
     """Length, s, of the part at the end of a motion that is analysed.
 
     Parameters
     ----------
     available : s, length of the whole.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    last : s, that is asked for; by default the whole.
-    periods : of the excitation that are asked for instead.
+    last_s : s, requested length; by default the whole.
+    periods : requested length in periods of the excitation, in place of ``last_s``.
     """
-    if last is not None:
-        return min(last, available)
+    if last_s is not None:
+        return min(last_s, available)
     if periods is not None and np.isfinite(excitation_hz) and excitation_hz > 0:
         whole = min(periods, int(available * excitation_hz * (1 + 1e-12)))
         if whole >= 1:
@@ -368,8 +368,8 @@ def amplitude_db(amplitude: Floats, peak: float) -> Floats:
     return level
 
 
-def refine_frequencies(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:
-    r"""Frequencies of lines, with which a mean, a slope and their sinusoids together fit a record best.
+def refine_frequencies(record: SpectrumRecord, frequency_hz: Floats, is_free: Bools, window: Window) -> Floats:
+    r"""Frequencies of lines that fit a record best, together with a mean and a slope.
 
     The maximum of a curve is not the frequency of a line: the lines near it, its own image at the negative frequency,
     a drift, and in one half of a window the jump at the beginning shift it. A fit of all lines together is exact for a
@@ -384,14 +384,14 @@ def refine_frequencies(record: SpectrumRecord, frequency_hz: Floats, free: Bools
     ----------
     record : with the lines.
     frequency_hz : (k,) Hz, of all its lines.
-    free : (k,) whether a frequency is to be found; the others are known.
+    is_free : (k,) whether a frequency is fitted; the others are known.
     window : weight of the fit.
 
     Returns
     -------
-    (k,) Hz; as it was where the fit takes a line far from its maximum or to another line.
+    (k,) Hz; unchanged where the fit would move a line far from its maximum or onto another line.
     """
-    start, fixed = np.asarray(frequency_hz, dtype=float), ~np.asarray(free, dtype=bool)
+    start, fixed = np.asarray(frequency_hz, dtype=float), ~np.asarray(is_free, dtype=bool)
     reach = (1.5 if window.one_sided else 0.5) / record.duration  # lines that decay are broad, and their maxima shifted
     while not fixed.all():
         place, step = start.copy(), np.full(start.size, np.inf)
@@ -412,11 +412,11 @@ def refine_frequencies(record: SpectrumRecord, frequency_hz: Floats, free: Bools
 
 
 def _correction(
-    record: SpectrumRecord, frequency_hz: Floats, moving: Ints, window: Window, near: bool
+    record: SpectrumRecord, frequency_hz: Floats, free_lines: Ints, window: Window, near: bool
 ) -> Floats:  # fmt: skip
-    """Changes, over one over the duration, of the frequencies with these indices, see `refine_frequencies`."""
-    k, n, turn = frequency_hz.size, moving.size, 2.0 * np.pi * _DIFFERENCE
-    shift, lines = _DIFFERENCE / record.duration, frequency_hz[moving]
+    """Changes of the frequencies of the free lines, times the duration, see `refine_frequencies`."""
+    k, n, turn = frequency_hz.size, free_lines.size, 2.0 * np.pi * _DIFFERENCE
+    shift, lines = _DIFFERENCE / record.duration, frequency_hz[free_lines]
     # a sine of nearly no frequency is a slope
     plain = np.concatenate([[shift], frequency_hz, lines + shift, lines - shift])
     matrix, right = record.normal_equations(plain, window)
@@ -425,8 +425,8 @@ def _correction(
     ahead, behind = np.hstack([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)])
     of_fitted = matrix[fitted]
     fit = _solve_normal_equations(of_fitted[:, fitted], right[fitted])[0]
-    left = right - fit @ of_fitted  # products of all functions with what the fit leaves
-    sine, cosine = fit[2 : 2 + k][moving], fit[2 + k :][moving]
+    left = right - fit @ of_fitted  # products of all functions with the residual
+    sine, cosine = fit[2 : 2 + k][free_lines], fit[2 + k :][free_lines]
     by_frequency = np.hstack([np.diag(sine), np.diag(cosine)])
     if window.one_sided:  # the sinusoids times the time
         by_frequency = np.vstack([by_frequency, np.hstack([np.diag(cosine), -np.diag(sine)])])
@@ -439,34 +439,37 @@ def _correction(
     if near and not window.one_sided:
         bent = (sine * (left[ahead] + left[behind])[:n] + cosine * (left[ahead] + left[behind])[n:]) / turn**2
         newton, regular = _solve_normal_equations(
-            _with_second_derivatives(normal, bent, left_of_slopes, moving), wanted
+            _with_second_derivatives(normal, bent, left_of_slopes, free_lines), wanted
         )
         if regular:
             return newton[-n:] / (2.0 * np.pi)
     change = _solve_normal_equations(normal, wanted)[0]
     c = (fit + change[: fit.size])[2:]
-    c = c[:k][moving] + 1j * c[k:][moving]
+    c = c[:k][free_lines] + 1j * c[k:][free_lines]
     turning, swelling = change[fit.size : fit.size + n], change[fit.size + n :] if window.one_sided else 0.0
     by_time = (sine + 1j * cosine) * (1j * turning - swelling)
     size = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
     return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
 
 
-def _with_second_derivatives(normal: Floats, bent: Floats, left_of_slopes: Floats, moving: Ints) -> Floats:
-    """Normal equations with what the fit leaves times the second derivatives of the sinusoids of n moving lines.
+def _with_second_derivatives(
+    normal: Floats, curvature_products: Floats, slope_products: Floats, free_lines: Ints
+) -> Floats:
+    """Normal equations with the curvature terms of Newton's method: the residual times the sinusoids' second
+    derivatives.
 
     Parameters
     ----------
     normal : of a mean, a slope, sines and cosines of k lines, and of changes of n frequencies.
-    bent, left_of_slopes : (n,) and (2 n,) products of what the fit leaves with the second derivatives by the frequency,
-        and with those by an amplitude, of the sine and of the cosine, and the frequency.
-    moving : (n,) indices of the lines whose frequencies change.
+    curvature_products : (n,) products of the residual with the second derivatives by the frequency.
+    slope_products : (2 n,) products of the residual with the derivatives by frequency and amplitude of sine and cosine.
+    free_lines : (n,) indices of the lines whose frequencies change.
     """
-    n, curved = moving.size, normal.copy()
+    n, curved = free_lines.size, normal.copy()
     changes = np.arange(normal.shape[0] - n, normal.shape[0])
     lines = (normal.shape[0] - n - 2) // 2
-    curved[changes, changes] -= bent
-    for of_amplitude, left in ((2 + moving, left_of_slopes[:n]), (2 + lines + moving, left_of_slopes[n:])):
+    curved[changes, changes] -= curvature_products
+    for of_amplitude, left in ((2 + free_lines, slope_products[:n]), (2 + lines + free_lines, slope_products[n:])):
         curved[changes, of_amplitude] -= left
         curved[of_amplitude, changes] -= left
     return curved
@@ -490,9 +493,9 @@ def _complex(fit: Floats, frequency_hz: Floats, start: float) -> Complexes:
     return np.asarray((sines + 1j * cosines) * np.exp(-2j * np.pi * np.asarray(frequency_hz) * start))
 
 
-def parabola_top(around: Floats) -> float:
+def parabola_top(logarithms: Floats) -> float:
     """Offset of the top of a parabola through three logarithms of equally spaced amplitudes, in their spacing."""
-    a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
+    a, b, c = np.log(np.maximum(logarithms, np.finfo(float).tiny))
     curvature = a - 2 * b + c
     return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
 
@@ -505,9 +508,10 @@ def _transform_on_bins(window: Window, count: int) -> Complexes:
 
 @lru_cache(maxsize=4)
 def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tuple[Floats, float]:
-    """Those of a mean and sinusoids of angular frequencies (k,) under a window, over its integral, and that.
+    """Normal matrix of a mean and sinusoids of angular frequencies (k,) under a window, over its integral, and that
+    integral.
 
-    Records of one part of a motion share them, as far as they have the same lines.
+    Cached: records of one part of a motion share it if they have the same lines.
     """
     omega = np.frombuffer(omega_bytes)
     total, k = window.cosines[0] * duration, omega.size
@@ -560,23 +564,23 @@ def _sums(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None =
 
 @dataclass(frozen=True)
 class Remainder:
-    """What k fitted lines leave of a record's curve near each of them.
+    """Residual of a record's curve near each of k fitted lines.
 
     Parameters
     ----------
     window : two-sided.
-    bins, inside : (k, 2 * LOBE + 1) multiples of one over the duration around each line, and whether the curve is known
-        there, free of the mean.
-    left : (k, 2 * LOBE + 1) complex amplitudes that the lines leave; zero elsewhere.
-    of_lines : (k, 2 * LOBE + 1, k) those of each line alone, near each line.
-    size : (k,) largest magnitude that is left near each line.
+    bins : (k, 2 * LOBE + 1) multiples of one over the duration around each line.
+    is_known : (k, 2 * LOBE + 1) whether the curve is known there, free of the mean.
+    residual : (k, 2 * LOBE + 1) complex amplitudes without the fitted lines; zero where unknown.
+    lobes : (k, 2 * LOBE + 1, k) complex amplitudes of each single line, near each line.
+    size : (k,) largest magnitude of the residual near each line.
     """
 
     window: Window
     bins: Ints
-    inside: Bools
-    left: Complexes
-    of_lines: Complexes
+    is_known: Bools
+    residual: Complexes
+    lobes: Complexes
     size: Floats
 
     @classmethod
@@ -584,7 +588,7 @@ class Remainder:
         cls, record: SpectrumRecord, frequency_hz: Floats, amplitude: Complexes, window: Window, curve: Complexes,
         near_hz: Floats | None = None,
     ) -> Remainder:  # fmt: skip
-        """Near lines that were fitted together.
+        """The residual near lines that were fitted together.
 
         Parameters
         ----------
@@ -592,7 +596,7 @@ class Remainder:
         frequency_hz, amplitude : (k,) Hz, and amplitudes with their phases in the run's own time.
         window : under which they were fitted.
         curve : (F,) complex amplitudes of the record under the window, see `SpectrumRecord.amplitudes`.
-        near_hz : those near which it is asked for; all by default.
+        near_hz : lines near which it is computed; all by default.
 
         Returns
         -------
@@ -607,13 +611,13 @@ class Remainder:
         left = np.where(inside, curve[np.where(inside, bins, 0)] - of_lines.sum(axis=2), 0.0)
         return cls(window, bins, inside, left, of_lines, np.abs(left).max(axis=1, initial=0.0))
 
-    def best_pairs(self, lines: Sequence[Sequence[int]], known: Sequence[float]) -> tuple[Floats, Floats]:
-        """The two frequencies which explain best what lies near a line, for each of several lines.
+    def best_pairs(self, lines: Sequence[Sequence[int]], first_bins: Sequence[float]) -> tuple[Floats, Floats]:
+        """For each of several lines, the two frequencies that fit the curve near it best.
 
         Parameters
         ----------
         lines : (P,) the number of the line, and those of lines that the pair replaces, too.
-        known : (P,) bins; frequency that the first of the pair has, nan where it is not known.
+        first_bins : (P,) bins; frequency of the first of the pair, nan if it is searched too.
 
         Returns
         -------
@@ -621,13 +625,13 @@ class Remainder:
             squares.
         """
         line = np.array([numbers[0] for numbers in lines], dtype=np.int64)
-        inside, middle = self.inside[line], self.bins[line, LOBE]
-        replaced = [self.of_lines[numbers[0]][:, list(numbers)].sum(axis=1) for numbers in lines]
-        curve = np.where(inside, self.left[line] + np.reshape(replaced, inside.shape), 0.0)
+        inside, middle = self.is_known[line], self.bins[line, LOBE]
+        replaced = [self.lobes[numbers[0]][:, list(numbers)].sum(axis=1) for numbers in lines]
+        curve = np.where(inside, self.residual[line] + np.reshape(replaced, inside.shape), 0.0)
         bins, offset = np.arange(-LOBE, LOBE + 1) * _PLACES_PER_BIN, np.arange(-_REACH, _REACH + 1, _STEP)
         lobe, least = _tabulated_lobe(self.window), _NEAREST * _PLACES_PER_BIN
-        own, given = np.arange(line.size), np.flatnonzero(~np.isnan(known))
-        of_known = (np.asarray(known)[given] - middle[given]) * _PLACES_PER_BIN  # places from the middle
+        own, given = np.arange(line.size), np.flatnonzero(~np.isnan(first_bins))
+        of_known = (np.asarray(first_bins)[given] - middle[given]) * _PLACES_PER_BIN  # places from the middle
         lobe_of_known = _lobe(self.window, (bins - of_known[:, None]) / _PLACES_PER_BIN)
         best, error = np.zeros((line.size, 2)), np.zeros(line.size)
         for step in _STEP // 4 ** np.arange(_FINER + 1):
@@ -642,7 +646,7 @@ class Remainder:
             error, offset = remaining[own, first, second], np.arange(-step, step + 1, step // 4 or 1)
             best[given, 0] = 0.0
         best[given, 0] = of_known
-        ratios = np.sqrt(np.maximum(error, 0.0)) / np.linalg.norm(self.left[line], axis=1)
+        ratios = np.sqrt(np.maximum(error, 0.0)) / np.linalg.norm(self.residual[line], axis=1)
         return middle[:, None] + best / _PLACES_PER_BIN, ratios
 
 
@@ -656,9 +660,9 @@ def _tabulated_lobe(window: Window) -> Complexes:
     return _lobe(window, np.arange(-_FARTHEST, _FARTHEST + 1) / _PLACES_PER_BIN)
 
 
-def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:
-    """(P, n, m) squared norms of what least squares with pairs of shapes (P, n, b) and (P, m, b) leave of (P, b)."""
-    first, second = (x / np.linalg.norm(x, axis=2)[:, :, None] for x in (one, two))
+def _remaining(curve: Complexes, first: Complexes, second: Complexes) -> Floats:
+    """(P, n, m) squared residual norms of curves (P, b) after a fit of pairs of shapes (P, n, b) and (P, m, b)."""
+    first, second = (x / np.linalg.norm(x, axis=2)[:, :, None] for x in (first, second))
     shared = first.conj() @ second.transpose(0, 2, 1)
     on_first, on_second = ((x.conj() @ curve[:, :, None]) for x in (first, second))
     beyond = on_second.transpose(0, 2, 1) - shared.conj() * on_first  # of the second across the first

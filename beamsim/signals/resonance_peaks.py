@@ -69,13 +69,13 @@ def _vertex(x: Floats, y: Floats) -> tuple[float, float]:
     return float(x[1] + shift), float(c + b * shift + a * shift**2)
 
 
-def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half: float, peak: int, way: int) -> float:
+def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half_power: float, peak: int, step: int) -> float:
     """Where the amplitude first falls below half the power on one side of a peak, interpolated; nan if nowhere."""
-    side = np.flatnonzero(lower[peak:]) + peak if way > 0 else np.flatnonzero(lower[:peak])[::-1]
+    side = np.flatnonzero(lower[peak:]) + peak if step > 0 else np.flatnonzero(lower[:peak])[::-1]
     if not side.size:
         return float("nan")
     k = int(side[0])
-    if k == peak + way:
+    if k == peak + step:
         return float("nan")
-    share = (half - amplitude[k]) / (amplitude[k - way] - amplitude[k])
-    return float(frequency[k] + share * (frequency[k - way] - frequency[k]))
+    share = (half_power - amplitude[k]) / (amplitude[k - step] - amplitude[k])
+    return float(frequency[k] + share * (frequency[k - step] - frequency[k]))

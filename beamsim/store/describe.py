@@ -66,12 +66,12 @@ def sections_of(cls: Any) -> list[Section]:
     ]  # fmt: skip
 
 
-def _row_of(name: str, declared: Variable) -> Row:
+def _row_of(name: str, variable: Variable) -> Row:
     """The row of a variable of a labelled dataset."""
-    axes = "is an axis" if declared.dims == (name,) else " × ".join(declared.dims)
-    flags = f" ({declared.flags[0]}, {declared.flags[1]})" if declared.flags else ""
-    numbers = f", in {declared.names.partition('/')[0]}" if declared.names else ""
-    return Row(name, _replace_fields(declared.unit), axes, _replace_fields(declared.meaning) + flags + numbers)
+    axes = "is an axis" if variable.dims == (name,) else " × ".join(variable.dims)
+    flags = f" ({variable.flags[0]}, {variable.flags[1]})" if variable.flags else ""
+    numbers = f", in {variable.names.partition('/')[0]}" if variable.names else ""
+    return Row(name, _replace_fields(variable.unit), axes, _replace_fields(variable.meaning) + flags + numbers)
 
 
 def _replace_fields(text: str) -> str:

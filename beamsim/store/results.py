@@ -174,12 +174,12 @@ def _root_fields(attributes: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
+def _content(attributes: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
     """What a file in the place of a new result holds; only its attributes are read.
 
     Parameters
     ----------
-    new : attributes of the new result.
+    attributes : attributes of the new result.
     path : of the file.
     contains : whether the new result contains a partial one of the same scenario.
 
@@ -192,7 +192,7 @@ def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
             _kind(file, path)
             found = dict(file.attrs)
             cut_short = Outcome.from_texts(found).cut_short
-            same = all(found.get(name) == new.get(name) for name in ("command", "scenario", "input_files"))
+            same = all(found.get(name) == attributes.get(name) for name in ("command", "scenario", "input_files"))
     except ResultFileError:
         return Content.UNKNOWN
     if not cut_short:
@@ -544,7 +544,7 @@ class StoredArray(LargeArray):
     path: str
     name: str  # of the dataset
     state: FileState  # of the file
-    within: tuple[Any, ...] = ()  # numbers and ranges along the axes of the dataset, of a part of it
+    selection: tuple[Any, ...] = ()  # numbers and ranges along the axes of the dataset, of a part of it
 
     def part(self, index: tuple[Any, ...]) -> Any:
         """A part of the array, which is read when it is used; a part of a part is read now.
@@ -553,23 +553,23 @@ class StoredArray(LargeArray):
         ----------
         index : a number or a range for each axis.
         """
-        if self.within:
+        if self.selection:
             return np.asarray(self)[index]
         ranges = ((each, size) for each, size in zip(index, self.shape, strict=True) if isinstance(each, slice))
-        return replace(self, shape=tuple(len(range(*each.indices(size))) for each, size in ranges), within=index)
+        return replace(self, shape=tuple(len(range(*each.indices(size))) for each, size in ranges), selection=index)
 
     def __getitem__(self, index: Any) -> Any:
-        if self.within:
+        if self.selection:
             return np.asarray(self)[index]
         with self._opened() as dataset:
             return np.asarray(dataset[index]).view(self.dtype)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         with self._opened() as dataset:
-            if not self.within:
+            if not self.selection:
                 return np.asarray(read_array(dataset).view(self.dtype), dtype)
             demand_memory(self.path, self.nbytes, f"for the values of {self.name}")
-            return np.asarray(np.asarray(dataset[self.within]).view(self.dtype), dtype)
+            return np.asarray(np.asarray(dataset[self.selection]).view(self.dtype), dtype)
 
     @contextmanager
     def _opened(self) -> Iterator[h5py.Dataset]:

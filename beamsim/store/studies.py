@@ -85,7 +85,7 @@ def stored_study(
 
     try:
         result = design_study(
-            plan, workers=workers, scheduler=scheduler, known=journal.kept, each=each, progress=progress
+            plan, workers=workers, scheduler=scheduler, known=journal.solved, each=each, progress=progress
         )  # fmt: skip
     except BaseException:
         if journal.added:
@@ -209,7 +209,7 @@ class Journal:
 
     def __init__(self, path: Path, header: bytes, *, resume: bool) -> None:
         self.path, self._header = path, header
-        self.kept: list[CaseOutcome] = []  # in the order of completion; of some cases also with a comparison
+        self.solved: list[CaseOutcome] = []  # in the order of completion; of some cases also with a comparison
         self.added = False  # whether a case was solved since it was opened
         self.resumed = resume
         self._found = Content.CONTAINED  # which it goes on from
@@ -234,7 +234,7 @@ class Journal:
         else:  # its writer was killed before the first case
             self._lead = self._header[len(content) :]
         if lines and lines[0] == self._header:
-            self.kept, damaged = _outcomes(lines[1:])
+            self.solved, damaged = _outcomes(lines[1:])
             if damaged:
                 numbers = ", ".join(map(str, damaged[:20])) + (", ..." if len(damaged) > 20 else "")
                 text = "warning: %s: %s damaged and ignored, and solved again: line %s"
@@ -248,7 +248,7 @@ class Journal:
     @property
     def outcomes(self) -> dict[int, CaseOutcome]:
         """By index of the case; of one that was solved again, with its comparison with a finer model."""
-        return {outcome.index: outcome for outcome in sorted(self.kept, key=lambda outcome: outcome.compared)}
+        return {outcome.index: outcome for outcome in sorted(self.solved, key=lambda outcome: outcome.compared)}
 
     def add(self, outcome: CaseOutcome) -> None:
         """Write one case.
@@ -264,10 +264,10 @@ class Journal:
                 self._move_aside()
             _write(self._file, self._lead + line)
         except OSError as error:
-            remedy = f"the {count_text(len(self.kept), 'case')} before are kept; make room and continue with --resume"
+            remedy = f"the {count_text(len(self.solved), 'case')} before are kept; make room and continue with --resume"
             raise NotWrittenError(self.path, error.strerror or str(error), remedy) from error
         self._lead, self.added = b"", True
-        self.kept.append(outcome)
+        self.solved.append(outcome)
 
     def _move_aside(self) -> None:
         """Give the journal found here another name, and begin a new one."""

@@ -51,9 +51,9 @@ OF_CHANNELS = {
 
 
 class RowOwner(NamedTuple):
-    """A member that rows belong to."""
+    """A branch, level or other member of a result to which rows of a table belong."""
 
-    called: str
+    kind_name: str
     number: int = 0
 
 
@@ -112,7 +112,7 @@ def bodies_without_places(result: Any) -> list[str]:
 
 
 def _stations(result: Any) -> Stations:
-    """Where the mode shapes of a result are known."""
+    """Stations at which the mode shapes of a result are stored."""
     return Stations.of_modes(result["modes"]) if MODES in result.DATASETS else Stations.of_recoveries(())
 
 
@@ -138,7 +138,7 @@ def _placed(stations: Stations, heights: dict[str, float]) -> Floats:
 
 
 def _nodes(
-    scenario: Scenario, stations: Stations, placed: Floats, heights: dict[str, float]
+    scenario: Scenario, stations: Stations, coordinates: Floats, heights: dict[str, float]
 ) -> dict[tuple[str, str], Coordinates]:
     """Coordinates of every probe and snubber, NaN where a table has none; the first place of a snubber between two.
 
@@ -147,7 +147,7 @@ def _nodes(
     several = len(stations.parts) > 1
     imported = {
         part.body if several else "": dict(
-            zip(stations.position[part.stations].astype(int).tolist(), placed[part.stations].tolist(), strict=True)
+            zip(stations.position[part.stations].astype(int).tolist(), coordinates[part.stations].tolist(), strict=True)
         )
         for part in stations.parts
         if part.axis is NODES
@@ -181,17 +181,17 @@ def _own_numbers(stations: Stations) -> dict[str, Ints]:
     return own
 
 
-def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
+def _mode_shapes(result: Any, coordinates: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
     """The lines through the stations (nx,) of the modes, at places (nx, 3), and a record for each mode."""
     modes, stations = result["modes"], _stations(result)
     several = len(stations.parts) > 1
     lines = []
     for k, part in enumerate(stations.parts, 1):
         nodes = number[part.stations]
-        # what joins the nodes of imported bodies is unknown: their line says only which body they are on
+        # how elements connect the nodes of imported bodies is unknown: one line shows only which body they are on
         through = [nodes[[i]] for i in range(nodes.size)] if part.axis is NODES else []
         if part.axis is not NODES:
-            through = _lines(nodes, *placed[part.stations, :2].T)
+            through = _lines(nodes, *coordinates[part.stations, :2].T)
         if several or part.axis is not NODES:
             lines.append(trace_lines(k, part.body, through))
     along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.parts]
@@ -206,7 +206,7 @@ def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> l
 
 
 def _direction(scenario: Scenario, body: str) -> str:
-    """In which an imported body's modes are stored: that of its base."""
+    """Direction in which an imported body's modes are stored: that of its base."""
     bodies = scenario.all_bodies
     base = getattr(bodies[body] if body in bodies else next(iter(bodies.values())), "base", None)
     return str(getattr(base, "direction", DEFLECTION))
@@ -253,7 +253,7 @@ def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
                 index = tuple(labels.get(dim, k if dim == numbered else slice(None)) for dim in dims)
                 y = _values(items, path, index)
                 for whose, x, rows, of_time in _abscissae(items, axis):
-                    text = " ".join(filter(None, (whose.called, of, plain.replace("_", " "))))
+                    text = " ".join(filter(None, (whose.kind_name, of, plain.replace("_", " "))))
                     if numbered is not None:
                         text += f" order {number / (_periods(items, whose) if numbered == 'harmonic' else 1):g}"
                     if dataset == "linear":
@@ -271,9 +271,9 @@ def _unit_at(item: Item, labels: dict[str, int]) -> str:
     return str(each[next(iter(labels.values()))]) if each and labels else item.unit
 
 
-def _periods(items: Items, whose: RowOwner) -> int:
-    """Periods of the excitation in one of a branch."""
-    return int(items["/branches/period_multiple"].values[whose.number])
+def _periods(items: Items, owner: RowOwner) -> int:
+    """Periods of the excitation in one period of a branch."""
+    return int(items["/branches/period_multiple"].values[owner.number])
 
 
 def _names_at(
@@ -297,9 +297,9 @@ def _values(items: Items, path: str, index: tuple[Any, ...]) -> NDArray[Any]:
 
 
 def _abscissae(items: Items, axis: str) -> Iterator[tuple[RowOwner, Floats, slice, bool]]:
-    """Times or frequencies along an axis: whose, the values, their rows, and whether they are times.
+    """Times or frequencies along an axis: owner, values, rows, and whether they are times.
 
-    Along the rows of several members they are those of one after the other.
+    If rows of several members follow each other, each member gives one entry.
     """
     dataset = parent(axis)
     for name in ("time", "frequency_hz"):
@@ -384,7 +384,7 @@ class Source(NamedTuple):
 
     title: str
     created: str  # ISO 8601
-    maker: str
+    software: str
 
 
 class Function(NamedTuple):
@@ -396,7 +396,7 @@ class Function(NamedTuple):
     x: Floats  # s of a time response, otherwise Hz
     y: NDArray[Any]  # may be complex
     kind: int = TIME_RESPONSE
-    over: str = ""  # of a frequency response the input: "acceleration" of the base, or one of `LOAD_CODES`
+    input_quantity: str = ""  # of a frequency response the input: "acceleration" of the base, or one of `LOAD_CODES`
 
 
 def record_58(source: Source, function: Function, name: str, node: int, direction: int = 3) -> dict[str, Any]:
@@ -425,7 +425,7 @@ def record_58(source: Source, function: Function, name: str, node: int, directio
         increment = (x[-1] - x[0]) / (x.size - 1)
         even = np.allclose(np.diff(x), increment, rtol=1e-9, atol=0.0) and increment > 0
         exact = bool(even) and all(abs(float(f"{v:.5e}") - v) <= 1e-12 * increment for v in (x[0], increment))
-    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[function.over]
+    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[function.input_quantity]
     return {
         "type": 58,
         "binary": 0 if exact else 1,
@@ -439,7 +439,7 @@ def record_58(source: Source, function: Function, name: str, node: int, directio
         "id1": _ascii(function.label, 80),
         "id2": _ascii(source.title, 80),
         "id3": _date(source.created),
-        "id4": _ascii(source.maker, 80),
+        "id4": _ascii(source.software, 80),
         "abscissa_spacing": int(exact),
         "abscissa_spec_data_type": _FREQUENCY if of_frequency else _TIME,
         "abscissa_axis_lab": "Frequency" if of_frequency else "Time",
@@ -458,14 +458,15 @@ def record_58(source: Source, function: Function, name: str, node: int, directio
 
 
 def header_151(source: Source, description: str = "") -> dict[str, Any]:
-    """The header of a file: what it is of, and what wrote it."""
+    """The header of a file: title, program and times."""
     import pyuff
 
     day, _, clock = _date(source.created).partition(" ")
     return dict(
         pyuff.prepare_151(
-            model_name=_ascii(source.title, 80), description=_ascii(description, 80), db_app=_ascii(source.maker, 80),
-            program=_ascii(source.maker, 80), date_db_created=day, time_db_created=clock, version_db1=0, version_db2=0,
+            model_name=_ascii(source.title, 80), description=_ascii(description, 80),
+            db_app=_ascii(source.software, 80), program=_ascii(source.software, 80),
+            date_db_created=day, time_db_created=clock, version_db1=0, version_db2=0,
             file_type=0, date_db_saved=day, time_db_saved=clock, date_db_written=day, time_db_written=clock,
         )
     )  # fmt: skip
@@ -498,7 +499,7 @@ def record_55(
 
     Parameters
     ----------
-    source : what the file is of, and what wrote it.
+    source : title of the file, and the program that wrote it.
     mode : number of the mode, from 1.
     frequency_hz, damping_ratio : of the mode.
     nodes : (k,) numbers of the nodes.
@@ -516,7 +517,7 @@ def record_55(
     moved = np.asarray(deflection, dtype=float)
     return {
         "type": 55, "id1": _ascii(source.title, 80), "id2": "NONE", "id3": _date(source.created),
-        "id4": _ascii(source.maker, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2,
+        "id4": _ascii(source.software, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2,
         "data_ch": 3 if turning else 2, "spec_data_type": 8, "data_type": 2, "n_data_per_node": len(components),
         "load_case": 1, "mode_n": mode,
         "freq": frequency_hz, "modal_m": 1.0, "modal_damp_vis": damping_ratio, "modal_damp_his": 0.0,

@@ -1,15 +1,14 @@
 """The error of every value, from its change when the case is solved again with a finer model.
 
 The finer model has three times the modes, or all of a model that has few, and, where a body has a mesh, twice the
-elements. Of a value whose error falls at least with the square of the number of modes, the change is 8/9 of the error
-or more; so the error that is stated is 9/8 of the change (4/3 with plates, whose meshes are of second order, and 1.55
-of reactions at their edges, of order 1.5). A value with an error of more than `ALLOWED_ERROR`
-is doubtful: it belongs to the model and not to the structure. Values are numbers by entry of a summary, or by entry and
-place: a probe, a snubber, a curve with one of them. docs/theory.md, section 7, says which values converge how fast.
+elements. If the error of a value falls at least with the square of the number of modes, the change is at least 8/9 of
+the error; so the stated error is 9/8 of the change (4/3 with plates, whose meshes are of second order, and 1.55 for
+reactions at their edges, of order 1.5). A value with an error of more than `ALLOWED_ERROR` is doubtful. Values are
+numbers by entry of a summary, or by entry and place (a probe, a snubber, a curve). docs/theory.md, section 7, gives the
+orders of convergence.
 
-A motion that bounces may be so sensitive that any small change gives it other contacts after some time, when the
-sequences of contacts diverge. What comes after that is one of many motions, and no model or precision of the
-computation can say which.
+A motion with repeated impacts may be so sensitive that any small change gives a different sequence of contacts after
+some time. The motion after this divergence is one of many, and no model or precision can determine which.
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ from beamsim.flow.transient import MotionInChunks
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, numbers_text
 from beamsim.results.result import ALLOWED_ERROR, Result
-from beamsim.results.values import limits, parse_limit, read_first
+from beamsim.results.values import is_main_value, limits, parse_limit
 from beamsim.scenario import Scenario
 from beamsim.summaries import value_in_words
 from beamsim.typing import Floats, Ints, not_none
 
 FREQUENCIES = 6  # natural frequencies that are compared
-SMALLEST_SCALE = 1e-9  # of the largest value of its kind, which a smaller one is compared with
+SMALLEST_SCALE = 1e-9  # smallest reference of a relative change, over the largest value of its kind
 
 Values = dict[str, dict[str, float] | float]
 Changes = Values  # relative, from one model to the other
 Errors = Values  # relative, of the first model
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
-LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
+LONGER = 8.0  # factor by which the search interval for a divergence is extended
 WORTHLESS = 0.5  # relative error of a displacement or force beyond which a result is not reliable
 MUST_HOLD = (
     "peak_displacement_m", "peak_force_n", "peak_moment_n_m", "peak_spring_force_n", "peak_friction_force_n",
     "peak_friction_moment_n_m",
 )  # fmt: skip
 MORE_MODES = 3.0  # times the modes, in the finer model
-ORDER = 2.0  # with which errors fall as the number of modes grows: of the finer model 1/9 of the first one's is left
-# what high modes decide: accelerations, and outputs of these kinds, which hold the inertia of bodies
+ORDER = 2.0  # of convergence with the number of modes: the finer model has 1/9 of the error
+# values that depend on high modes: accelerations, and outputs of these kinds, which include inertia forces
 OF_HIGH_MODES = (
     "peak_acceleration_g",
     "acceleration",
@@ -58,20 +57,20 @@ OF_HIGH_MODES = (
     "joint_force",
     "joint_moment",
 )
-LEAST_OF_ACCELERATIONS = 1e-3  # relative error of a peak acceleration, unless both models are the same
-LEAST_OF_SHARES = 0.01  # relative error of a share of high peaks, of which there may be as many by chance
+LEAST_OF_ACCELERATIONS = 1e-3  # smallest relative error of a peak acceleration, unless both models are the same
+LEAST_OF_SHARES = 0.01  # smallest relative error of a share of high peaks, which may agree by chance
 SHARE_OF_LARGEST = 0.125  # of the largest error of a peak acceleration of the motion, that each of them has ...
 CONVERGING = 0.1  # ... if it is below this
-MANY = 10.0  # times the modes, for which the error of a count is stated
+MANY = 10.0  # factor of the number of modes for which the error of a count is stated
 COUNTED_PEAKS = ("peaks_over_2_sigma", "peaks_over_3_sigma")  # endings of statistics that are shares of peaks
 COUNTED = (*COUNTED_PEAKS, "crossing_rate_hz")  # endings of statistics that are counts
-FEW_MODES = 60  # of a model without a mesh, all of which the finer one keeps: a march of them takes no longer than ten
+FEW_MODES = 60  # up to so many coordinates without a mesh the finer model keeps all modes, at little cost
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not requested"
 _Result = TypeVar("_Result", bound="Result")
 
 
 def comparable_values(summary: Mapping[str, Any]) -> Values:
-    """Values as numbers, or numbers by place; natural frequencies by their number."""
+    """Comparable values of a summary: numbers, or numbers by place; natural frequencies by their number."""
     values: Values = {}
     for name, value in summary.items():
         if isinstance(value, Sequence):
@@ -91,7 +90,7 @@ def places(value: dict[str, float] | float) -> list[tuple[str, float]]:
 
 
 def numbers_by_place(values: Values) -> Iterator[tuple[str, float]]:
-    """``entry.place`` with the number, ``entry`` where there is one number alone."""
+    """Pairs of ``entry.place`` and number; of ``entry`` alone for single numbers."""
     for name, value in values.items():
         if isinstance(value, dict):
             yield from ((f"{name}.{place}", number) for place, number in value.items())
@@ -100,17 +99,17 @@ def numbers_by_place(values: Values) -> Iterator[tuple[str, float]]:
 
 
 def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
-    """The errors that changes to the finer model tell; where that leaves out nothing, they are the changes.
+    """The errors that follow from changes to the finer model; the changes themselves if that model is complete.
 
-    Most values converge as `ORDER` says. Counts may grow with each mode: their error is that of `MANY` times the modes.
-    Peaks of accelerations and of forces that hold inertia, which high modes decide, may agree by chance: theirs is
-    `LEAST_OF_ACCELERATIONS` or more, and a share of the largest one of the motion. So may shares of high peaks.
+    Most values converge with `ORDER`. Counts may grow with each mode: their error is stated for `MANY` times the
+    modes. Peaks of accelerations and of forces with inertia depend on high modes and may agree by chance: their error
+    is at least `LEAST_OF_ACCELERATIONS`, and a share of the largest error of the motion. Shares of high peaks likewise.
 
     Parameters
     ----------
-    changes : of values of a model.
-    scenario : whose meshes have an order, too.
-    complete : whether the finer model leaves out nothing, see `keeps_all`.
+    changes : of the values of a model.
+    scenario : its meshes have an order of convergence, too.
+    complete : whether the finer model keeps all modes, see `keeps_all`.
     """
     if complete:
         return changes
@@ -128,7 +127,7 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
             found[place] /= 1.0 - (at_edges if kind[place].startswith("reaction") else left)
         high = [place for place in found if kind[place] in OF_HIGH_MODES]
         converging = max((found[place] for place in high if found[place] < CONVERGING), default=0.0)
-        least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)  # chance may hide so much
+        least = max(LEAST_OF_ACCELERATIONS, SHARE_OF_LARGEST * converging)  # peaks may agree by chance
         found |= {place: max(found[place], least) for place in high if found[place]}
         for place in found:
             if name == "contacts" or place.endswith(COUNTED):
@@ -140,12 +139,12 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
 
 
 def exact(values: Values) -> Errors:
-    """Errors of 0, of a model that leaves out nothing."""
+    """Zero errors, for a model that keeps all modes."""
     return {name: dict.fromkeys(value, 0.0) if isinstance(value, dict) else 0.0 for name, value in values.items()}
 
 
 def relative_changes(
-    first: Sequence[Values], second: Sequence[Values], *, scatter: bool = False, whole: Values | None = None
+    first: Sequence[Values], second: Sequence[Values], *, scatter: bool = False, reference: Values | None = None
 ) -> Changes:
     """Relative change of the means of values, or two standard errors of it.
 
@@ -153,7 +152,7 @@ def relative_changes(
     ----------
     first, second : the values of parts of two motions, or of the whole of each.
     scatter : whether to return the standard errors.
-    whole : values that the changes are relative to if they are larger.
+    reference : values that the changes are relative to if they are larger.
 
     Returns
     -------
@@ -172,8 +171,8 @@ def relative_changes(
             np.array([[of_place.get(place, math.nan) for place in of_entry] for of_place in parts]) for parts in known
         )
         scale = np.maximum(*(np.abs(x).mean(axis=0) for x in sizes))
-        if whole is not None:
-            of_whole = dict(places(whole[size_of]))
+        if reference is not None:
+            of_whole = dict(places(reference[size_of]))
             scale = np.maximum(scale, np.abs([of_whole.get(place, math.nan) for place in of_entry]))
         if not name.endswith("_output"):  # which have units of their own
             scale = np.maximum(scale, SMALLEST_SCALE * np.nanmax(scale, initial=0.0))
@@ -187,10 +186,10 @@ def relative_changes(
     return changes
 
 
-def largest_changes(first: Changes, other: Changes) -> Changes:
+def largest_changes(first: Changes, second: Changes) -> Changes:
     """The larger of two changes of each value."""
     out = dict(first)
-    for name, value in other.items():
+    for name, value in second.items():
         present = out.get(name, value)
         if isinstance(value, dict) and isinstance(present, dict):
             out[name] = {place: max(x, present.get(place, 0.0)) for place, x in value.items()}
@@ -199,9 +198,9 @@ def largest_changes(first: Changes, other: Changes) -> Changes:
     return out
 
 
-def largest_errors(errors: Errors, least: Errors) -> Errors:
-    """The errors, each at least as large as the other of its entry and place where there is one."""
-    known = dict(numbers_by_place(least))
+def largest_errors(errors: Errors, lower_bounds: Errors) -> Errors:
+    """The errors, raised to the lower bounds of their entries and places."""
+    known = dict(numbers_by_place(lower_bounds))
     return {
         name: {place: max(x, known.get(f"{name}.{place}", 0.0)) for place, x in of.items()}
         if isinstance(of, dict) else max(of, known.get(name, 0.0))
@@ -210,9 +209,9 @@ def largest_errors(errors: Errors, least: Errors) -> Errors:
 
 
 def unconverged_values(errors: Errors, scatter: Changes) -> Iterator[str]:
-    """``entry.place`` of the values whose error is more than is allowed, and than their scatter explains.
+    """``entry.place`` of the values whose error exceeds both the allowed one and their scatter.
 
-    Of a displacement or force with an error of more than half no scatter explains enough.
+    A displacement or force with an error of more than half is always included.
     """
     chance = dict(numbers_by_place(scatter))
     for key, error in numbers_by_place(errors):
@@ -232,12 +231,12 @@ class ContactEvents:
 
     @classmethod
     def of(cls, motion: Trajectory | MotionInChunks | ReferenceTrajectory, snubbers: int) -> Self:
-        """Those of a motion whose first ``snubbers`` contacts are snubbers."""
+        """The events of a motion whose first ``snubbers`` contacts are snubbers."""
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
 
     def until(self, end: float) -> Self:
-        """Those up to a time."""
+        """The events up to a time, s."""
         count = int(np.searchsorted(self.time, end, side="right"))
         return replace(self, end=end, time=self.time[:count], contact=self.contact[:count], phase=self.phase[:count])
 
@@ -245,7 +244,7 @@ class ContactEvents:
 def divergence(first: ContactEvents, second: ContactEvents) -> float:
     """Time at which the contact sequences of two motions diverge, s; infinite if they do not.
 
-    Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
+    Each contact has its own sequence: in a symmetric structure the order of two contacts may be round-off.
     """
     end, diverged = min(first.end, second.end), math.inf
     for contact in np.union1d(first.contact, second.contact):
@@ -268,38 +267,38 @@ def divergence(first: ContactEvents, second: ContactEvents) -> float:
 class DivergenceTimes:
     """Times after which small changes of the stiffness give other contacts, s; infinite where none was seen."""
 
-    small_s: float = math.inf  # of a change by 1e-9 of itself
-    round_off_s: float = math.inf  # by 1e-15
+    small_change_s: float = math.inf  # for a relative change of 1e-9
+    round_off_s: float = math.inf  # for a relative change of 1e-15
 
     @property
     def sensitive(self) -> bool:
-        """Whether changes that no structure is known to give other contacts."""
-        return math.isfinite(min(self.small_s, self.round_off_s))
+        """Whether changes far below any tolerance of a structure give other contacts."""
+        return math.isfinite(min(self.small_change_s, self.round_off_s))
 
 
 def sensitivity(
-    motion: ContactEvents, diverged: float, disturbed: Callable[[float, float], ContactEvents]
+    motion: ContactEvents, divergence_s: float, disturbed_events: Callable[[float, float], ContactEvents]
 ) -> DivergenceTimes:
     """When motions with a disturbed stiffness diverge from a motion.
 
     Parameters
     ----------
     motion : the events of the motion.
-    diverged : s, where that of a finer model diverges from it, near which a disturbed one is likely to, too.
-    disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
+    divergence_s : s, where that of a finer model diverges from it, near which a disturbed one is likely to, too.
+    disturbed_events : events of the motion with the stiffness changed by a share of itself, up to a time.
 
     Returns
     -------
     DivergenceTimes
     """
-    end, small = diverged, math.inf
+    end, small = divergence_s, math.inf
     while small == math.inf and end < motion.end:
         end = min(motion.end, LONGER * end)
-        small = divergence(motion.until(end), disturbed(SMALL, end))
+        small = divergence(motion.until(end), disturbed_events(SMALL, end))
     if small == math.inf:
         return DivergenceTimes()
     end = min(motion.end, LONGER * small)
-    return DivergenceTimes(small, divergence(motion.until(end), disturbed(ROUND_OFF, end)))
+    return DivergenceTimes(small, divergence(motion.until(end), disturbed_events(ROUND_OFF, end)))
 
 
 @dataclass(frozen=True)
@@ -307,11 +306,11 @@ class Convergence:
     """Relative errors of the values of a result, from a finer model."""
 
     errors: Errors = field(default_factory=dict)
-    doubtful: tuple[str, ...] = ()  # ``entry.place`` of those with more than `ALLOWED_ERROR`
+    unconverged: tuple[str, ...] = ()  # ``entry.place`` of those with more than `ALLOWED_ERROR`
     modes: int = 0  # of the finer model; 0 where the first leaves out nothing
     first_modes: int = 0  # of the first, where it is compared
-    diverged_s: float = math.inf  # time at which the sequences of contacts of a run diverge
-    after: tuple[str, ...] = ()  # ``entry.place`` of those that depend on the motion after that
+    diverged_s: float = math.inf  # time at which the contact sequences of a run diverge
+    after_divergence: tuple[str, ...] = ()  # ``entry.place`` of those that depend on the motion after that
     sensitivity: DivergenceTimes = field(default_factory=DivergenceTimes)
     processor_time_s: float = 0.0
     reason: str = ""  # why there is no comparison
@@ -321,8 +320,8 @@ class Convergence:
     def summary(self) -> dict[str, Any]:
         """Entries of the summary."""
         times = {
-            "sequences_part_s": self.diverged_s, "disturbance_parts_s": self.sensitivity.small_s,
-            "round_off_parts_s": self.sensitivity.round_off_s,
+            "contact_divergence_s": self.diverged_s, "disturbance_divergence_s": self.sensitivity.small_change_s,
+            "round_off_divergence_s": self.sensitivity.round_off_s,
         }  # fmt: skip
         model: dict[str, Any] = {
             "modes": self.modes, "first_modes": self.first_modes,
@@ -331,19 +330,19 @@ class Convergence:
         }  # fmt: skip
         if math.isfinite(self.compared_s):
             model["compared_s"] = self.compared_s
-        marks = {"doubtful": list(self.doubtful), "after_parting": list(self.after)}
+        marks = {"doubtful": list(self.unconverged), "after_divergence": list(self.after_divergence)}
         return {"convergence": self.errors, **marks, "convergence_model": model}
 
 
-def keeps_all(modes: Dataset, kept: int | None = None) -> bool:
-    """Whether a model leaves out nothing of the structure, no body of which has a mesh of its own.
+def keeps_all(modes: Dataset, kept_modes: int | None = None) -> bool:
+    """Whether a model keeps all modes of a structure without meshes.
 
     Parameters
     ----------
     modes : of the model, or of one of the same structure that keeps so many.
-    kept : modes that it keeps.
+    kept_modes : number of modes that it keeps.
     """
-    return bool((kept or modes["kept_modes"].item()) >= _coordinates(modes))
+    return bool((kept_modes or modes["kept_modes"].item()) >= _coordinates(modes))
 
 
 def finer_modes(modes: Dataset) -> int:
@@ -363,7 +362,7 @@ def _coordinates(modes: Dataset) -> float:
 
 
 def with_convergence(result: _Result, convergence: Convergence, values: Values | None = None) -> _Result:
-    """A result whose summary and outcome say which of its values do not converge.
+    """Add the errors of its values to a result: to its summary, its outcome and the verdicts on limits.
 
     Parameters
     ----------
@@ -380,18 +379,18 @@ def with_convergence(result: _Result, convergence: Convergence, values: Values |
     if "margins" in summary:
         summary["margins"] = _margins_with_errors(summary, values or {}, convergence.errors)
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
-    outcome, doubts = result.outcome, [_divergence_outcome(result, convergence)] if convergence.after else []
-    if first := [key for key in convergence.doubtful if read_first(result.scenario, result["modes"], key)]:
+    outcome, doubts = result.outcome, [_divergence_outcome(result, convergence)] if convergence.after_divergence else []
+    if first := [key for key in convergence.unconverged if is_main_value(result.scenario, result["modes"], key)]:
         doubts = [unconverged_outcome(result, first, *doubts)]
     if not doubts or not outcome.usable:
         return result.with_outcome(outcome.copy_with(*doubts))
     return result.with_outcome(
         doubts[0].copy_with(outcome) if outcome.message else doubts[0]
-    )  # what was wrong before comes last
+    )  # earlier problems come last
 
 
 def _margins_with_errors(summary: Mapping[str, Any], values: Values, errors: Errors) -> dict[str, dict[str, Any]]:
-    """The margins of a summary, each with what the errors of its value make of it; see `with_convergence`."""
+    """The margins of a summary with the ranges that follow from the errors; see `with_convergence`."""
     margins = {name: item | _range(name, item, (summary, values), errors) for name, item in summary["margins"].items()}
     if summary.get("without_limit"):
         margins = {name: _without_modal_limit(name, item, summary) for name, item in margins.items()}
@@ -401,7 +400,7 @@ def _margins_with_errors(summary: Mapping[str, Any], values: Values, errors: Err
 def _range(
     limit: str, item: Mapping[str, Any], of_result: tuple[Mapping[str, Any], Values], errors: Errors
 ) -> dict[str, float]:
-    """The value of a limit less and plus its error: the largest of all places, each with its own.
+    """Range of the value of a limit: value less and plus its error, the largest of all places.
 
     Parameters
     ----------
@@ -432,7 +431,7 @@ def _range(
 
 
 def _without_modal_limit(limit: str, item: dict[str, Any], summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What is known of a limit, on values some of which have no limit as the modes grow: these may exceed any.
+    """The margin of a limit on values some of which grow with the number of modes and may exceed any limit.
 
     Parameters
     ----------
@@ -455,7 +454,7 @@ def _without_modal_limit(limit: str, item: dict[str, Any], summary: Mapping[str,
 
 
 def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) -> Outcome:
-    """Which values do not converge, the worst first, and what helps.
+    """The outcome that lists the values that do not converge, the worst first, with a remedy.
 
     Parameters
     ----------
@@ -468,37 +467,39 @@ def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) 
     worst = sorted(sizes, key=lambda key: -sizes[key])
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
-    figures = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
+    value_names = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
-    sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {numbers_text(figures)}"
+    sentence = f"values are off by more than {100 * ALLOWED_ERROR:g} % ({finer}): {numbers_text(value_names)}"
     if any(key.partition(".")[0] in MUST_HOLD and error > WORTHLESS for key, error in sizes.items()):
         kind, code = OutcomeKind.UNTRUSTED, "figures_worthless"
         sentence = (
-            f"displacements or forces are off by more than {100 * WORTHLESS:g} % ({finer}): {numbers_text(figures)}"
+            f"displacements or forces are off by more than {100 * WORTHLESS:g} % ({finer}): {numbers_text(value_names)}"
         )
-    return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
+    return Outcome.of(kind, code, sentence, *parts, remedy=remedy, values=value_names)
 
 
 def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
-    """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
+    """The outcome that lists the values that depend on the motion after its contact sequences diverge."""
     times, time, run = convergence.sensitivity, convergence.diverged_s, not_none(result.scenario.run)
-    figures = tuple(dict.fromkeys(value_in_words(x.partition(".")[0]) for x in convergence.after))
+    value_names = tuple(dict.fromkeys(value_in_words(x.partition(".")[0]) for x in convergence.after_divergence))
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
-            f"the finer model, also stepped in time, has other contacts from {time:.4g} s on: {numbers_text(figures)} "
-            "depend on what follows",
+            f"the finer model, also integrated in time, has different contacts after {time:.4g} s: "
+            f"{numbers_text(value_names)} depend on the motion after that",
             remedy=f"lower run.rtol below {relative_tolerance(run):g}, "
             f"{_finer_model_remedy(result, convergence.first_modes)}, or take means of a longer run",
-            time=time, figures=figures,
+            time=time, values=value_names,
         )  # fmt: skip
     sentence = (
-        f"the motion is so sensitive that from {time:.4g} s on it is one of many possible ones: "
-        f"{numbers_text(figures)} depend on what follows"
+        f"the motion is so sensitive that after {time:.4g} s it is one of many: {numbers_text(value_names)} depend on "
+        "the motion after that"
     )
-    if math.isfinite(times.small_s):
-        sentence += f"; a relative stiffness change of 1e-9 changes the contacts after {times.small_s:.4g} s"
+    if math.isfinite(times.small_change_s):
+        sentence += (
+            f"; a relative stiffness change of 1e-9 changes the contact sequence after {times.small_change_s:.4g} s"
+        )
     if math.isfinite(times.round_off_s):
         sentence += f", round-off after {times.round_off_s:.4g} s"
     of = "rms, contact share" + (", run.impacts" if run.impacts is None else "")
@@ -506,19 +507,19 @@ def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
     return Outcome.of(
         OutcomeKind.COMPLETE, "motion_sensitive", sentence,
         remedy=f"take {means}the spread of peaks over several cases (vary)",
-        time=time, figures=figures,
+        time=time, values=value_names,
     )  # fmt: skip
 
 
 def _finer_model_remedy(result: Result, modes: int) -> str:
-    """What gives a finer model than that with so many modes, in addition to what the message states."""
+    """Text: how to get a model finer than one with so many modes."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
     return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements)))
 
 
-def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
-    """What makes doubtful values of a model with so many modes converge, in addition to what the message states."""
-    places = [key.partition(".")[2] for key in doubtful if key.startswith("peak_acceleration")]
+def _remedy(result: Result, modes: int, unconverged: Collection[str]) -> str:
+    """Text: how to make the unconverged values of a model with so many modes converge."""
+    places = [key.partition(".")[2] for key in unconverged if key.startswith("peak_acceleration")]
     shares = result.summary.get("contact_share", {})  # by snubber, of a sweep by curve and snubber
     met = {name for of in (shares, *shares.values()) if isinstance(of, dict) for name, share in of.items() if share}
     stops = tuple(name for name in result.scenario.bare_dashpots if name in met or not shares) if places else ()
@@ -528,7 +529,7 @@ def _remedy(result: Result, modes: int, doubtful: Collection[str]) -> str:
         [f"give the structure a point mass at {numbers_text(stops)}", "leave out the dashpot there"] if stops else []
     )
     special = [*band, *contact] if places else []
-    remedies = [] if special and len(places) == len(doubtful) else [_finer_model_remedy(result, modes)]
+    remedies = [] if special and len(places) == len(unconverged) else [_finer_model_remedy(result, modes)]
     if special:
         remedies.append(f"for the peak acceleration of {numbers_text(tuple(places))} {', or '.join(special)}")
     return "; ".join(remedies)

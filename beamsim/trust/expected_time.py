@@ -19,8 +19,8 @@ WORTH_ESTIMATING = 200_000  # samples of the histories; with fewer, a run takes 
 def expected_time(scenario: Scenario) -> float | None:
     """Processor time of a run with its finer model, compilation left out.
 
-    Both samples and cycles take time, so that the short runs sweep from the mean frequency on, where a second has as
-    many of both as a second of the whole. What they differ by is taken per second of motion.
+    Both samples and cycles take time. The short runs start at the mean frequency, where a second has as many of both as
+    an average second of the whole. Their difference gives the time per second of motion.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 The time for one of what is counted is a lower bound: three to ten times less than was measured with the smallest models
 (one mass, no contact) in November 2026. What is longer than allowed by this bound is longer on any present machine.
-Contacts, modes, probes and harmonics come on top, so that a computation may take much longer; its progress tells.
+Contacts, modes, probes and harmonics add to it, so that a computation may take much longer; see its progress.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ _COUNTED_IN = ("run", "sweep", "excitation")
 
 @dataclass(frozen=True)
 class Count:
-    """A number of equal things that are computed, and the keys of the scenario that set it."""
+    """Number of equal steps of a computation, and the keys of the scenario that set it."""
 
     number: float
-    of: str
+    noun: str
     keys: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f"{self.number:,.0f} {self.of}"
+        return f"{self.number:,.0f} {self.noun}"
 
 
 @dataclass(frozen=True)
 class LeastTime:
-    """A product of counts, and the least processor time, s, for one of the things that it counts."""
+    """Least processor time of a computation: a product of counts, times the least time, s, of one step."""
 
     counts: tuple[Count, ...]
-    each_s: float
+    unit_s: float
 
     @property
     def seconds(self) -> float:
-        """Of one processor."""
-        return prod(count.number for count in self.counts) * self.each_s
+        """Least time on one processor, s."""
+        return prod(count.number for count in self.counts) * self.unit_s
 
     def demand_allowed(self, processors: int = 1) -> None:
         """Refuse a computation that takes longer than `beamsim.errors.allowing_hours` allows.
@@ -72,12 +72,12 @@ class LeastTime:
             on = f" on {count_text(processors, 'processor')}" if processors > 1 else ""
             counts = " x ".join(map(str, self.counts))
             keys = [key for count in self.counts for key in count.keys if count.number > 1]
-            estimate = f"{counts}, at least {1e3 * self.each_s:g} ms each{on}, would take at least"
+            estimate = f"{counts}, at least {1e3 * self.unit_s:g} ms each{on}, would take at least"
             raise TooLongError(estimate, hours, keys)
 
 
 def least_time_of_run(scenario: Scenario) -> LeastTime:
-    """That of a run in a study: the periods of its excitation; of a free motion, whose length costs nothing, one.
+    """Least time of a run in a study, by the periods of its excitation; a free motion counts as one period.
 
     A run alone has at most 25 million periods, as it has at most 50 million samples.
     """
@@ -87,7 +87,7 @@ def least_time_of_run(scenario: Scenario) -> LeastTime:
 
 
 def least_time_of_sweep(scenario: Scenario) -> LeastTime:
-    """That of a swept or stepped sine, or of a continuation."""
+    """Least time of a swept or stepped sine, or of a continuation."""
     sweep = scenario.sweep
     levels = Count(max(1, len(getattr(sweep, "levels", ()))), "levels", ("sweep.levels",))
     if not isinstance(sweep, SweptSine | SteppedSine):
@@ -98,13 +98,13 @@ def least_time_of_sweep(scenario: Scenario) -> LeastTime:
     return LeastTime((levels, Count(sweep.cycles, "cycles", ("sweep.rate",))), CYCLE_S)
 
 
-def least_time_of_study(plan: StudyPlan, known: int = 0) -> LeastTime:
-    """That of the cases of a study; a search or a study of reliability may end after the first of them.
+def least_time_of_study(plan: StudyPlan, solved_cases: int = 0) -> LeastTime:
+    """Least time of a study; a search or a study of reliability may end after its first cases.
 
     Parameters
     ----------
     plan : of the study.
-    known : cases that an earlier command has solved.
+    solved_cases : number of cases that an earlier command has solved.
     """
     vary = plan.scenario.study
     each, number = plan.study.realisations.count, len(plan.cases)
@@ -119,14 +119,14 @@ def least_time_of_study(plan: StudyPlan, known: int = 0) -> LeastTime:
         keys = ("vary.samples",)
     if each > 1:
         keys = (*keys, f"{section}.tolerances.samples")
-    cases, case = Count(max(number - known, 0), "cases", keys), _least_of_cases(plan)
+    cases, case = Count(max(number - solved_cases, 0), "cases", keys), _least_of_cases(plan)
     if case is None or case.seconds < CASE_S:
         return LeastTime((cases,), CASE_S)
-    return LeastTime((cases, *case.counts), case.each_s)
+    return LeastTime((cases, *case.counts), case.unit_s)
 
 
 def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
-    """The least time of a case: of some cases where they differ in what is counted; None where that is not known."""
+    """Least time of all cases, estimated from some if their counts differ; None if unknown."""
     least = least_time_of_run if plan.study.analysis == "run" else least_time_of_sweep
     tolerated = [parameter.parameter for parameter in plan.study.realisations.parameters]
     if not any(_varies_counts(parameter) for parameter in (*plan.study.varied, *tolerated)):
@@ -143,5 +143,5 @@ def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
 
 
 def _varies_counts(parameter: VariedParameter) -> bool:
-    """Whether a number may change what is counted; levels and seeds do not."""
+    """Whether a varied number may change the counts; levels and seeds do not."""
     return any(path[0] in _COUNTED_IN and path[-1] not in ("level", "seed") for path in parameter.dependent_places)

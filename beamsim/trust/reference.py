@@ -1,4 +1,4 @@
-"""A run compared with the reference integrator: the same equations, integrated in time by SciPy, and what differs."""
+"""Comparison of a run with the reference integrator: the same equations, integrated in time by SciPy."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def tolerance_of(text: str) -> float:
 
 
 def compare_with_reference(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
-    """The result with a comparison with the reference integrator, in its summary.
+    """Add a comparison with the reference integrator to the summary of a run.
 
-    There is none, but a warning, where either of the two ended before the run does. The result is not reliable where
-    its displacements are not those of the reference, and a warning says from when on the two have other contacts.
+    If one of the two ends early there is a warning instead. The result is not reliable if its displacements differ from
+    those of the reference; a warning states the time from which the two have different contacts.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def compare_with_reference(result: RunResult, rtol: float = RTOL, stop: Callable
     rtol : relative tolerance of the integration. The absolute one of modal displacements and velocities falls with it,
         to `ATOL_OF_RTOL` of it at most: an error in the displacement of a mode counts in accelerations by the square
         of its angular frequency, and high modes move so little that the absolute tolerance alone limits their errors.
-    stop : asked after every step whether to leave the comparison out; the result is then marked as interrupted.
+    stop : called after every step; returns whether to omit the comparison, which marks the result as interrupted.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def compare_with_reference(result: RunResult, rtol: float = RTOL, stop: Callable
         return _with_warning(result, f"the run is {result.status}")
     system = build_system(result.scenario)
     settings = not_none(result.scenario.run)
-    # where the run itself is integrated, a method of another family
+    # if the run itself is integrated in time, use a method of another family
     integrator = "LSODA" if steps_in_time(system, settings) else "DOP853"
     stepped = settings.model_copy(
         update={
@@ -89,19 +89,17 @@ def compare_with_reference(result: RunResult, rtol: float = RTOL, stop: Callable
     return _with_comparison(replace(result, summary={**result.summary, "against": compared}), compared)
 
 
-def _with_comparison(result: RunResult, compared: Mapping[str, Any]) -> RunResult:
-    """The result with what the comparison says of it."""
-    until, outcome, warnings = compared["agrees_until_s"], result.outcome, result.warnings
-    if (difference := compared["largest_state_difference"]) > ALLOWED_ERROR:
-        apart = f"displacements differ by {100 * difference:.2g} % from the {compared['method']}"
-        remedy = (
-            "compare again with a smaller tolerance, reference:1e-10; a difference that remains is an error of the run"
-        )
+def _with_comparison(result: RunResult, comparison: Mapping[str, Any]) -> RunResult:
+    """The result with its outcome and warnings after the comparison."""
+    until, outcome, warnings = comparison["agrees_until_s"], result.outcome, result.warnings
+    if (difference := comparison["largest_state_difference"]) > ALLOWED_ERROR:
+        apart = f"displacements differ by {100 * difference:.2g} % from the {comparison['method']}"
+        remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
         outcome = outcome.copy_with(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
     if until < result["histories"]["time"].values[-1]:
         warnings += (
-            f"--against: from {until:.4g} s on, run and reference have different contacts; compare again with a "
-            "smaller tolerance, reference:1e-10: with a sensitive motion they agree longer, with an error they do not",
+            f"--against: from {until:.4g} s on run and reference have different contacts; compare again with a smaller "
+            "tolerance, reference:1e-10: for a sensitive motion this time grows, for an error it stays",
         )
     return replace(result, warnings=warnings).with_outcome(outcome)
 
@@ -123,11 +121,11 @@ def _comparison_summary(result: RunResult, motion: RunMotion) -> dict[str, Any]:
         known = displacement.values[:count]
         apart = np.abs(histories.of(DISPLACEMENT)[: known.size, i] - known).max(initial=0.0)
         difference = max(difference, float(apart) / max(float(np.abs(displacement.values).max()), 1e-300))
-    figures: dict[str, dict[str, Any]] = {}
+    values: dict[str, dict[str, Any]] = {}
     for name, label, unit in COMPARED:
         if name in exact and name in stepped:
             both = zip(places(exact[name]), places(stepped[name]), strict=True)
-            figures[label.replace(" ", "_")] = {
+            values[label.replace(" ", "_")] = {
                 place: {"exact": float(value), "stepped": float(other), "unit": unit or exact["output_unit"][place]}
                 for (place, value), (_, other) in both
             }
@@ -139,7 +137,7 @@ def _comparison_summary(result: RunResult, motion: RunMotion) -> dict[str, Any]:
         "largest_time_difference_s": _largest_time_difference(ours.until(diverged), theirs.until(diverged)),
         "processor_time_s": motion.work.processor_time_s,
         "exact_processor_time_s": exact["processor_time_s"],
-        "figures": figures,
+        "values": values,
     }
 
 
@@ -149,8 +147,10 @@ def _events(events: Dataset, end: float) -> ContactEvents:
     return ContactEvents(end, time, snubber, closing.astype(np.int64))
 
 
-def _largest_time_difference(ours: ContactEvents, theirs: ContactEvents) -> float:
+def _largest_time_difference(events: ContactEvents, reference: ContactEvents) -> float:
     """Largest difference of the times of common events, s."""
-    pairs = [(ours.time[ours.contact == k], theirs.time[theirs.contact == k]) for k in np.unique(ours.contact)]
+    pairs = [
+        (events.time[events.contact == k], reference.time[reference.contact == k]) for k in np.unique(events.contact)
+    ]
     common = [(a[: min(a.size, b.size)], b[: min(a.size, b.size)]) for a, b in pairs]
     return max((float(np.abs(a - b).max(initial=0.0)) for a, b in common), default=0.0)

@@ -1,4 +1,4 @@
-"""Runs as the command and the package call them: whether their values depend on the model, or on small disturbances.
+"""Runs, as the command and the package call them: with the sensitivity of their values to model and disturbances.
 
 A run is computed again with a finer model unless that is switched off.
 
@@ -90,7 +90,7 @@ from beamsim.typing import Floats, not_none, of_kind
 WINDOWS = 8  # parts of the motion after the sequences have diverged
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes
 SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
-HIGHER = 1.1  # times its frequency in the run, up to which a line of another model may be
+HIGHER = 1.1  # largest ratio of the frequencies of one line in two models
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
 RMS_OF_PROBES = (
     ("rms_displacement_m", "displacement", 1.0), ("rms_acceleration_g", MAIN_QUANTITY, STANDARD_GRAVITY)
@@ -111,18 +111,18 @@ class Model:
 
     @cached_property
     def values(self) -> Values:
-        """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
+        """Values of the whole motion and of the model; without the frequencies of static vectors."""
         values, modes = values_of_motion(self.motion), self.motion.system.kept_modes
         return comparable_values({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
     def events(self) -> ContactEvents:
-        """Those of its snubbers."""
+        """Contact events of the snubbers."""
         return ContactEvents.of(self.motion.marched, len(self.motion.system.snubbers))
 
     @cached_property
     def _filtered_motion(self) -> FilteredMotion | None:
-        """Accelerations behind the filter of the run, at any time; None where there is none."""
+        """Low-pass filtered accelerations of the run, at any time; None without a filter."""
         if self.settings.low_pass is None or self.motion.trajectory is None:
             return None
         acceleration = outputs_of(self.motion.trajectory.flow, self.motion.system.channels.of_keys(ACCELERATION).linear)
@@ -131,8 +131,8 @@ class Model:
     def values_between(self, begin: float, end: float) -> Values:
         """The values of a part of a motion in closed form, and of the model itself.
 
-        Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
-        between samples, and chance would decide which part has it.
+        Extremes are those of the continuous motion: the short force peak of a dashpot or a stiff stop lies between
+        samples, so that chance would decide which part includes it.
         """
         trajectory, system, behind = not_none(self.motion.trajectory), self.motion.system, self._filtered_motion
         part, channels = trajectory.extract(begin, end), searched_channels(system.channels)
@@ -176,12 +176,12 @@ def run(
     Parameters
     ----------
     scenario : with a ``run`` section, or what `beamsim.load_scenario` reads, such as the path of its file.
-    progress : called from time to time with the fraction that is about done.
-    stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
-        The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
+    progress : called from time to time with the approximate completed fraction.
+    stop : called between blocks of events, and then before each evaluation of the motion; returns whether to end. The
+        result then holds the motion up to there with its peaks, energies and histories, and names what is left out.
     entries : of the summary that are needed, by default all. Without a comparison nothing else is computed, and
         histories, spectra and shapes are empty; outcome, warnings and margins are the same.
-    shared : keeps what runs of other cases have in common with this one.
+    shared : keeps matrices that runs of other cases have in common with this one.
 
     Returns
     -------
@@ -224,12 +224,12 @@ def run(
 
 
 def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress = None) -> Convergence:
-    """What a finer model changes in a run.
+    """The errors of a run's values, from a finer model.
 
     Parameters
     ----------
     solution : the run.
-    shared : what its system was built from; a finer model may have the same matrices.
+    shared : matrices of its system, which a finer model may share.
     progress : called from time to time with the fraction that is about done.
 
     Returns
@@ -243,7 +243,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress 
         errors, lines = _with_lines(derived, exact(first.values | derived.reported_values()))
         checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
-        reason = "the run starts from a state of this model, which a finer model does not have"
+        reason = "the run starts from a state of this model, which a finer one does not share"
         checked = _with_disturbance(Convergence(reason=reason), first, derived)
     else:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
@@ -277,7 +277,7 @@ def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Co
         changes |= relative_changes([derived.reported_values()], derived.values_of_model(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
     scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
-    complete = keeps_all(first.motion.system.modes, kept)  # what else is known of the modes of the second takes long
+    complete = keeps_all(first.motion.system.modes, kept)  # the modes dataset of the second would take long
     errors, lines = _with_lines(derived, errors_of(changes, scenario, complete))
     if not complete:
         _demand_least(errors, first)
@@ -291,7 +291,7 @@ def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Co
 
 
 def _demand_least(errors: Errors, model: Model) -> None:
-    """Raise the errors of peak accelerations to what these lack of their limits just after a force jumps."""
+    """Raise the errors of peak accelerations to their distance from the exact limits just after a force jumps."""
     motion = model.motion.trajectory
     if motion is None:
         return
@@ -305,31 +305,31 @@ def _demand_least(errors: Errors, model: Model) -> None:
 
 
 def _compared_after_divergence(
-    first: Model, second: Model, derived: DerivedValues, rest: tuple[float, float]
+    first: Model, second: Model, derived: DerivedValues, interval: tuple[float, float]
 ) -> tuple[DivergenceTimes, tuple[str, ...], tuple[Changes, Changes] | None]:
-    """What is known of two motions whose contact sequences diverge.
+    """Compare two motions whose contact sequences diverge: before and, by statistics, after the divergence.
 
     Parameters
     ----------
     first, second, derived : as of `_errors_of_models`.
-    rest : s, from where they diverge to the end of the shorter one.
+    interval : s, from the divergence to the end of the shorter motion.
 
     Returns
     -------
-    times, after : when disturbances diverge, and ``entry.place`` of what depends on the motion after that.
+    times, after : when disturbances diverge, and ``entry.place`` of the values that depend on the motion after that.
     changes, scatter : of the values before, and of means of those after; None where nothing is stationary.
     """
     if first.motion.trajectory is None:
         return DivergenceTimes(), tuple(_diverging_values(first, None, (), derived)), None
-    times = sensitivity(first.events, rest[0], first.events_when_disturbed)
-    if not times.sensitive:  # only the models differ: each value is that of one motion
+    times = sensitivity(first.events, interval[0], first.events_when_disturbed)
+    if not times.sensitive:  # only the models differ: compare the whole motions
         return times, (), None
-    early, windows = first.values_until(rest[0]), first.windows(*rest)
+    early, windows = first.values_until(interval[0]), first.windows(*interval)
     after = tuple(_diverging_values(first, early, windows, derived))
     if not first.motion.system.scenario.is_lasting or second.motion.trajectory is None:
         return times, after, None
-    later, parts = second.windows(*rest), derived.parts(WINDOWS)
-    before = relative_changes([early], [second.values_until(rest[0])], whole=first.values)
+    later, parts = second.windows(*interval), derived.parts(WINDOWS)
+    before = relative_changes([early], [second.values_until(interval[0])], reference=first.values)
     changes = largest_changes(before, relative_changes(windows, later))
     scatter = relative_changes(windows, later, scatter=True)
     one, other = (derived.values_of_model(model, parts) for model in (first, second))
@@ -339,29 +339,29 @@ def _compared_after_divergence(
     return times, after, (changes, scatter)
 
 
-def _with_disturbance(checked: Convergence, first: Model, derived: DerivedValues) -> Convergence:
-    """What is known without a finer model: whether a small disturbance gives other contacts.
+def _with_disturbance(convergence: Convergence, first: Model, derived: DerivedValues) -> Convergence:
+    """Add whether a small disturbance of the stiffness gives other contacts; this needs no finer model.
 
     Parameters
     ----------
-    checked : what is known so far.
+    convergence : errors without this information.
     first, derived : as of `_errors_of_models`.
     """
     if first.motion.trajectory is None or first.events.time.size == 0:
-        return checked
+        return convergence
     times = sensitivity(first.events, first.events.end / LONGER, first.events_when_disturbed)
     if not times.sensitive:
-        return checked
-    windows = first.windows(times.small_s, first.events.end)
-    after = tuple(_diverging_values(first, first.values_until(times.small_s), windows, derived))
-    return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
+        return convergence
+    windows = first.windows(times.small_change_s, first.events.end)
+    after = tuple(_diverging_values(first, first.values_until(times.small_change_s), windows, derived))
+    return replace(convergence, diverged_s=times.small_change_s, after_divergence=after, sensitivity=times)
 
 
 def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress) -> Convergence:
-    """What a finer model changes in the first part of a motion that does not fit into the memory, and when a
-    disturbance changes the contacts of the whole.
+    """The errors of a motion that does not fit into the memory, from its first part.
 
-    The motion goes on long after they diverge, with higher extremes by chance: each of its values depends on that.
+    A disturbance is followed over the whole motion. If the contact sequences diverge, all values depend on the long
+    motion after that, which reaches higher extremes by chance.
 
     Parameters
     ----------
@@ -386,25 +386,27 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, whole.events_when_disturbed)
     if not times.sensitive:
-        return replace(checked, after=())
+        return replace(checked, after_divergence=())
     moving = {name: x for name, x in whole.values.items() if name not in STATIC_ENTRIES}
     after = tuple(key for key, _ in numbers_by_place(moving))
-    return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
+    return replace(
+        checked, diverged_s=min(checked.diverged_s, times.small_change_s), after_divergence=after, sensitivity=times
+    )
 
 
 def _diverging_values(
-    first: Model, early: Values | None, windows: Sequence[Values], derived: DerivedValues
+    first: Model, values_before: Values | None, windows: Sequence[Values], derived: DerivedValues
 ) -> Iterator[str]:
-    """``entry.place`` of what the motion after its contacts diverge can change.
+    """``entry.place`` of the values that the motion after the divergence can change.
 
     Parameters
     ----------
     first : the model of the run.
-    early : the values of the motion before; None where they are not known.
+    values_before : values of the motion before the divergence; None if unknown.
     windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
     derived : spectra and statistics.
     """
-    of_parts = [] if early is None else [dict(numbers_by_place(values)) for values in (early, *windows)]
+    of_parts = [] if values_before is None else [dict(numbers_by_place(values)) for values in (values_before, *windows)]
     for key, whole in numbers_by_place({name: x for name, x in first.values.items() if name not in STATIC_ENTRIES}):
         if of_parts:
             before, *later = (values[key] for values in of_parts)
@@ -483,17 +485,17 @@ class DerivedValues:
         return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
     def scatter(self) -> Changes:
-        """How far statistics of the response that few peaks decide differ between records by chance."""
+        """Scatter between records of statistics of the response that depend on few peaks."""
         signals = self.result["random"].rows("signal")[1:]
         return {"random": {f"{of['signal']} {key}": x for of in signals for key, x in sampling_errors(of).items()}}
 
-    def values_of_model(self, model: Model, parts: int = 1) -> list[Values]:
-        """The values of the motion of another model.
+    def values_of_model(self, model: Model, count: int = 1) -> list[Values]:
+        """The values of another model's motion.
 
         Parameters
         ----------
         model : whose motion is in closed form, or known at its output times.
-        parts : number of equal parts of what is analysed; 1 for histories.
+        count : number of equal parts of what is analysed; 1 for histories.
 
         Returns
         -------
@@ -505,7 +507,7 @@ class DerivedValues:
             self._of_spectra(
                 {name: (*lines_of_record(of[name], lines), of[name].rms()) for name, lines in self.lines.items()}
             )
-            for of in self._records(system, motion, parts)
+            for of in self._records(system, motion, count)
         ]
         if self.result.datasets.keys() & {"random", "srs"}:
             self._add_statistics(of_parts, system, motion)
@@ -514,52 +516,52 @@ class DerivedValues:
         return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
 
     def _add_statistics(
-        self, of_parts: list[Values], system: StructuralSystem, motion: Trajectory | Histories
+        self, part_values: list[Values], system: StructuralSystem, motion: Trajectory | Histories
     ) -> None:  # fmt: skip
         """Add statistics of random responses, of each part, and the peaks of shock spectra, of all alike."""
         if "random" in self.result.datasets:
-            for values, statistics in zip(of_parts, self._statistics(system, motion, len(of_parts)), strict=True):
+            for values, statistics in zip(part_values, self._statistics(system, motion, len(part_values)), strict=True):
                 values["random"] = statistics
         if "srs" in self.result.datasets:
             shock = _of_shock(shock_response(system, motion))
-            for values in of_parts:
+            for values in part_values:
                 values |= shock
 
-    def parts(self, most: int) -> int:
-        """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
+    def parts(self, largest: int) -> int:
+        """Largest number of equal parts of a motion that are long enough for the lines of a spectrum."""
         spectra = self.result["spectra"] if self.lines else None
         periods = np.nan if spectra is None else spectra["duration_s"].item() * spectra["excitation_hz"].item()
-        return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
+        return min(largest, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else largest
 
     def _records(
-        self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
+        self, system: StructuralSystem, motion: Trajectory | Histories, count: int
     ) -> list[dict[str, SpectrumRecord]]:
         """Records of the signals of probes in equal parts of what is analysed."""
         if not self.lines:
-            return [{} for _ in range(parts)]
+            return [{} for _ in range(count)]
         spectra, channels = self.result["spectra"], system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         signals, start_s = [f"{of.name} {of.quantity}" for of in channels.channels], spectra["start_s"].item()
         if isinstance(motion, Histories):
             return [dict(zip(signals, _sampled_records(motion, start_s, channels), strict=True))]
         span = start_s, min(start_s + spectra["duration_s"].item(), motion.end)
         highest = max(float(spectra[name].values.max(initial=0.0)) for name in ("frequency_hz", "line_frequency_hz"))
-        if "decaying" not in spectra["window"].values:  # which tells a line by an octave on either side
-            part_s, line_hz = (span[1] - span[0]) / parts, float(spectra["line_frequency_hz"].values.max(initial=0.0))
+        if "decaying" not in spectra["window"].values:  # that window needs an octave on either side of a line
+            part_s, line_hz = (span[1] - span[0]) / count, float(spectra["line_frequency_hz"].values.max(initial=0.0))
             around = 2 * LOBE + bins_around(part_s, spectra["excitation_hz"].item())
             highest = min(highest, HIGHER * line_hz + around / part_s)
         records = records_of(system, motion, channels, span, highest)
-        divided = [records] if parts == 1 else [
-            [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
-            for part in records[0].part.equal_parts(parts)
+        divided = [records] if count == 1 else [
+            [MotionRecord(part, r.column, r.highest_hz, r.size // count) for r in records]
+            for part in records[0].part.equal_parts(count)
         ]  # fmt: skip
         return [dict(zip(signals, pieces, strict=True)) for pieces in divided]
 
-    def _of_spectra(self, of_signals: Mapping[str, tuple[Floats, Floats, float]]) -> Values:
+    def _of_spectra(self, spectra: Mapping[str, tuple[Floats, Floats, float]]) -> Values:
         """Values from frequencies and amplitudes of lines and the root mean square, by signal."""
         values: Values = {
             f"line_{name}": {
                 place: float(x)
-                for signal, columns in of_signals.items()
+                for signal, columns in spectra.items()
                 for place, x in zip(self.places(signal), columns[:2][k], strict=True)
             }
             for k, name in enumerate(("frequency", "amplitude"))
@@ -567,13 +569,13 @@ class DerivedValues:
         for entry, quantity, unit in RMS_OF_PROBES:
             values[entry] = {
                 signal.removesuffix(f" {quantity}"): rms / unit
-                for signal, (_, _, rms) in of_signals.items()
+                for signal, (_, _, rms) in spectra.items()
                 if signal.endswith(f" {quantity}")
             }
         return values
 
     def _statistics(
-        self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
+        self, system: StructuralSystem, motion: Trajectory | Histories, count: int
     ) -> Iterator[dict[str, float]]:
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, Histories):
@@ -586,8 +588,8 @@ class DerivedValues:
         rate = (times.size - 1) / float(times[-1] - times[0])
         names = (f"{channel.name} {channel.quantity}" for channel in channels.channels)
         signals = dict(zip(names, values[after].T, strict=True))
-        divided = {name: np.array_split(x, parts) for name, x in signals.items()}
-        for k in range(parts):
+        divided = {name: np.array_split(x, count) for name, x in signals.items()}
+        for k in range(count):
             statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
             yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
 

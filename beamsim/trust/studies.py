@@ -24,7 +24,7 @@ from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import Study, StudyPlan, check_cases, design, plan_designs
 from beamsim.analyses.studies.reliability import Exceedance, run_histories, with_probability
-from beamsim.analyses.studies.responses import entries_of, matches_request, responses_of_result
+from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.search import search
 from beamsim.analyses.studies.summary import result_of
@@ -71,22 +71,23 @@ def solve_case(
     ScenarioError
         If the scenario cannot be solved.
     """
-    with allowing_hours(math.inf):  # the study was estimated as a whole, and workers do not know what is allowed
+    with allowing_hours(math.inf):  # the time of the whole study was checked before
         if analysis == "run":
-            around = copy_context()  # whose requests are asked, not those within the run
+            around = copy_context()  # requests to stop that were made outside the run
             return run(scenario, stop=lambda: around.run(stop_requested), entries=entries, shared=shared)
         return (continuation if analysis == "continuation" else sweep)(scenario)
 
 
 class CaseSolver:
-    """Solves the cases of one study; what they share is built once."""
+    """Solves the cases of one study and builds common parts once."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
         self.shared = SharedBuilds()
 
     def __call__(self, case: Case) -> CaseOutcome:
-        """Solve one case, unless it is to stop; where it is refused, that is its outcome, and other cases continue."""
+        """Solve one case, unless a stop is requested; an error becomes the outcome of the case, so that others
+        continue."""
         begin = clock.thread_time()
         try:
             solved = self._solve(case)
@@ -96,13 +97,13 @@ class CaseSolver:
 
     def _solve(self, case: Case) -> CaseOutcome:
         """Responses, outcome, margins and warnings of a case."""
-        scenario, asked, analysis = self.study.scenario(case), self.study.requested, self.study.analysis
+        scenario, asked, analysis = self.study.scenario(case), self.study.asked, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
         result = solve_case(scenario, analysis, entries=entries, shared=self.shared)
         values = {} if result.outcome.ended_early else responses_of_result(result)
         if asked:
-            values = {name: x for name, x in values.items() if any(matches_request(each, name) for each in asked)}
-        elif entries is not None:  # of a case that is compared everything is computed
+            values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
+        elif entries is not None:  # a case that is compared is computed completely
             values = {name: x for name, x in values.items() if _of_entry(name) in (*entries, "")}
         margins = result.summary.get("margins", {})
         return CaseOutcome(
@@ -167,10 +168,10 @@ def design_study(
     else:
         plan = plan_designs(scenario_of(scenario, "sweep"))
         check_cases(plan)
-    known, total = tuple(known), plan.most_cases * plan.study.realisations.count
+    known, total = tuple(known), plan.most * plan.study.realisations.count
     solved_before = len({outcome.index for outcome in known})
     least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
-    # how many cases a study of reliability needs follows from those that are solved
+    # the number of cases of a study of reliability follows from the solved ones
     of_cases = None if plan.kind == "reliability" else progress
     report_progress(of_cases, solved_before / total)
 
@@ -182,9 +183,9 @@ def design_study(
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
     with stop_requests(stop):
         with Evaluator(
-            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most_cases,
+            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
             realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
-            most_further=plan.study.realisations.most_further_cases,
+            most_further=plan.study.realisations.most_further,
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))
             ended, histories = _evaluate_cases(plan, evaluate, progress, worst)
@@ -197,7 +198,7 @@ def design_study(
 def _evaluate_cases(
     plan: StudyPlan, evaluate: Evaluator, progress: Progress, worst: WorstSearch
 ) -> tuple[Outcome | None, Exceedance | None]:
-    """Solve the cases of a plan, search the worst of the best and compare those that decide.
+    """Solve the cases of a plan, search the worst within tolerances of the best, and compare the deciding cases.
 
     Parameters
     ----------
@@ -206,7 +207,7 @@ def _evaluate_cases(
 
     Returns
     -------
-    Why a search for the best design ended, and what histories say.
+    Why a search for the best design ended, and the exceedance from histories.
     """
     ended: Outcome | None = None
     histories: Exceedance | None = None
@@ -224,13 +225,13 @@ def _evaluate_cases(
             if plan.convergence is not None or not (chosen := cases_to_compare(plan, evaluate.outcomes)):
                 break
             evaluate.compare(chosen)
-    return (unfinished_search(plan.most_cases) if evaluate.ended == "most_cases" else ended), histories
+    return (unfinished_search(plan.most) if evaluate.ended == "most_cases" else ended), histories
 
 
 def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Changes:
-    """How the responses of a case change within its tolerances, by the exact derivatives of its run.
+    """Changes of a case's responses within its tolerances, by the exact derivatives of its run.
 
-    None where it is no run, or a number has no derivative; the corners then follow from the sample.
+    None if it is not a run, or if a number has no derivative; the corners then follow from the sample.
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Ch
     )
     try:
         scenario = with_values(study.scenario(Case(case, values)), {("run", "sensitivities"): numbers}).recheck()
-        result = solve_case(scenario, "run", entries=entries_of(study.requested, scenario))
+        result = solve_case(scenario, "run", entries=entries_of(study.asked, scenario))
     except BeamsimError:
         return {}
     found = result.summary.get("sensitivities", {})
@@ -255,7 +256,8 @@ def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Ch
 
 
 def _with_runs(result: StudyResult) -> StudyResult:
-    """A search with what the runs of its best design and of the scenario as it is show; any other study as it is."""
+    """Add to a search the runs of its best design and of the unchanged scenario; other studies are returned
+    unchanged."""
     if result.kind != "optimise" or not result.finished or "best" not in result.summary:
         return result
     chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
@@ -269,7 +271,7 @@ def _with_runs(result: StudyResult) -> StudyResult:
     convergence: dict[str, Any] = {
         entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary
     }
-    for doubts in ("doubtful", "after_parting"):
+    for doubts in ("doubtful", "after_divergence"):
         convergence[doubts] = _requested_doubts(result, convergence.get(doubts, ()))
     summary = result.summary | convergence
     shown = {name: of for name, of in runs.items() if isinstance(of, RunResult)}
@@ -278,32 +280,34 @@ def _with_runs(result: StudyResult) -> StudyResult:
         datasets=result.datasets | ({"runs": _runs(shown)} if shown else {}),
         summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary},
     )
-    parts = _outcomes_of_best(best, convergence["doubtful"], convergence["after_parting"])
+    parts = _outcomes_of_best(best, convergence["doubtful"], convergence["after_divergence"])
     return checked.with_outcome(result.outcome.copy_with(*(replace(part, context="the best design") for part in parts)))
 
 
 def _outcomes_of_best(
-    best: RunResult | SweepResult | ContinuationResult, doubtful: Sequence[str], after: Sequence[str]
+    best: RunResult | SweepResult | ContinuationResult, unconverged: Sequence[str], after_divergence: Sequence[str]
 ) -> tuple[Outcome, ...]:
-    """Outcomes of the result of the best design: why it cannot be used, or doubts about what was searched for.
+    """Outcomes of the result of the best design: why it cannot be used, or which objectives and limits are doubtful.
 
     Parameters
     ----------
     best : its result.
-    doubtful, after : what a search was asked for of the values that change with a finer model, and of those that are of
-        one of many motions.
+    unconverged : objectives and limits of the search that change with a finer model.
+    after_divergence : those that depend on the motion after its contact sequences diverge.
     """
     outcome = best.outcome
     if not outcome.usable:
         return (outcome,)
     of_motion = (
-        outcome.outcomes_with_code("contacts_diverge") + outcome.outcomes_with_code("motion_sensitive") if after else []
+        outcome.outcomes_with_code("contacts_diverge") + outcome.outcomes_with_code("motion_sensitive")
+        if after_divergence
+        else []
     )
-    return (*((unconverged_outcome(best, doubtful),) if doubtful else ()), *of_motion)
+    return (*((unconverged_outcome(best, unconverged),) if unconverged else ()), *of_motion)
 
 
 def _runs(runs: Mapping[str, RunResult]) -> Dataset:
-    """What the runs of designs show: the motion of the first probe, and the force of the stop that is hit hardest."""
+    """Dataset of the runs of designs: motion of the first probe, and force of the stop with the largest force."""
     times = [run["histories"]["time"].values for run in runs.values()]
     motions = [next(iter(run["histories"].by_label("displacement").items())) for run in runs.values()]
     hit = [_largest_contact_force(run["histories"].by_label("snubber_force")) for run in runs.values()]
@@ -329,8 +333,8 @@ def _largest_contact_force(forces: Mapping[str, LabelledArray]) -> tuple[str, La
     return max(forces.items(), key=lambda item: float(np.max(np.abs(item[1].values))), default=("", None))
 
 
-def _requested_doubts(result: StudyResult, doubts: Iterable[str]) -> list[str]:
-    """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
+def _requested_doubts(result: StudyResult, values: Iterable[str]) -> list[str]:
+    """Those of the values (entry.place) that are objectives or limits of a search."""
     asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
     asked |= {parse_limit(name)[0].entry for name in result["cases"].labels("limit")}
-    return [key for key in doubts if key.partition(".")[0] in asked]
+    return [key for key in values if key.partition(".")[0] in asked]

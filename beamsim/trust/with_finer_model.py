@@ -1,4 +1,4 @@
-"""Sweeps, continuations and modes as the commands and the package call them: with what says how sure their values are.
+"""Sweeps, continuations and modes, as the commands and the package call them: with the errors of their values.
 
 A swept or stepped sine is compared with a finer model unless that is switched off, a continuation and a nonlinear
 normal mode where it is asked for. Without a comparison the summary says so. Runs are in `beamsim.trust.runs`.
@@ -49,16 +49,16 @@ if TYPE_CHECKING:
 
 
 _Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
-HIGHEST = 5  # cycles with the largest values of a sweep, all of which are compared: see docs/theory.md, section 7 ...
+HIGHEST = 5  # number of cycles with the largest values of a sweep that are compared (docs/theory.md, section 7) ...
 NEARLY = 0.9  # ... if they reach this share of the largest one
 
 
 class _ComparedValues(NamedTuple, Generic[_Result]):
-    """What is compared of two results."""
+    """Functions that give the compared values of two results."""
 
     values: Callable[[_Result], Values]
-    cycles: Callable[[_Result, _Result], Changes] | None = None  # of what the values were taken from
-    least: Callable[[_Result], Errors] | None = None  # errors of the values of a model, which no finer one shows
+    cycles: Callable[[_Result, _Result], Changes] | None = None  # changes of the cycles behind the values
+    lower_bounds: Callable[[_Result], Errors] | None = None  # errors of the values of a model, which no finer one shows
 
 
 def sweep(
@@ -145,7 +145,7 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
 
 def coexisting(
     scenario: Source, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
-    scheduler: str | None = None, **kept: Any,
+    scheduler: str | None = None, **options: Any,
 ) -> CoexistingResult:  # fmt: skip
     """Find coexisting motions; compare their peaks with those of a finer model where ``sweep.convergence: on``.
 
@@ -154,8 +154,8 @@ def coexisting(
     scenario : with a ``sweep`` section of kind coexisting, or what `beamsim.load_scenario` reads.
     progress : called with the fraction done.
     stop : asked between starts and points whether to end; the result then holds those up to there.
-    workers, scheduler, kept : as of `beamsim.analyses.coexisting.analysis.coexisting`; ``known`` and ``each`` are not
-        for the finer model.
+    workers, scheduler, options : as of `beamsim.analyses.coexisting.analysis.coexisting`; ``known`` and ``each`` do not
+        apply to the finer model.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def coexisting(
     again = partial(compute, workers=workers, scheduler=scheduler)
     of: _ComparedValues[CoexistingResult] = _ComparedValues(_of_continuation)
     with stop_requests(stop):
-        return _with_convergence_errors(partial(again, scenario, **kept), again, asked, of, progress)
+        return _with_convergence_errors(partial(again, scenario, **options), again, asked, of, progress)
 
 
 def nnm(
@@ -211,31 +211,31 @@ def nnm(
 
 def _with_convergence_errors(
     first: Callable[[Progress], _Result],
-    again: Callable[[Scenario, Progress], _Result],
-    asked: bool,
-    of: _ComparedValues[_Result],
+    solve: Callable[[Scenario, Progress], _Result],
+    compare: bool,
+    compared: _ComparedValues[_Result],
     progress: Progress,
 ) -> _Result:
-    """A result with its comparison, where it is asked for and nothing is missing of the result.
+    """Compute a result and compare it with a finer model, if that is requested and the result is complete.
 
     Parameters
     ----------
     first : computes the result.
-    again : the same of another case, without what is not compared.
-    asked : whether the comparison is asked for.
-    of : what is compared.
-    progress : called with the fraction of both that is done.
+    solve : computes the compared values of another case.
+    compare : whether the comparison is requested.
+    compared : gives the compared values.
+    progress : called with the completed fraction of both computations together.
     """
-    share = 0.4 if asked else 1.0  # of the progress
+    share = 0.4 if compare else 1.0  # of the progress
     result = first(part_of(progress, 0.0, share))
-    if not asked:
+    if not compare:
         return with_convergence(result, Convergence(reason=NOT_ASKED))
     if result.outcome.cut_short:
         return result
     if stop_requested():
         return result.interrupted(COMPARISON)
-    begin, wall, own = processor_time(), clock.perf_counter(), of.values(result)
-    checked = _convergence(of, own, result, lambda case: again(case, part_of(progress, share, 1.0)))
+    begin, wall, own = processor_time(), clock.perf_counter(), compared.values(result)
+    checked = _convergence(compared, own, result, lambda case: solve(case, part_of(progress, share, 1.0)))
     if stop_requested():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
@@ -244,27 +244,27 @@ def _with_convergence_errors(
 
 
 def _convergence(
-    of: _ComparedValues[_Result],
-    own: Values,
+    compared: _ComparedValues[_Result],
+    values: Values,
     result: _Result,
     solve: Callable[[Scenario], _Result],
 ) -> Convergence:
     """The errors of a result's own values, from a finer model."""
     modes = result["modes"]["kept_modes"].item()
     if keeps_all(result["modes"]):
-        return Convergence(exact(own))
+        return Convergence(exact(values))
     try:
         second = solve(result.scenario.refine(finer_modes(result["modes"])))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
-    changes = relative_changes([own], [of.values(second)])
-    if of.cycles is not None:
-        changes = largest_errors(changes, of.cycles(result, second))
+    changes = relative_changes([values], [compared.values(second)])
+    if compared.cycles is not None:
+        changes = largest_errors(changes, compared.cycles(result, second))
     errors = errors_of(changes, result.scenario, keeps_all(second["modes"]))
-    if of.least is not None:
-        errors = largest_errors(errors, of.least(result))
+    if compared.lower_bounds is not None:
+        errors = largest_errors(errors, compared.lower_bounds(result))
     return Convergence(errors, tuple(unconverged_values(errors, {})), second["modes"]["kept_modes"].item(), modes)
 
 
@@ -309,9 +309,9 @@ def _changes_of_cycles(first: SweepResult, second: SweepResult) -> Changes:
     return dict(changes)
 
 
-def _change_of_highest(one: Floats, other: Floats) -> float:
-    """The largest of the relative changes of the `HIGHEST` largest values (C,), the largest with the largest."""
-    highest, others = (-np.sort(-of[~np.isnan(of)])[:HIGHEST] for of in (one, other))
+def _change_of_highest(first: Floats, second: Floats) -> float:
+    """Largest relative change of the `HIGHEST` largest values (C,), compared in descending order."""
+    highest, others = (-np.sort(-of[~np.isnan(of)])[:HIGHEST] for of in (first, second))
     scale = max(highest[:1].sum(), others[:1].sum())
     if scale == 0.0:
         return 0.0
@@ -319,19 +319,19 @@ def _change_of_highest(one: Floats, other: Floats) -> float:
     return float(np.max(np.abs(highest[:count] - others[:count]), initial=0.0) / scale)
 
 
-def _change_of_share(weights: Floats, one: Floats, other: Floats) -> float:
+def _change_of_share(weights: Floats, first: Floats, second: Floats) -> float:
     """The relative change of a mean of cycles (C,) and two standard errors of it, the cycles being independent."""
-    if other.size != one.size:  # ended by chance in another cycle
+    if second.size != first.size:  # ended by chance in another cycle
         return 0.0
-    change = weights * (one - other)
-    scale = max(float(weights @ one), float(weights @ other))
+    change = weights * (first - second)
+    scale = max(float(weights @ first), float(weights @ second))
     return 0.0 if scale == 0.0 else float(abs(change.sum()) + 2.0 * np.sqrt(change @ change)) / scale
 
 
 def _least_of_level(result: SweepResult) -> Errors:
-    """What a level that is lowered to limits leaves unknown of the values: how far these limits are exceeded.
+    """Lower bounds of errors where a level is lowered to meet limits: by how much these limits are exceeded.
 
-    Every level that holds them as well would do, and each model finds another one.
+    Levels that meet the limits equally well are equivalent, and each model finds another one.
     """
     from beamsim.analyses.sweep.swept_sine import LEVEL_TOLERANCE, values_that_lower_level
 

@@ -34,15 +34,15 @@ def closings(result):
 def test_round_off_gives_other_contacts_from_the_time_stated_on(chaotic):
     """A change of the level by round-off, which is another disturbance than that of the stiffness."""
     model = chaotic.summary["convergence_model"]
-    stated = model["round_off_parts_s"]
-    assert 0.0 < model["disturbance_parts_s"] < stated < 300.0
+    stated = model["round_off_divergence_s"]
+    assert 0.0 < model["disturbance_divergence_s"] < stated < 300.0
     moved = oscillator()
     level = moved.excitation.model_copy(update={"level": 1.0 + 1e-15})
     other = beamsim.run(moved.model_copy(update={"excitation": level}))
     common = min(closings(chaotic).size, closings(other).size)
     apart = np.abs(closings(chaotic)[:common] - closings(other)[:common])
     first = closings(chaotic)[np.argmax(apart > 0.1)]
-    assert apart[closings(chaotic)[:common] < 0.5 * model["disturbance_parts_s"]].max() < 1e-6
+    assert apart[closings(chaotic)[:common] < 0.5 * model["disturbance_divergence_s"]].max() < 1e-6
     assert 0.7 * stated < first < 1.3 * stated
 
 
@@ -57,7 +57,7 @@ def test_what_is_marked_depends_on_what_follows(chaotic):
         "contact_share",
         "contacts",
     )
-    after = s["after_parting"]
+    after = s["after_divergence"]
     for figure in figures:
         for name, value in s[figure].items():
             assert abs(stiffer[figure][name] / value - 1.0) > 1e-3, figure  # although the peaks come before the parting
@@ -69,7 +69,7 @@ def test_a_peak_above_all_that_follows_is_not_marked():
     """A throw from high above gives the first impact; what goes on after it is chaotic, but much smaller."""
     thrown = oscillator(start={"displacement": [5.0]}, duration=400.0)
     result = beamsim.run(thrown)
-    after = result.summary["after_parting"]
+    after = result.summary["after_divergence"]
     assert "contacts.stop" in after
     assert not {"peak_displacement_m.stop", "peak_force_n.stop", "max_displacement_m.stop"} & set(after)
     start = {"displacement": [5.0]}
@@ -83,18 +83,18 @@ def test_status_table_and_file_say_so(chaotic, tmp_path):
     assert "run.impacts" in chaotic.outcome.remedy
     rows = [text for _, text in table_rows(chaotic)]
     assert any(text.startswith("peak force") and text.endswith(f"{ONE_OF_MANY}, no error") for text in rows)
-    assert any(text.startswith("round off parts") and text.endswith(" s") for text in rows)
+    assert any(text.startswith("round off divergence") and text.endswith(" s") for text in rows)
     stored = beamsim.load(beamsim.write_result(chaotic, tmp_path / "run.h5"))
     assert stored.outcome == chaotic.outcome
-    assert stored.summary["after_parting"] == chaotic.summary["after_parting"]
-    assert {"peak_force_n.stop", "peak_displacement_m.stop"} <= set(stored.summary["after_parting"])
+    assert stored.summary["after_divergence"] == chaotic.summary["after_divergence"]
+    assert {"peak_force_n.stop", "peak_displacement_m.stop"} <= set(stored.summary["after_divergence"])
 
 
 def test_a_periodic_motion_has_no_marks():
     result = beamsim.run(oscillator(0.4))
     assert result.summary["events"] > 100
-    assert result.summary["after_parting"] == []
-    assert result.summary["convergence_model"]["disturbance_parts_s"] is None
+    assert result.summary["after_divergence"] == []
+    assert result.summary["convergence_model"]["disturbance_divergence_s"] is None
     assert not result.outcome.message
 
 
@@ -131,6 +131,6 @@ def test_another_model_with_other_contacts_is_no_sensitive_motion():
         "run": {"duration": 0.4},
     }  # fmt: skip
     s = beamsim.run(load_scenario(case)).summary
-    assert s["convergence_model"]["sequences_part_s"] is not None
-    assert s["convergence_model"]["disturbance_parts_s"] is None
-    assert s["after_parting"] == []
+    assert s["convergence_model"]["contact_divergence_s"] is not None
+    assert s["convergence_model"]["disturbance_divergence_s"] is None
+    assert s["after_divergence"] == []

@@ -89,7 +89,7 @@ def test_the_level_of_a_later_stop_is_not_printed_as_a_fact():
     assert tip_line == "tip not predicted: floor opens first"
     levels = contact_levels(sweep_system(masses()), np.array([HZ]))
     assert levels["tip"].loss[0] == pytest.approx(tip, rel=1e-9)  # of the motion in which floor stays closed
-    assert levels["tip"].before[0] == pytest.approx(floor, rel=1e-9)
+    assert levels["tip"].level_of_other[0] == pytest.approx(floor, rel=1e-9)
     assert np.isnan(levels["tip"].predicted_levels[0])
 
 
@@ -203,7 +203,7 @@ SOFTENING = {"name": "other", "kind": "piecewise_linear", "mass": 1, "breakpoint
 )
 def test_contacts_of_other_laws_end_the_prediction_where_they_leave_their_phase(contact, level):
     far = contact_levels(sweep_system(single(**contact)), np.array([W / (2 * np.pi)]))["far"]
-    assert far.before[0] == pytest.approx(level, rel=1e-9)
+    assert far.level_of_other[0] == pytest.approx(level, rel=1e-9)
     of = beamsim.run(single(**contact)).summary["gapping"]["far"]
     assert of["not_predicted"] == OTHER
     assert np.isnan(of["level"])

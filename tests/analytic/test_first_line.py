@@ -12,7 +12,7 @@ from imported_chain import imported_chain
 import beamsim
 from beamsim.cli.motions import run_screen
 from beamsim.outcomes import OutcomeKind
-from beamsim.results.values import read_first
+from beamsim.results.values import is_main_value
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load
 from beamsim.system.build import build_system
@@ -62,7 +62,7 @@ def beam(modes, limit=None, **run):
     ],
 )
 def test_what_is_read_first(key, limits, first):
-    assert read_first(beam(3, limits), None, key) is first
+    assert is_main_value(beam(3, limits), None, key) is first
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_the_first_frequency_of_a_floating_structure_is_that_of_its_first_elasti
     case = load_scenario(FLOATING)
     modes = build_system(case).modes
     assert [int((modes[f"{state}_frequencies_hz"].values == 0.0).sum()) for state in ("open", "closed")] == [2, 1]
-    assert read_first(case, modes, key) is first
+    assert is_main_value(case, modes, key) is first
 
 
 def test_modes_that_are_hardly_kept_do_not_put_a_case_in_doubt():
@@ -159,7 +159,7 @@ def test_values_that_are_not_read_first_are_marked_where_they_are_printed():
 @pytest.mark.parametrize(("after", "sure"), [("contact_share.stop", False), ("peak_force_n.stop", True)])
 def test_one_of_many_motions_is_said_first_of_what_is_read_first(after, sure):
     model = {"modes": 3, "first_modes": 2, "reason": ""}
-    first, *others = doubting("run_chain", after_parting=[after], convergence_model=model).splitlines()
+    first, *others = doubting("run_chain", after_divergence=[after], convergence_model=model).splitlines()
     assert ("one of many motions" in first) is sure
     assert ("converged within" in first) is not sure
     assert any(" ~" in line for line in others)
@@ -174,5 +174,5 @@ def test_means_that_differ_within_their_standard_error_are_counted_of_one_of_man
         "max_displacement_m": {"one": 0.01},
     }
     after = [f"{entry}.{place}" for entry, of in changes.items() for place in of]
-    first, *_ = doubting("run_chain", after_parting=after, convergence=changes, convergence_model=model).splitlines()
+    first, *_ = doubting("run_chain", after_divergence=after, convergence=changes, convergence_model=model).splitlines()
     assert "one of many motions, means within 1 %, 1 mean within the standard error" in first

@@ -31,9 +31,9 @@ def panel(*, ratio=0.05, **more):
         for x in (0.6, 1.2)
         for side in ("below", "above")
     ]
-    run = {"duration": "0.03 s"} | more.pop("run", {})
+    run = {"duration": "0.06 s"} | more.pop("run", {})
     pulse = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms"}
-    model = {"reduction": {"modes": 15}}
+    model = {"reduction": {"modes": 21}}
     return load_scenario({"beam": PANEL, "snubbers": stops, "excitation": pulse, "run": run, **model, **more})
 
 
@@ -52,13 +52,11 @@ def harmonic_beam(**more):
 
 @pytest.fixture(scope="module")
 def damped():
-    """With limits of about half and twice the peak acceleration."""
-    accelerations = {"below_1.2": "60 g", "above_1.2": "240 g"}
-    return beamsim.run(panel(limits={"peak_acceleration": accelerations, "peak_force": "1 MN"}))
+    return beamsim.run(panel())
 
 
 def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so(damped):
-    runs = [beamsim.run(panel(reduction={"modes": n}, run={"convergence": "off"})) for n in (6, 10, 15)]
+    runs = [beamsim.run(panel(reduction={"modes": n}, run={"convergence": "off"})) for n in (6, 10, 15, 25)]
     at_tip = [run.summary["peak_acceleration_g"]["below_1.2"] for run in runs]
     assert all(later > 1.3 * earlier for earlier, later in pairwise(at_tip))
 
@@ -154,9 +152,9 @@ def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statisticall
     case = harmonic_beam(run={"duration": 4.0}, excitation=shaken, snubbers=[stop], reduction={"modes": 20})
     result = beamsim.run(case)
     s = result.summary
-    parted = s["convergence_model"]["sequences_part_s"]
-    assert 0.0 < parted < s["convergence_model"]["disturbance_parts_s"] < 4.0  # sensitive, not only two models
-    assert "contact_share.tip" in s["after_parting"]
+    parted = s["convergence_model"]["contact_divergence_s"]
+    assert 0.0 < parted < s["convergence_model"]["disturbance_divergence_s"] < 4.0  # sensitive, not only two models
+    assert "contact_share.tip" in s["after_divergence"]
     assert ALLOWED_ERROR < s["convergence"]["contact_share"]["tip"] < 0.2  # of its mean, by chance
     assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_ERROR
     assert not {"contact_share.tip", "peak_force_n.tip"} & set(s["doubtful"])
@@ -168,7 +166,7 @@ def test_forces_that_last_for_an_instant_are_compared_with_forces():
     """A dashpot at a stiff stop: samples missed its force, which "changed by 93 %, within its scatter"."""
     short = {"run.duration": 0.2, "run.spectrum": {"last": 0.1}, "reduction.modes": 8, "run.low_pass": 2e3}
     s = beamsim.run(load_scenario(config_path("one_sided_65hz"), {"snubbers[0].stiffness": 151e8} | short)).summary
-    assert s["convergence_model"]["sequences_part_s"] < 0.1
+    assert s["convergence_model"]["contact_divergence_s"] < 0.1
     assert s["convergence"]["peak_force_n"]["tip"] < ALLOWED_ERROR
 
 
@@ -204,14 +202,14 @@ def test_a_force_that_changes_by_more_than_half_is_not_reliable():
 
 def test_a_limit_on_a_value_that_grows_with_the_modes_is_neither_met_nor_exceeded(damped):
     """The acceleration at the dashpot has no limit as the modes grow: no level is known to hold it."""
-    margins = damped.summary["margins"]
-    for name, share in (("below_1.2", 0.5), ("above_1.2", 2.0)):
-        margin = margins[f"peak_acceleration.{name}"]
-        assert margin["limit"] == pytest.approx(share * margin["value"], rel=0.3)
-        assert margin["verdict"] == "not reliable"
-        assert not margin["exceeded"]
-        assert margin["highest"] == np.inf
-    assert margins["peak_force"]["verdict"] == "ok"
+    value = max(damped.summary["peak_acceleration_g"].values())
+    for level in (0.5 * value, 2.0 * value):
+        limits = {"peak_acceleration": level * 9.80665, "peak_force": "1 MN"}
+        margins = beamsim.run(panel(limits=limits)).summary["margins"]
+        assert margins["peak_acceleration"]["verdict"] == "not reliable"
+        assert not margins["peak_acceleration"]["exceeded"]
+        assert margins["peak_acceleration"]["highest"] == np.inf
+        assert margins["peak_force"]["verdict"] == "ok"
 
 
 # --- The filter -------------------------------------------------------------------------------------------------------

@@ -237,7 +237,7 @@ def wrong_mark(facts: ResultFacts, text: str, mark: str, key: tuple[str, str]) -
     """Contradictions between the mark of a cell and what the file says of its value."""
     facts.printed.add(key)
     jumps = facts.keys("without_limit")
-    doubts = {"*": facts.keys("doubtful"), "~": facts.keys("after_parting"), "^": jumps}
+    doubts = {"*": facts.keys("doubtful"), "~": facts.keys("after_divergence"), "^": jumps}
     right = next((each for each, keys in doubts.items() if key in keys), "")
     if mark != right:
         yield f"{text!r} has the mark {mark!r} where the file says {right!r} of {'.'.join(key)}"

@@ -51,7 +51,7 @@ def test_the_contact_that_is_predicted_changes_first_and_at_the_level(seed):
     if not levels:  # every stop has a table
         assert all("force_deflection" in stop for stop in case["chain"]["snubbers"])
         return
-    first = min(min(of.levels_of_change[0], of.before[0]) for of in levels.values())
+    first = min(min(of.levels_of_change[0], of.level_of_other[0]) for of in levels.values())
     named = {name for name, of in levels.items() if np.isfinite(of.predicted_levels[0])}
     w, phases = 2 * np.pi * hz, system.dynamics.contacts.resting_phases(static_penetration(system))
     amplitude = transfer(system, np.array([hz]), phases)[0]

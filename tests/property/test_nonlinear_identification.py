@@ -66,7 +66,7 @@ def test_the_steady_response_is_where_the_transient_ends():
     history = MeasuredSignal(
         "tip", result["histories"]["time"].values, result["histories"]["displacement"].sel(probe="tip").values
     )
-    transient = harmonics_of(history, 65.0, 8, last=20 / 65).value
+    transient = harmonics_of(history, 65.0, 8, last_s=20 / 65).value
     steady = steady_vibration(scenario).harmonics(0, "displacement", 8)
     assert steady == pytest.approx(transient, abs=1e-6 * abs(steady).max())
 
@@ -142,7 +142,7 @@ def test_amplitude_spectra_do_without_phases(vibrations):
     frequency = np.arange(0.0, 1000.0, 2.5)
     line = np.full(frequency.size, 1e-4 * abs(harmonics).max())
     line[np.round(65.0 * ORDERS / 2.5).astype(int)] = np.abs(harmonics)
-    measured = MeasuredSignal("tip", frequency, line, of_frequency=True, unit="m/s^2")
+    measured = MeasuredSignal("tip", frequency, line, is_over_frequency=True, unit="m/s^2")
     scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"), {"snubbers[0].stiffness": 140e3,
                     "snubbers[0].gap": 1.4e-5})  # fmt: skip
     found = identify_stiffness(scenario, [measured])

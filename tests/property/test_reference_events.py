@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -51,11 +49,8 @@ def next_piece(t, y, direction, duration):
                      dense_output=True)  # fmt: skip
 
 
-@cache
-def by_hand():
-    """Times up to 2 s, and displacements: the mass sticks until the force exceeds the limit, and slides until it
-    turns."""
-    times = np.linspace(0.0, 2.0, 2001)
+def by_hand(times):
+    """Displacements of the mass: it sticks until the force on it exceeds the limit, and slides until it turns."""
     t, y, direction, out = 0.0, np.zeros(2), 0, np.zeros(times.size)
     while t < times[-1]:
         run = next_piece(t, y, direction, times[-1])
@@ -64,19 +59,22 @@ def by_hand():
         t, y = float(run.t[-1]), np.array([run.y[0, -1], 0.0])
         force = pull(t, y[0])
         direction = int(np.sign(force)) if direction == 0 or abs(force) > STATIC else 0
-    return times, out
+    return out
 
 
 @pytest.mark.parametrize(
-    ("integrator", "rtol"),
-    [("DOP853", 1e-9), ("LSODA", 1e-9), ("BDF", 1e-6), ("Radau", 1e-6)],  # implicit ones take long
+    ("integrator", "duration"),
+    [
+        ("DOP853", 0.3),
+        *((each, 2.0) for each in ("BDF", "Radau", "DOP853", "LSODA")),
+    ],
 )
-def test_a_face_without_a_spring_as_by_hand(integrator, rtol):
+def test_a_face_without_a_spring_as_by_hand(integrator, duration):
     """A face that stopped and could not hold was missed: 13.98 mm in place of 9.816 mm."""
-    stepping = reference.TimeStepping(one_mass(2.0, (LOAD, OMEGA)), integrator, rtol=rtol)
-    times, expected = by_hand()
-    motion = reference.integrate(stepping, np.zeros(2), times)
-    assert np.abs(expected).max() == pytest.approx(9.816e-3, rel=1e-3)
+    times = np.linspace(0.0, duration, 1 + round(1000 * duration))
+    stepping = reference.TimeStepping(one_mass(duration, (LOAD, OMEGA)), integrator, rtol=1e-9)
+    motion, expected = reference.integrate(stepping, np.zeros(2), times), by_hand(times)
+    assert duration < 2.0 or np.abs(expected).max() == pytest.approx(9.816e-3, rel=1e-3)
     assert motion.outcome.complete
     np.testing.assert_allclose(motion.y[:, 0], expected, atol=1e-4 * np.abs(expected).max())
 
@@ -135,7 +133,7 @@ def test_steps_are_bounded_by_what_loads_a_face_that_sticks(monkeypatch):
 
 def test_an_event_that_the_search_misses_is_no_silent_error(monkeypatch):
     """Twin: a search that finds nothing ends the integration."""
-    monkeypatch.setattr(reference, "falls_through_zero", lambda coefficient, waits=False: np.inf)
+    monkeypatch.setattr(reference, "falls_through_zero", lambda coefficient, after_rise=False: np.inf)
     flow = one_mass(0.3, (LOAD, OMEGA))
     motion = reference.integrate(reference.TimeStepping(flow, "DOP853"), np.zeros(2), np.linspace(0.0, 0.3, 11))
     assert motion.outcome.code == "guard_below_zero"
@@ -154,7 +152,7 @@ def test_the_first_fall_through_zero(seed):
     polynomial = np.polynomial.Chebyshev.fromroots(roots) * rng.choice([-1.0, 1.0])
     inside = roots[(roots > -1.0) & (roots < 1.0)]
     falls = [r for r in inside if polynomial.deriv()(r) < 0.0]
-    found = reference.falls_through_zero(polynomial.coef, waits=True)
+    found = reference.falls_through_zero(polynomial.coef, after_rise=True)
     assert found == pytest.approx(falls[0] if falls else np.inf, abs=1e-7)
     if polynomial(-1.0) < 0.0:
         assert reference.falls_through_zero(polynomial.coef) == -1.0
@@ -268,13 +266,13 @@ def test_random_systems(seed):
 
 def test_many_random_systems():
     """At 1e-10 the integrator's error in seed 109 is 3.5e-4 at two times just after contacts; at 1e-12 it is 3e-7."""
-    assert sum(agrees(seed, rtol=1e-12) for seed in (101, 104, 107, 109, 110)) > 300
+    assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 110)) > 300
 
 
 def test_the_comparison_of_random_systems_can_fail(monkeypatch):
     """Twin: with events sought at eight places of a step alone, some are missed."""
 
-    def sampled(coefficient, waits=False):
+    def sampled(coefficient, after_rise=False):
         x = np.linspace(-1.0, 1.0, 9)
         values = np.polynomial.chebyshev.chebval(x, coefficient)
         falls = np.flatnonzero((values[1:] <= 0.0) & (values[:-1] >= 0.0))

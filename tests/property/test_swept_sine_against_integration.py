@@ -79,7 +79,7 @@ class Swept:
         self.stretches = list(self.march.chunks())
         parts = [
             record_cycles(
-                s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
+                s.motion, s.edges, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
             ).select(slice(s.cycle_count))
             for s in self.stretches
         ]
@@ -96,7 +96,7 @@ class Swept:
         """Outputs (nt, K) at increasing times; ``output_of`` is written for a flow."""
         out, done = [], 0
         for stretch in self.stretches:
-            last = int(np.searchsorted(times, self.begin(stretch) + stretch.edge[-1], side="right"))
+            last = int(np.searchsorted(times, self.begin(stretch) + stretch.edges[-1], side="right"))
             here = np.maximum(times[done:last] - self.begin(stretch), 0.0)
             out.append(stretch.motion.sample(here, output_of(stretch.motion.flow)))
             done = last

@@ -92,7 +92,7 @@ def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
             if names:
                 assert [signal.unit for signal in signals] == [units[0], units[1], units[1]]
                 assert [signal.axis_unit for signal in signals] == ["", units[0], units[0]]
-                assert not any(signal.of_frequency for signal in signals)
+                assert not any(signal.is_over_frequency for signal in signals)
 
     check()
 

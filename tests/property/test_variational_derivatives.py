@@ -14,7 +14,7 @@ from beamsim.flow.periodic_flow import (
     Frequency,
     Level,
     PeriodicForcing,
-    moved_system,
+    shift_system,
 )
 from beamsim.flow.transient import Log, March, Motion
 from beamsim.flow.variational import FlowOutputs, VariationalFlow, sensitivity
@@ -88,7 +88,7 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
             flow_map.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
         )
     checks = [central(lambda h: at(omega=h)), central(lambda h: at(level=h))]
-    moved = [lambda h, d=d: flow.with_system(moved_system(flow.system, d, h)) for d in directions]
+    moved = [lambda h, d=d: flow.with_system(shift_system(flow.system, d, h)) for d in directions]
     checks += [central(lambda h, at_step=at_step: at_step(h).flow_map(z, duration).end) for at_step in moved]
     for column, expected in zip(flow_map.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
@@ -112,10 +112,10 @@ def test_an_event_exactly_at_the_end_of_a_motion_changes_no_derivative(make_syst
             )
             for e in (k + 1, k)
         )
-        np.testing.assert_array_equal(with_it.by, without.by)
+        np.testing.assert_array_equal(with_it.derivative, without.derivative)
         before = flow.flow_map(z, (1.0 - 1e-10) * time)
         assert before.event_time.size == k
-        np.testing.assert_allclose(with_it.by, before.transition, atol=1e-7 * np.abs(with_it.by).max())
+        np.testing.assert_allclose(with_it.derivative, before.transition, atol=1e-7 * np.abs(with_it.derivative).max())
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -150,7 +150,7 @@ def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system)
     d = ContactDirection.of(system.contacts, stiffness=2.0, gap=0.1)
     flow_map = flow.flow_map(z, 4.0, [d])
     assert flow_map.event_time.size >= 2
-    expected = central(lambda h: flow.with_system(moved_system(flow.system, d, h)).flow_map(z, 4.0).end, 1e-5)
+    expected = central(lambda h: flow.with_system(shift_system(flow.system, d, h)).flow_map(z, 4.0).end, 1e-5)
     np.testing.assert_allclose(flow_map.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
 
 
@@ -218,7 +218,7 @@ def test_derivatives_by_the_position_of_a_contact_that_sticks(seeds, pressed):
 
         def moved(h, of=(flow, start, duration, direction)):
             flow, start, duration, direction = of
-            return flow.with_system(moved_system(flow.system, direction, h)).flow_map(start, duration)
+            return flow.with_system(shift_system(flow.system, direction, h)).flow_map(start, duration)
 
         (up, down), (above, below) = ((moved(h), moved(-h)) for h in (3e-6, 1e-5))
         expected, coarse = (up.end - down.end) / 6e-6, (above.end - below.end) / 2e-5

@@ -6,7 +6,7 @@ from shipped import config_path
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.flow.variational import VariationalFlow
-from beamsim.responses.parameters import MovedSnubber
+from beamsim.responses.parameters import VariedSnubber
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
@@ -97,7 +97,7 @@ def family():
 )
 def test_contacts_have_exact_derivatives(family, quantity, value, h, changing):
     """The dashpot of a damping ratio and the share of a turning base included."""
-    moved = MovedSnubber(family, ("snubbers", 0, quantity), (0,), quantity, 0.02)
+    moved = VariedSnubber(family, ("snubbers", 0, quantity), (0,), quantity, 0.02)
     above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
     changed = set()
     for name in ("stiffness", "dashpot", "gap", "shape", "base_participation"):

@@ -96,8 +96,10 @@ def test_a_sensitive_motion(excitation, impacts, fabricated_run):
     """Means only where the excitation goes on; statistics of impacts only where they are not asked for."""
     scenario = case(excitation=excitation, **({} if impacts is None else {"impacts": impacts}))
     times = DivergenceTimes(0.2, 0.4)
-    outcome = doubted(fabricated_run, scenario, diverged_s=0.1, after=("peak_force_n.tip",), sensitivity=times)
-    assert "peak force depend on what follows" in outcome.message
+    outcome = doubted(
+        fabricated_run, scenario, diverged_s=0.1, after_divergence=("peak_force_n.tip",), sensitivity=times
+    )
+    assert "peak force depend on the motion after that" in outcome.message
     assert ("means of a longer run" in outcome.remedy) == (excitation == "harmonic")
     assert ("run.impacts" in outcome.remedy) == (excitation == "harmonic" and impacts is None)
     assert "spread of peaks over several cases (vary)" in outcome.remedy
@@ -107,7 +109,7 @@ def test_a_sensitive_motion(excitation, impacts, fabricated_run):
 def test_a_time_stepped_motion_is_told_the_tolerance_that_it_has(rtol, method, fabricated_run):
     """Of cubic springs it is 1e-10, whatever run.rtol says above that."""
     scenario = case(**({"method": method, "rtol": rtol} if method == "reference" else {}))
-    outcome = doubted(fabricated_run, scenario, diverged_s=0.1, after=("peak_force_n.tip",))
+    outcome = doubted(fabricated_run, scenario, diverged_s=0.1, after_divergence=("peak_force_n.tip",))
     below = float(re.search(r"lower run\.rtol below (\S+),", outcome.remedy).group(1))
     assert below == (rtol if method == "reference" else 1e-10)
 

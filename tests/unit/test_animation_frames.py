@@ -76,9 +76,9 @@ def test_what_is_too_fast_for_the_frames_is_named(fast_hz, missed):
     scene = scene_of(frames, Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result)), "case")
     assert ("too fast for these frames" in scene.title) == missed
     if missed:  # two cycles of it and more lie between two frames
-        assert 0.3 < frames.missed < 1.5
+        assert 0.3 < frames.difference_between < 1.5
     else:
-        assert frames.missed < 1e-3
+        assert frames.difference_between < 1e-3
 
 
 PIPE = {

@@ -46,7 +46,7 @@ def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
     assert len(whole.flow.states) > 12
     assert len(bounded.flow.states) == most
     assert bounded.flow.tables().horizon.size <= most
-    np.testing.assert_array_equal(bounded.flow.visited, whole.flow.visited)
+    np.testing.assert_array_equal(bounded.flow.visited_phases, whole.flow.visited_phases)
     np.testing.assert_array_equal(bounded.state, whole.state)
     np.testing.assert_array_equal(bounded.event_time, whole.event_time)
     times = np.linspace(0.0, END, 700)

@@ -200,13 +200,13 @@ def test_all_values_for_which_extremes_compete_are_in_one_note():
 def test_the_rule_itself():
     """Three lines over a change: 1, 0.99 + x and 0.5 - 10 x."""
     both = compete(np.array([1.0, 0.99, 0.5]), np.array([0.0, 1.0, -10.0]), 0.02)
-    assert (both.below, both.above) == (0.0, 1.0)
-    assert (both.change_below, both.change) == pytest.approx((0.0, 0.01))
-    assert both.takes_over == pytest.approx(0.01)
+    assert (both.derivative_below, both.derivative_above) == (0.0, 1.0)
+    assert (both.change_below, both.change_above) == pytest.approx((0.0, 0.01))
+    assert both.takeover == pytest.approx(0.01)
     assert both.rival == 1
     wide = compete(np.array([1.0, 0.99, 0.5]), np.array([0.0, 1.0, -10.0]), 0.1)
-    assert (wide.below, wide.above) == (-10.0, 1.0)
-    assert (wide.change_below, wide.change) == pytest.approx((0.5, 0.09))
+    assert (wide.derivative_below, wide.derivative_above) == (-10.0, 1.0)
+    assert (wide.change_below, wide.change_above) == pytest.approx((0.5, 0.09))
 
 
 def test_they_are_printed_stored_and_drawn(tmp_path):

@@ -147,7 +147,7 @@ def test_functions_over_frequency_of_universal_files(tmp_path, fields, expected)
 )
 def test_an_axis_of_an_unknown_data_type_is_what_its_label_says(tmp_path, axis, of_frequency, kind):
     signal = channel(tmp_path, function(Y, axis=axis, kind=kind))
-    assert (signal.of_frequency, signal.fault) == (of_frequency, None)
+    assert (signal.is_over_frequency, signal.fault) == (of_frequency, None)
 
 
 @pytest.mark.parametrize(

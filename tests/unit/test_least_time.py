@@ -68,7 +68,7 @@ def test_cases_of_a_study(overrides, counts):
 
 def test_cases_that_are_known_take_no_time():
     plan = plan_designs(beamsim.load_scenario(CASE, {"vary": SAMPLED}))
-    assert counted(least_time_of_study(plan, known=900)) == [100]
+    assert counted(least_time_of_study(plan, solved_cases=900)) == [100]
 
 
 def test_a_long_sweep_is_refused_from_python():

@@ -66,12 +66,12 @@ def test_how_many_periods_a_motion_has(multiple, noise):
     assert (start < 0.03) == (noise == 0.0)
     long = np.tile(x[: 200 * 12], 5)
     lines = np.abs(np.fft.rfft(long)) * 2 / long.size
-    spectrum = MeasuredSignal("x", np.fft.rfftfreq(long.size, 1 / 8000.0), lines, of_frequency=True)
+    spectrum = MeasuredSignal("x", np.fft.rfftfreq(long.size, 1 / 8000.0), lines, is_over_frequency=True)
     assert period_multiple(spectrum, 40.0) == multiple
     # what does not tell: eleven periods of the excitation, and lines as far apart as half of it
     short = TIME < 11 / 40
     assert period_multiple(MeasuredSignal("x", TIME[short], x[short]), 40.0) == 1
-    coarse = MeasuredSignal("x", np.arange(20) * 20.0, np.ones(20), of_frequency=True)
+    coarse = MeasuredSignal("x", np.arange(20) * 20.0, np.ones(20), is_over_frequency=True)
     assert period_multiple(coarse, 40.0) == 1
 
 
@@ -116,10 +116,10 @@ def test_a_motion_of_several_periods_is_aligned_over_all_of_them(oscillator, mul
 def test_complex_and_plain_spectra():
     frequency = np.fft.rfftfreq(TIME.size, 1 / 8000.0)
     spectrum = np.fft.rfft(history()) * 2 / TIME.size
-    found = harmonics_of(MeasuredSignal("x", frequency, spectrum, of_frequency=True), 40.0, 3)
+    found = harmonics_of(MeasuredSignal("x", frequency, spectrum, is_over_frequency=True), 40.0, 3)
     assert found.has_phase
     assert found.value == pytest.approx(TRUE, abs=1e-10)
-    found = harmonics_of(MeasuredSignal("x", frequency, np.abs(spectrum), of_frequency=True), 40.0, 3)
+    found = harmonics_of(MeasuredSignal("x", frequency, np.abs(spectrum), is_over_frequency=True), 40.0, 3)
     assert not found.has_phase
     assert np.abs(found.value) == pytest.approx(np.abs(TRUE), abs=1e-10)
 

@@ -93,7 +93,7 @@ def test_one_reading_of_the_convergence_serves_numbers_and_table():
     summary = {
         "convergence": {"peak_force_n": {"tip": 0.001, "root": 0.01}, "largest_bending_stress_pa": 0.03},
         "doubtful": ["largest_bending_stress_pa"],
-        "after_parting": ["peak_force_n.tip"],
+        "after_divergence": ["peak_force_n.tip"],
     }
     errors = Errors(SimpleNamespace(summary=summary))
     assert errors.number(2.0, "N", "peak_force_n", "tip") == "2.00 N ~"

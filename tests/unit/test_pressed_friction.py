@@ -253,6 +253,6 @@ def test_nothing_sticks_that_would_have_to_hold_more_than_it_can():
     motion = simulate(flow, system.initial_state)
     assert motion.event_time.size > 20
     for time, state, y in zip(*(x[motion.length > 0.0] for x in (motion.time, motion.state, motion.y)), strict=True):
-        phases = motion.flow.visited[state]
+        phases = motion.flow.visited_phases[state]
         z = np.append(y, flow.inputs_at(np.array([time]))[0, 0])
         assert (flow.at(phases).events.rows @ z).min() > -1e-9

@@ -129,9 +129,9 @@ def test_a_search_that_was_interrupted_goes_on_with_what_is_in_the_journal(tmp_p
         for outcome in kept[:-7]:
             journal.add(outcome)
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
-        before = len(journal.kept)
+        before = len(journal.solved)
         again, _ = stored_study(plan, journal, target)
-        assert len(journal.kept) - before == 7
+        assert len(journal.solved) - before == 7
     assert again.summary["worst"] == whole.summary["worst"]
     values = [of["further_realisations"]["value"].values for of in (again, whole)]
     np.testing.assert_array_equal(*values)

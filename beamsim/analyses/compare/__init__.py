@@ -1,4 +1,4 @@
-"""``beamsim compare``: comparison of computed and measured motions.
+"""``beamsim compare``: computed motions compared with measured ones.
 
 Never here: files and pictures.
 Begin with `analysis`.

@@ -259,7 +259,7 @@ def _value_in_scenario(model: ResponseModel, level: float) -> float:
     second = not_none(model.second)
     if second.kind == "level":
         return level
-    index = not_none(second.moved).contacts[0]
+    index = not_none(second.moved_snubber).contacts[0]
     if second.kind == "position":
         return snubber_site(model.scenario.located_snubbers[index]).coordinate
     contacts = model.system.dynamics.contacts
@@ -287,7 +287,10 @@ def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) 
     followed = join_directions(*sorted(halves, key=lambda half: not half.points))
     displacements = model.system.channels.of_keys(DISPLACEMENT)
     measurement = Measurement(
-        model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
+        model.system,
+        model.scenario.sine,
+        displacements,
+        system_at=None if second.moved_snubber is None else second.system,
     )
     points = followed.points
     peaks = [motion.peak for motion in measurement.of(followed.problem, points)]

@@ -216,7 +216,7 @@ class Transient(Test):
         InputFileError
             If the signal is a spectrum, is too short or constant, or its filter does not suit it.
         """
-        if signal.of_frequency:
+        if signal.is_over_frequency:
             raise InputFileError("is a spectrum", "give the record over time")
         time = signal.x - signal.x[0] - test.begin
         part = (time >= 0.0) & (time <= (test.duration or np.inf))

@@ -259,17 +259,17 @@ class LocalExtremes:
         ------
         Time, s; the function that is zero at the event, and its derivatives (P,). At the end it comes towards zero.
         """
-        motion, flow, of = self.motion, self.motion.flow, found.kept
+        motion, flow, of = self.motion, self.motion.flow, found.stored
         for peak, k in zip(ends, kept, strict=True):
             at = flow.states[motion.state[peak.segment]]
-            events, v, moving = at.equations.events, of.instant.v[k], of.instant.moving[k]
+            events, v, moving = at.equations.events, of.instant.v[k], of.instant.rate[k]
             value, rate = events.guards @ v, events.guards @ moving
             terms = np.abs(events.guards) @ np.abs(v)
             for g in np.flatnonzero((value > ROUND_OFF * terms) & ((rate < 0.0) | bool(peak.later))).tolist():
                 key = at.phases, int(events.contact[g]), int(events.next[g])
                 row, n = events.guards[g], flow.size
                 changed = np.array([each.rates.event(key)[-1] for each in varied]) @ v
-                yield peak.time, float(value[g]), row[:n] @ of.S[k] + of.instant.moved[k] @ row[n:] + changed
+                yield peak.time, float(value[g]), row[:n] @ of.S[k] + of.instant.input_change[k] @ row[n:] + changed
 
     def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
         """The motion with a segment that begins at each peak, and where the peaks are for `sensitivity`."""
@@ -304,7 +304,7 @@ class LocalExtremes:
         varied : (P,) what changes.
         found : derivatives of the motion.
         """
-        flow, kept, slopes = self.motion.flow, found.kept, np.empty((len(peaks), len(varied)))
+        flow, kept, slopes = self.motion.flow, found.stored, np.empty((len(peaks), len(varied)))
         used, number = np.unique([peak.row for peak in peaks], return_inverse=True)
         states = self.motion.state[[peak.segment for peak in peaks]]
         for state in np.unique(states):
@@ -317,8 +317,8 @@ class LocalExtremes:
             changed = np.array([each.rates.of(partial(factors, rows=each.rows)) for each in varied])
             for k in np.flatnonzero(states == state).tolist():
                 row, n = own[number[k]], flow.size
-                fixed = row[:n] @ kept.S[k] + kept.instant.moved[k] @ row[n:]
-                moves = row @ kept.instant.moving[k] * kept.dt[kept.event[k]]
+                fixed = row[:n] @ kept.S[k] + kept.instant.input_change[k] @ row[n:]
+                moves = row @ kept.instant.rate[k] * kept.dt[kept.event[k]]
                 slopes[k] = fixed + changed[:, number[k]] @ kept.instant.v[k] + moves
         return slopes
 

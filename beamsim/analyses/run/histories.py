@@ -56,7 +56,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         "time": time,
         "base_acceleration": none if system.base_acceleration is None else system.base_acceleration(time),
         "base_displacement": base,
-        "energy_work_in": histories.energy.work_in,
+        "energy_work_in": histories.energy.input_work,
         "energy_dissipated": histories.energy.dissipated,
         "energy_stored": histories.energy.stored,
     }
@@ -137,7 +137,7 @@ def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
         "snubber_across": _numbers_or_none([snubber.across for snubber in snubbers]),
         "snubber_table_misfit": _numbers_or_none([snubber.table_misfit for snubber in snubbers]),
         "snubber_residual_crush": _numbers_or_none([crushed.get(j) for j in range(len(snubbers))]),
-        "snubber_closed": histories.touching[:, : len(snubbers)].T,
+        "snubber_closed": histories.in_contact[:, : len(snubbers)].T,
         **{
             f"snubber_{quantity}": histories.of(("snubbers", quantity)).T
             for quantity in ("force", "penetration", "displacement", "velocity")
@@ -192,7 +192,7 @@ def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict
         **{f"friction_{name}": _numbers_or_none([of.get(name) for of in sliding]) for name in _SLIDING_UNITS},
         "friction_displacement": histories.of(("friction", "extension")).T,
         "friction_force": histories.of(("friction", "force")).T,
-        "friction_stuck": histories.touching[:, number].T,
+        "friction_stuck": histories.in_contact[:, number].T,
     }
 
 

@@ -102,7 +102,7 @@ UNRESOLVED_LINE = record(
      **dict.fromkeys(("frequency_hz", "remainder", "resolution_hz", "separating_duration_s"), Number)},
 )  # fmt: skip
 COMPARED = record({
-    "method": Text, "figures": by_name(by_name(record({"exact": Number, "stepped": Number, "unit": Text}))),
+    "method": Text, "values": by_name(by_name(record({"exact": Number, "stepped": Number, "unit": Text}))),
     **dict.fromkeys(
         ("agrees_until_s", "largest_state_difference", "largest_time_difference_s", "exact_processor_time_s",
          "processor_time_s", "evaluations"), Number),

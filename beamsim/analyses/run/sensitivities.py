@@ -144,7 +144,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
         decided = [of.competition(p, _tolerance(number)) for of in every]
         rows += [_derivative(number, of, each, holds.change) for of, each in zip(every, decided, strict=True)]
         warnings += _derivative_limits(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
-        noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.noted]
+        noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.is_close]
     warnings += _competition_notes(noted)
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
     return (SENSITIVITIES.table(rows, units) if rows else None), warnings
@@ -165,8 +165,9 @@ def _derivative(number: VariedParameter, of: Contenders, each: Competition, hold
     holds : the smallest change of the number that makes or takes away a contact.
     """
     return Derivative(
-        of.name, float(of.values[0]), of.unit, each.derivative, each.below, each.above, number.path, number.unit,
-        float(number.nominal), _tolerance(number), min(holds, abs(each.takes_over)), each.change, each.change_below,
+        of.name, float(of.values[0]), of.unit, each.derivative, each.derivative_below, each.derivative_above,
+        number.path, number.unit,
+        float(number.nominal), _tolerance(number), min(holds, abs(each.takeover)), each.change_above, each.change_below,
     )  # fmt: skip
 
 
@@ -194,15 +195,15 @@ def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Compet
     """
     if not noted:
         return
-    nearest = min(noted, key=lambda one: abs(one[2].takes_over) / _tolerance(one[0]))
+    nearest = min(noted, key=lambda one: abs(one[2].takeover) / _tolerance(one[0]))
     number, of, each = nearest
     unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
     names = list(dict.fromkeys(one[1].name for one in noted if one is not nearest))
     others = f"{len(noted) - 1} more {'derivative' if len(noted) == 2 else 'derivatives'} of {first_of(names, 3)}"
     yield (
-        f"run.sensitivities: {number.path}: extremes compete: {of.name} has the derivative {each.below:.4g}{per} for "
-        f"smaller and {each.above:.4g}{per} for larger values (the extreme at {of.times[each.rival]:.6g} s takes over "
-        f"where it changes by {each.takes_over + 0.0:+.3g}{unit})"
+        f"run.sensitivities: {number.path}: extremes compete: {of.name} has the derivative "
+        f"{each.derivative_below:.4g}{per} for smaller and {each.derivative_above:.4g}{per} for larger values (the "
+        f"extreme at {of.times[each.rival]:.6g} s takes over where it changes by {each.takeover + 0.0:+.3g}{unit})"
         + (f"; the table gives both sides of {others}, too" if names else "")
     )
 
@@ -233,7 +234,9 @@ def _reaches_of_number(
     """
     yield Reach(np.inf, 0.0, "")
     end = float(log.time[-1] + log.length[-1])
-    for time, (pace, turn), dt in zip(log.time.tolist(), found.kept.pace.T, found.kept.dt[:, p], strict=False):
+    for time, (pace, turn), dt in zip(
+        log.time.tolist(), found.stored.guard_rate.T, found.stored.dt[:, p], strict=False
+    ):
         if pace and dt:
             yield Reach(abs(float(pace / (2.0 * turn * dt))) if turn else np.inf, time, GRAZED)
             yield Reach(abs(min(time, end - time) / float(dt)), time, "leaves the record")
@@ -365,8 +368,8 @@ def _shares(system: StructuralSystem, motion: Trajectory, log: Log, found: Motio
     log : cut segments of the motion.
     found : derivatives along them.
     """
-    touching = motion.flow.system.contacts.closed(np.array(motion.flow.visited)[log.state]).astype(int)
-    by = -np.diff(touching, axis=0).T @ found.kept.dt[1:-1] / motion.end
+    touching = motion.flow.system.contacts.closed(np.array(motion.flow.visited_phases)[log.state]).astype(int)
+    by = -np.diff(touching, axis=0).T @ found.stored.dt[1:-1] / motion.end
     shares, end = motion.contact_share(), np.array([motion.end])
     names = [f"snubbers/{snubber.name}/contact_share" for snubber in system.snubbers]
     return [Contenders(name, "1", 1.0, 0.0, shares[[j]], end, by[[j]]) for j, name in enumerate(names)]

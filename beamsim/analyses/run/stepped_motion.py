@@ -66,7 +66,7 @@ def stepped_motion_of(
     values = sampled.of_states(at, trajectory.y, trajectory.phases)
     energy = _energies(system, flow, trajectory)
     balance = EnergyBalance()
-    balance.add(at, energy, float(np.abs(np.diff(trajectory.work_in)).sum()))
+    balance.add(at, energy, float(np.abs(np.diff(trajectory.input_work)).sum()))
     histories = Histories(at, sampled.channels, values, flow.system.contacts.closed(trajectory.phases), energy)
     extremes, contact = outputs.extremes(trajectory), None
     if len(system.bodies) > 1 and system.snubbers and (largest := largest_contact(system, extremes)) is not None:
@@ -105,7 +105,7 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
         base = 0.0 if system.base_displacement is None else system.base_displacement(at)
         extension = system.cubic.extension(y[:, : system.dynamics.size], base)
         stored = stored + 0.25 * extension**4 @ system.cubic.stiffness
-    return EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
+    return EnergyHistory(trajectory.input_work, trajectory.dissipated, stored)
 
 
 class SteppedOutputs:

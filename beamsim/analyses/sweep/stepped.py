@@ -81,7 +81,8 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
     curves = [_curve(level, direction, of) for direction, of in points.items() if of]
     work = {
         "truncation": 0.0, "cycles": stepper.cycles, "events": stepper.events, "evaluations": stepper.evaluations,
-        "segments": stepper.segments, "states": len(stepper.flow.visited), "processor_time_s": processor_time() - begin,
+        "segments": stepper.segments, "states": len(stepper.flow.visited_phases),
+        "processor_time_s": processor_time() - begin,
     }  # fmt: skip
     return LevelRun(tuple(curves), level_row(level, check_balance(outcome, curves), work))
 

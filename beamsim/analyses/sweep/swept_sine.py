@@ -168,7 +168,7 @@ def _record_cycles(
         output_of = level.rows(chunk.motion.flow)
         if chunk.cycle_count:
             phases = SinePhase.of_windows(chunk.windows)
-            record = record_cycles(chunk.motion, chunk.edge, output_of, orders, phases, level.searched_columns)
+            record = record_cycles(chunk.motion, chunk.edges, output_of, orders, phases, level.searched_columns)
             parts.append(record.select(slice(chunk.cycle_count)))
         sampled = sum(values.shape[0] for values in samples)
         here = times_reached(march.end, times)[sampled:]

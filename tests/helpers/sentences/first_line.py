@@ -99,7 +99,7 @@ def _all_kept(facts, found):
     r" what is marked \^)?",
 )
 def _converged(facts, found):
-    after = [key for key in facts.keys("after_parting") if read_first(facts, key)]
+    after = [key for key in facts.keys("after_divergence") if read_first(facts, key)]
     if bool(after) != found[1].startswith("one"):
         yield f"{len(after)} values that are read first depend on what follows after contacts diverge"
     jumps = facts.keys("without_limit")

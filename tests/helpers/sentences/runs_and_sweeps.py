@@ -403,7 +403,7 @@ def _star(facts, found):
 
 @rule("line", r"~ one of many motions: .*")
 def _tilde(facts, found):
-    if not facts.printed & facts.keys("after_parting"):
+    if not facts.printed & facts.keys("after_divergence"):
         yield "nothing that is printed is"
 
 

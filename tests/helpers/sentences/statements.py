@@ -53,15 +53,15 @@ def _remedy(facts, found):
 
 @rule(
     "statement",
-    r"The (?:best design: the )?motion is so sensitive that from <N> s on it is one of many possible ones: (.*) depend"
-    r" on what follows(?:; .*)?|(?:A|Round-off).*changes the contacts.*|.*after <N> s(?:, round-off after <N> s)?",
+    r"The (?:best design: the )?motion is so sensitive that after <N> s it is one of many: (.*) depend on"
+    r" the motion after that(?:; .*)?|.*contact sequence after <N> s(?:, round-off after <N> s)?",
 )
 def _sensitive(facts, found):
     times = [x for x in (facts.summary.get("convergence_model") or {}).values() if isinstance(x, float)]
     for text in (found[1], found[3], found[4]):
         if text and not any(rounds_to(text, x, 3) for x in times):
             yield f"{text} s: the file has {times}"
-    if not facts.summary.get("after_parting"):
+    if not facts.summary.get("after_divergence"):
         yield "no value depends on that"
 
 
